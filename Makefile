@@ -1,0 +1,47 @@
+PYTHON ?= python3
+BIN := .venv/bin
+OUT ?= out
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format bench lock peers clean
+
+help: ## Show this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
+
+setup: .venv/.installed ## Make .venv from the pinned requirements (the other targets do this by themselves)
+
+.venv/.installed: requirements.txt pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Puppetline needs Python 3.11 or newer; call make PYTHON=python3.11 …")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: setup ## Animate the example characters into out/
+	$(BIN)/puppetline demo --output $(OUT)
+
+test: setup ## Run every test (PYTEST="-m 'not slow'" for a quick round)
+	$(BIN)/pytest $(PYTEST)
+
+lint: setup ## Check style, types and which package may import which
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: setup ## Rewrite the code in the project's style
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: setup ## Time the solver beside a full-resolution ARAP iteration
+	$(BIN)/python -m benchmarks.solver
+
+peers: ## Install the outside programs that some tests compare with (needs npm)
+	cd tests/peers && npm ci --no-audit --no-fund
+
+lock: setup ## Pin the newest versions of all dependencies (needs uv)
+	uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+		--no-emit-index-url --extra dev --upgrade pyproject.toml -o requirements.txt
+
+clean: ## Remove the environment and everything made
+	rm -rf .venv out build *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -1,0 +1,130 @@
+"""The 20 Kinect joints, one frame of a performer, and the one axis convention.
+
+Sensor frame, used by everything in `capture`: right-handed, metres, origin at the sensor, y up, z away from the sensor,
+the performer's right side at +x when the performer faces the sensor. *Left* and *right* in a joint's name are the
+performer's own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+JOINTS: tuple[str, ...] = (
+    "hip_center",
+    "spine",
+    "shoulder_center",
+    "head",
+    "shoulder_left",
+    "elbow_left",
+    "wrist_left",
+    "hand_left",
+    "shoulder_right",
+    "elbow_right",
+    "wrist_right",
+    "hand_right",
+    "hip_left",
+    "knee_left",
+    "ankle_left",
+    "foot_left",
+    "hip_right",
+    "knee_right",
+    "ankle_right",
+    "foot_right",
+)
+"""Joint names in the order of the Kinect SDK v1, which is the order of every (20, …) array here."""
+
+JOINT_INDEX: dict[str, int] = {name: index for index, name in enumerate(JOINTS)}
+
+PARENTS: dict[str, str] = {
+    "spine": "hip_center",
+    "shoulder_center": "spine",
+    "head": "shoulder_center",
+    "shoulder_left": "shoulder_center",
+    "elbow_left": "shoulder_left",
+    "wrist_left": "elbow_left",
+    "hand_left": "wrist_left",
+    "shoulder_right": "shoulder_center",
+    "elbow_right": "shoulder_right",
+    "wrist_right": "elbow_right",
+    "hand_right": "wrist_right",
+    "hip_left": "hip_center",
+    "knee_left": "hip_left",
+    "ankle_left": "knee_left",
+    "foot_left": "ankle_left",
+    "hip_right": "hip_center",
+    "knee_right": "hip_right",
+    "ankle_right": "knee_right",
+    "foot_right": "ankle_right",
+}
+"""Each joint's neighbour towards the hips; the 19 pairs are the skeleton's bones."""
+
+TRACKED = 1.0
+"""Confidence of a joint that the sensor saw."""
+INFERRED = 0.5
+"""Confidence of a joint that the sensor guessed."""
+LOST = 0.0
+"""Confidence of a joint that is not known; its position is NaN in a log and the last known one after resampling."""
+
+
+def _swap_sides(name: str) -> str:
+    if name.endswith("_left"):
+        return name.removesuffix("left") + "right"
+    return name.removesuffix("right") + "left" if name.endswith("_right") else name
+
+
+OPPOSITE: NDArray[np.intp] = np.array([JOINT_INDEX[_swap_sides(name)] for name in JOINTS])
+"""(20,) index of each joint's counterpart on the other side of the body."""
+
+
+@dataclass(frozen=True, slots=True)
+class SkeletonFrame:
+    """One performer at one moment.
+
+    Attributes
+    ----------
+    time : float
+        Seconds.
+    user : int
+        The sensor's number for the performer.
+    positions : (20, 3) float64
+        Metres, sensor frame, in the order of `JOINTS`.
+    confidence : (20,) float32
+        `TRACKED`, `INFERRED` or `LOST`, or anything between.
+    """
+
+    time: float
+    user: int
+    positions: NDArray[np.float64]
+    confidence: NDArray[np.float32]
+
+
+def mirrored(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the skeleton seen in a mirror: x negated, left and right swapped.
+
+    Parameters
+    ----------
+    positions : (..., 20, 3) float64
+        Metres, sensor frame.
+
+    Returns
+    -------
+    (..., 20, 3) float64
+    """
+    return positions[..., OPPOSITE, :] * np.array([-1.0, 1.0, 1.0])
+
+
+def to_character_axes(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn sensor coordinates into those of a glTF character that faces +z: (−x, y, −z).
+
+    Parameters
+    ----------
+    positions : (..., 3) float64
+        Sensor frame.
+
+    Returns
+    -------
+    (..., 3) float64
+        Right-handed, y up, the performer's right side at −x as a character's that faces +z.
+    """
+    return positions * np.array([-1.0, 1.0, -1.0])

@@ -1,0 +1,1 @@
+"""Everything a user touches: puppet files, performances, glTF and the command line."""

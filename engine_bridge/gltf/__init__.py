@@ -1,0 +1,1 @@
+"""glTF: characters in, animations out."""

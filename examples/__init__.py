@@ -1,0 +1,1 @@
+"""Characters and performances made by code: what Puppetline shows when it is given nothing."""

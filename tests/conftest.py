@@ -1,18 +1,34 @@
 """Where tests find the data and programs that are not part of the project."""
 
+import json
 import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-REQUIRED = os.environ.get("PUPPETLINE_TEST_REQUIRE") == "1"
-"""Set where everything is known to be there: what would be skipped fails instead."""
+PEERS = Path(__file__).parent / "peers"
+
+OPTIONAL = {"data", "node"}
+REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
+"""What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
+
+if REQUIRED - OPTIONAL:
+    raise pytest.UsageError(
+        f"PUPPETLINE_TEST_REQUIRE={','.join(sorted(REQUIRED))}: expected a comma-separated part of {sorted(OPTIONAL)}"
+    )
 
 
-def missing(reason: str) -> None:
-    """Skip the test, or fail it where nothing may be missing."""
-    if REQUIRED:
-        pytest.fail(f"{reason}, and PUPPETLINE_TEST_REQUIRE=1 forbids skipping", pytrace=False)
+def missing(what: str, reason: str) -> None:
+    """Skip the test, or fail it where `what`, one of `OPTIONAL`, may not be missing."""
+    if what in REQUIRED:
+        pytest.fail(f"{reason}, and PUPPETLINE_TEST_REQUIRE forbids to go without {what}", pytrace=False)
     pytest.skip(reason)
 
 
@@ -21,10 +37,88 @@ def real_data() -> Path:
     """Folder of real logs and meshes, which cannot be shipped with the project."""
     folder = os.environ.get("PUPPETLINE_TEST_DATA")
     if not folder or not Path(folder).is_dir():
-        missing("real recordings and meshes are not here (PUPPETLINE_TEST_DATA names their folder)")
+        missing("data", "real recordings and meshes are not here (PUPPETLINE_TEST_DATA names their folder)")
     return Path(str(folder))
 
 
 @pytest.fixture(scope="session")
 def real_logs(real_data: Path) -> Path:
     return real_data / "logs"
+
+
+@pytest.fixture(scope="session")
+def node() -> Callable[..., str]:
+    """Run a script of tests/peers with arguments and return what it prints."""
+    program = shutil.which("node")
+    if program is None or not (PEERS / "node_modules").is_dir():
+        missing("node", "node or tests/peers/node_modules is not here (make peers)")
+
+    def run(script: str, *arguments: str | Path) -> str:
+        result = subprocess.run([str(program), PEERS / script, *arguments], capture_output=True, text=True, check=False)
+        if result.returncode:
+            pytest.fail(f"{script} {' '.join(map(str, arguments))}:\n{result.stderr}")
+        return result.stdout
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def validate(node: Callable[..., str]) -> Callable[[Path], dict[str, Any]]:
+    """Ask the Khronos validator for the errors, warnings, infos, hints (counts) and messages of a glTF file."""
+    return lambda path: json.loads(node("validate.mjs", path))[str(path)]
+
+
+@pytest.fixture(scope="session")
+def assert_valid_gltf(validate: Callable[[Path], dict[str, Any]]) -> Callable[[Path], None]:
+    """Fail with the Khronos validator's messages if a glTF file has an error or a warning."""
+
+    def check(path: Path) -> None:
+        report = validate(path)
+        if report["errors"] or report["warnings"]:
+            pytest.fail("\n".join(f"{m['code']} {m['pointer']}: {m['message']}" for m in report["messages"]))
+
+    return check
+
+
+@dataclass(frozen=True)
+class PlayedMesh:
+    """One mesh of a scene as three.js deforms it: (n, V, 3) world positions and, where it has them, unit normals."""
+
+    name: str
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True)
+class Played:
+    """The (n,) seconds at which an animation was looked at, and the scene's meshes in scene order."""
+
+    times: NDArray[np.float64]
+    meshes: list[PlayedMesh]
+
+
+@pytest.fixture
+def play(node: Callable[..., str], tmp_path: Path) -> Callable[[Path, int], Played]:
+    """Play a .glb's first animation in three.js at n evenly spaced times, the start and the end included."""
+
+    def run(path: Path, n: int) -> Played:
+        node("play.mjs", path, str(n), tmp_path / "played")
+        scene = json.loads((tmp_path / "played.json").read_text(encoding="utf-8"))
+        floats = np.fromfile(tmp_path / "played.bin", dtype="<f4")
+
+        def block(start: int, count: int) -> NDArray[np.float32]:
+            return floats[start : start + n * count * 3].reshape(n, count, 3)
+
+        return Played(
+            np.array(scene["times"]),
+            [
+                PlayedMesh(
+                    mesh["name"],
+                    block(mesh["positions"], mesh["count"]),
+                    None if mesh["normals"] is None else block(mesh["normals"], mesh["count"]),
+                )
+                for mesh in scene["meshes"]
+            ],
+        )
+
+    return run

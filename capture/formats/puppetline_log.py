@@ -1,0 +1,123 @@
+"""The project's own recordings (`capture.recording`), whole or cut off by a crash.
+
+A line that was torn in mid-write is left out, with a note. Any other line that does not fit is an error.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capture.clip import SkeletonClip
+from capture.formats._performers import clips_by_performer
+from capture.formats.options import ReadOptions
+from capture.recording import VERSION
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
+from puppetline.errors import SkeletonLogError, at
+
+_MAGIC = b'{"puppetline": "skeleton log"'
+_FIX = "Mend or remove this line."
+
+
+def matches(head: bytes) -> bool:
+    """Tell whether the first line begins as a recording's does."""
+    return head.startswith(_MAGIC)
+
+
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - a recording says all of it itself
+    """Read a recording.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file cannot be opened, a line is complete but wrong, or no complete frame shows a performer.
+    """
+    frames: list[SkeletonFrame] = []
+    torn: list[int] = []
+    try:
+        with path.open("rb") as file:
+            for number, raw in enumerate(file, 1):
+                line = raw.rstrip()
+                if not line.endswith(b"}"):
+                    torn.append(number)
+                elif number == 1:
+                    _check_header(path, _json(path, number, line))
+                else:
+                    frames.append(_frame(path, number, _json(path, number, line)))
+    except OSError as error:
+        raise SkeletonLogError(
+            path, found=f"“{error.strerror}”", expected="a readable file", fix="Check its path and permissions."
+        ) from error
+    return clips_by_performer(path, "puppetline", frames, _notes(torn))
+
+
+def _notes(torn: list[int]) -> tuple[str, ...]:
+    if not torn:
+        return ()
+    if len(torn) == 1:
+        return (f"Line {torn[0]} was cut off in mid-write: left out.",)
+    return (f"{len(torn)} lines, the first of them line {torn[0]}, were cut off in mid-write: left out.",)
+
+
+def _json(path: Path, number: int, line: bytes) -> dict[str, Any]:
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError) as error:  # ValueError is also what bytes that are not UTF-8 raise
+        raise SkeletonLogError(
+            at(path, number), found=f"a line that is not JSON ({error})", expected="one JSON object", fix=_FIX
+        ) from error
+    return value  # an object: nothing else in JSON ends in }
+
+
+def _check_header(path: Path, header: dict[str, Any]) -> None:
+    if header.get("version") != VERSION:
+        raise SkeletonLogError(
+            at(path, 1, "version"),
+            found=_shown(header.get("version")),
+            expected=str(VERSION),
+            fix="Read it with the version of Puppetline that wrote it, or a newer one.",
+        )
+    if header.get("joints") != list(JOINTS):
+        raise _wrong(path, 1, "joints", header.get("joints"), "the 20 joint names from hip_center to foot_right")
+
+
+def _frame(path: Path, number: int, line: dict[str, Any]) -> SkeletonFrame:
+    time, user = line.get("t"), line.get("user")
+    if not _is_number(time):
+        raise _wrong(path, number, "t", time, "seconds, a finite number")
+    if type(user) is not int:
+        raise _wrong(path, number, "user", user, "a whole number")
+    places, trusts = (_of_joints(path, number, key, line.get(key)) for key in ("p", "c"))
+    for joint, (place, trust) in enumerate(zip(places, trusts, strict=True)):
+        if not (_is_number(trust) and 0 <= trust <= 1):
+            raise _wrong(path, number, f"c[{joint}]", trust, "a number from 0 to 1")
+        if trust == LOST and place is not None:
+            raise _wrong(path, number, f"p[{joint}]", place, "null, as its confidence is 0")
+        if trust != LOST and not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
+            raise _wrong(path, number, f"p[{joint}]", place, "[x, y, z] in metres, as its confidence is not 0")
+    positions = np.array([(np.nan,) * 3 if place is None else place for place in places], dtype=np.float64)
+    return SkeletonFrame(float(line["t"]), user, positions, np.array(trusts, dtype=np.float32))
+
+
+def _of_joints(path: Path, number: int, key: str, value: object) -> list[Any]:
+    if not isinstance(value, list):
+        raise _wrong(path, number, key, value, f"a list of {len(JOINTS)}")
+    if len(value) != len(JOINTS):
+        raise _wrong(path, number, key, f"a list of {len(value)}", f"a list of {len(JOINTS)}")
+    return value
+
+
+def _is_number(value: object) -> bool:
+    """Tell a finite number (that float64 can hold) from all else that JSON has, true and false among it."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _wrong(path: Path, number: int, key: str, found: object, expected: str) -> SkeletonLogError:
+    return SkeletonLogError(at(path, number, key), found=_shown(found), expected=expected, fix=_FIX)
+
+
+def _shown(value: object) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= 60 else text[:57] + "…"

@@ -1,0 +1,193 @@
+"""From a clip as recorded to frames on an even clock, and which of several performers to take."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.clip import SkeletonClip
+from capture.skeleton import LOST
+from puppetline.errors import SkeletonLogError, at
+
+MAX_FRAMES = 1_000_000
+"""Longest timeline, over nine hours at 30 frames a second: beyond it, a log's clock is wrong."""
+
+SAME_MOMENT = 1e-6
+"""Seconds. Less than sensors tell apart, and more than float64 rounds off a time since 1970."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """One performer's frames on an even clock; frame k is at k / fps seconds.
+
+    Attributes
+    ----------
+    fps : float
+        Frames a second.
+    positions : (T, 20, 3) float64
+        Metres, sensor frame. A lost joint stays where it was last seen, or will first be seen; one that is never seen
+        is NaN.
+    confidence : (T, 20) float32
+        1 tracked, 0.5 inferred, 0 lost.
+    gaps : tuple of (float, float)
+        From and to which second nothing of the body was known for too long to bridge.
+    """
+
+    fps: float
+    positions: NDArray[np.float64]
+    confidence: NDArray[np.float32]
+    gaps: tuple[tuple[float, float], ...]
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """(T,) seconds, from 0."""
+        return np.arange(len(self.positions)) / self.fps
+
+    @property
+    def held(self) -> int:
+        """How many positions, counted joint by joint and frame by frame, are held and not seen."""
+        return int(np.count_nonzero((self.confidence == LOST) & np.isfinite(self.positions).all(axis=2)))
+
+    def summary(self) -> str:
+        """Say in one line how long it is and what was held."""
+        count = len(self.positions)
+        text = f"{_count(count, 'frame')} at {self.fps:g} a second"
+        if self.held:
+            text += f", {100 * self.held / self.confidence.size:.1f} % of the joint positions held while lost"
+        if self.gaps:
+            start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
+            text += f", {_count(len(self.gaps), 'gap')} (longest {end - start:.2f} s, from {start:.2f} s)"
+        return text
+
+
+def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Timeline:
+    """Put a clip on an even clock, from its first frame with a known joint to its last.
+
+    Each joint is interpolated linearly between neighbouring known samples that are at most `max_gap` apart, with the
+    lower of their two confidences. Over longer gaps it stays lost: held in place with confidence 0.
+
+    Parameters
+    ----------
+    clip : SkeletonClip
+    fps : float
+        Frames a second of the result.
+    max_gap : float
+        Seconds.
+
+    Raises
+    ------
+    SkeletonLogError
+        If no joint is ever known, or the result would have more than `MAX_FRAMES` frames.
+    ValueError
+        If fps is not a positive number or max_gap is negative.
+    """
+    if not (0 < fps < math.inf and max_gap >= 0):
+        raise ValueError(f"fps {fps}, max_gap {max_gap}")
+    seen = clip.times[(clip.confidence > LOST).any(axis=1)]
+    if not len(seen):
+        raise SkeletonLogError(
+            _name(clip),
+            found="no frame in which any joint is known",
+            expected="at least one",
+            fix="Take another performer or another log.",
+        )
+    times = np.arange(_frame_count(clip, seen, fps)) / fps
+    known_times = clip.times - seen[0]
+    positions = np.empty((len(times), *clip.positions.shape[1:]))
+    confidence = np.empty(positions.shape[:2], dtype=np.float32)
+    for joint in range(positions.shape[1]):
+        positions[:, joint], confidence[:, joint] = _resample_joint(
+            times, known_times, clip.positions[:, joint], clip.confidence[:, joint], max_gap
+        )
+    seen = seen - seen[0]
+    before_gap = np.flatnonzero(np.diff(seen) > max_gap + SAME_MOMENT)
+    gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
+    return Timeline(fps, positions, confidence, gaps)
+
+
+def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
+    """Take one performer's clip: the given user's, or the one tracked in most frames.
+
+    Returns
+    -------
+    clip : SkeletonClip
+    note : str
+        A sentence that says which was taken and who else is there.
+
+    Raises
+    ------
+    SkeletonLogError
+        If there is no clip, or none of that user.
+    """
+    if not clips:
+        raise SkeletonLogError(
+            "the log", found="no performer", expected="at least one", fix="Record again with somebody in view."
+        )
+    wanted = [clip for clip in clips if user is None or clip.user == user]
+    if not wanted:
+        raise SkeletonLogError(
+            at(f"the {clips[0].format} log", field="user"),
+            found=f"no user {user}",
+            expected="one of " + ", ".join(_describe(clip) for clip in clips),
+            fix="Name one of these, or none to take the one that was tracked longest.",
+        )
+    taken = max(wanted, key=lambda clip: clip.tracked_frames)
+    others = ", ".join(_describe(clip) for clip in clips if clip is not taken) or "nobody"
+    return taken, f"Took user {_describe(taken)}; also in the log: {others}."
+
+
+def _resample_joint(
+    times: NDArray[np.float64],
+    sample_times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    confidence: NDArray[np.float32],
+    max_gap: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Resample one joint's (S, 3) samples to (T, 3) and their confidence to (T,)."""
+    known = confidence > LOST
+    if not known.any():
+        return np.full((len(times), 3), np.nan), np.zeros(len(times), dtype=np.float32)
+    sample_times, positions, confidence = sample_times[known], positions[known], confidence[known]
+
+    before = np.searchsorted(sample_times, times + SAME_MOMENT, side="right") - 1
+    left = np.maximum(before, 0)
+    right = np.minimum(left + 1, len(sample_times) - 1)
+    elapsed = times - sample_times[left]
+    span = sample_times[right] - sample_times[left]
+    on_sample = np.abs(elapsed) <= SAME_MOMENT
+    # From the last sample on there is nothing to the right (span 0), before the first nothing to the left.
+    between = ~on_sample & (before >= 0) & (span > 0) & (span <= max_gap + SAME_MOMENT)
+
+    part = np.divide(elapsed, span, out=np.zeros_like(times), where=between)[:, None]
+    resampled = positions[left] + part * (positions[right] - positions[left])
+    lower = np.minimum(confidence[left], confidence[right])
+    return resampled, np.where(on_sample, confidence[left], np.where(between, lower, np.float32(LOST)))
+
+
+def _frame_count(clip: SkeletonClip, seen: NDArray[np.float64], fps: float) -> int:
+    duration = float(seen[-1] - seen[0])
+    last = (duration + SAME_MOMENT) * fps
+    if last >= MAX_FRAMES:
+        widest = int(np.argmax(np.diff(seen)))
+        raise SkeletonLogError(
+            _name(clip),
+            found=f"{duration:g} s from the first to the last tracked frame, which is {last:.3g} frames at {fps:g} a "
+            f"second (the longest gap is {seen[widest + 1] - seen[widest]:g} s, after {seen[widest]:.10g} s)",
+            expected=f"at most {MAX_FRAMES} frames",
+            fix="Mend the time or frame number after that gap, cut the log there, or ask for fewer frames a second.",
+        )
+    return math.floor(last) + 1
+
+
+def _name(clip: SkeletonClip) -> str:
+    return f"the {clip.format} log, user {clip.user}"
+
+
+def _describe(clip: SkeletonClip) -> str:
+    return f"{clip.user} ({_count(clip.tracked_frames, 'tracked frame')})"
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

@@ -1,0 +1,231 @@
+"""The command line: parses, calls, prints. Everything heavy is imported by the command that needs it."""
+
+import json
+import logging
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from puppetline.errors import PuppetlineError
+
+if TYPE_CHECKING:
+    from engine_bridge.convert import Summary
+
+FILE = click.Path(path_type=Path)
+
+Reporter = Callable[[str, float], None]
+
+
+class _Commands(click.Group):
+    """Turns the one error family into a line on standard error and exit code 1."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except PuppetlineError as error:
+            click.echo(f"puppetline: {error}", err=True)
+            ctx.exit(1)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if os.environ.get("PUPPETLINE_DEBUG"):
+                raise
+            click.echo(
+                f"puppetline: a fault in Puppetline itself: {type(error).__name__}: {error}. "
+                "Please report it with the output of the same command under PUPPETLINE_DEBUG=1.",
+                err=True,
+            )
+            ctx.exit(1)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="puppetline")
+def main() -> None:
+    """Move any character mesh with a performer's skeleton."""
+    logging.basicConfig(format="puppetline: %(message)s", level=logging.WARNING)
+
+
+@main.command()
+@click.argument("log", type=FILE)
+@click.option("--puppet", required=True, type=FILE, help="Puppet file: the character, its handles, what moves them.")
+@click.option("-o", "--output", required=True, type=FILE, help="The .glb to write.")
+@click.option("--user", type=int, help="The performer to take. [default: the longest tracked]")
+@click.option(
+    "--rest-at",
+    default=0.0,
+    show_default=True,
+    type=click.FloatRange(0),
+    metavar="SECONDS",
+    help="When the performer stands as the character does at rest.",
+)
+@click.option("--fps", default=30.0, show_default=True, type=click.FloatRange(1, 240), help="Keyframes a second.")
+@click.option(
+    "--max-gap",
+    default=0.4,
+    show_default=True,
+    type=click.FloatRange(0),
+    metavar="SECONDS",
+    help="Bridge joints that are lost for no longer than this; hold them over longer gaps.",
+)
+@click.option(
+    "--tolerance",
+    default=0.0005,
+    show_default=True,
+    type=click.FloatRange(0, 1, min_open=True),
+    help="Largest error of a vertex, as a fraction of the character's diagonal.",
+)
+@click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
+@click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip as well.")
+@click.option("--log-fps", type=click.FloatRange(0, min_open=True), metavar="FPS", help="For logs without a clock.")
+@click.option("--log-up", type=click.Choice(["y", "z"]), help="For BVH. [default: detected]")
+@click.option(
+    "--log-unit", type=click.FloatRange(0, min_open=True), metavar="METRES", help="For BVH. [default: detected]"
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json: bool, **choices: Any) -> None:
+    """Turn a recorded skeleton LOG into an animated .glb."""
+    from capture.formats.options import ReadOptions
+    from engine_bridge import sheet
+    from engine_bridge.convert import Settings
+    from engine_bridge.convert import convert as run
+    from engine_bridge.files import check_writable
+
+    options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
+    if preview is not None:
+        check_writable(preview)
+    with _progress() as report:
+        clip, summary = run(log, puppet, output, Settings(log=options, **choices), report)
+        if preview is not None:
+            sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
+    if as_json:
+        click.echo(json.dumps(summary.as_dict(), indent=2))
+    else:
+        click.echo(_describe(summary))
+
+
+def _describe(summary: "Summary") -> str:
+    """Put a conversion's summary into a few lines."""
+    over = "" if summary.error <= summary.tolerance else " — more targets would be closer"
+    return "\n".join(
+        [
+            f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
+            f"  morph targets  {summary.targets}, largest error {summary.error:.2g} of the diagonal "
+            f"(tolerance {summary.tolerance:g}){over}",
+            f"  edge stretch   {summary.stretch_p1:.3f} / {summary.stretch_p50:.3f} / {summary.stretch_p99:.3f} "
+            "(1st, 50th, 99th percentile)",
+            *(f"  note: {note}" for note in summary.notes),
+        ]
+    )
+
+
+@main.command()
+@click.argument("mesh", type=FILE)
+@click.option("-o", "--output", required=True, type=FILE, help="The puppet file to write.")
+@click.option(
+    "--handle",
+    "handles",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="A handle of your own, instead of those proposed; can be repeated.",
+)
+@click.option(
+    "--map",
+    "maps",
+    multiple=True,
+    metavar="HANDLE=JOINT[,JOINT]",
+    help="The joint that moves a handle, or several to average; can be repeated.",
+)
+@click.option("--up", default="y", show_default=True, help="The mesh's own axis that points up: x, -x, y, -y, z or -z.")
+@click.option("--front", default="z", show_default=True, help="The axis that the character faces along.")
+@click.option("--mirror", is_flag=True, help="The character is the performer's mirror image.")
+@click.option("--force", is_flag=True, help="Replace an existing puppet file.")
+def new(
+    mesh: Path,
+    output: Path,
+    handles: tuple[str, ...],
+    maps: tuple[str, ...],
+    up: str,
+    front: str,
+    mirror: bool,
+    force: bool,
+) -> None:
+    """Propose a puppet file for a MESH: handles at its extremities, and joints to move them."""
+    from engine_bridge import proposal, puppet
+    from engine_bridge.files import check_writable
+
+    check_writable(output)
+    if output.exists() and not force:
+        raise click.UsageError(f"{output} exists already; give --force to replace it.")
+    made = proposal.new_puppet(
+        mesh, output, handles=_pairs("--handle", handles), maps=_pairs("--map", maps), up=up, front=front, mirror=mirror
+    )
+    puppet.dump(made, output)
+    click.echo(f"{output}: {len(made.handle)} handles")
+    for handle in made.handle:
+        place = ", ".join(f"{value:.4g}" for value in handle.position)
+        click.echo(f"  {handle.name:16} ({place})  ←  {' + '.join(handle.driven_by) or 'stays'}")
+    click.echo(f"Play it:  puppetline convert LOG --puppet {output} -o OUT.glb")
+
+
+def _pairs(option: str, values: tuple[str, ...]) -> dict[str, str]:
+    """Split NAME=VALUE options."""
+    pairs = dict(value.rpartition("=")[::2] for value in values)
+    if not all(name and value for name, value in pairs.items()):
+        raise click.UsageError(f"{option} wants NAME=VALUE.")
+    return pairs
+
+
+@main.command()
+@click.argument("file", type=FILE)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def inspect(file: Path, as_json: bool) -> None:
+    """Say what a mesh, a skeleton log, a puppet file or a .glb holds."""
+    from engine_bridge.inspection import inspect as look
+
+    facts = look(file)
+    click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_outline(facts)))
+
+
+def _outline(value: Any, depth: int = 0) -> Iterator[str]:
+    """Lay nested values out as indented lines."""
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value, 1):
+        label = f"{'  ' * depth}{str(key).replace('_', ' ')}"
+        if isinstance(item, (dict, list)) and item and isinstance(next(iter(item)), (dict, str, list)):
+            yield f"{label}:"
+            yield from _outline(item, depth + 1)
+        elif isinstance(item, list):
+            yield f"{label}: {', '.join(map(_plain, item)) or 'none'}"
+        else:
+            yield f"{label}: {_plain(item)}"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.5g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+
+
+@contextmanager
+def _progress() -> Iterator[Reporter]:
+    """Show a bar for each stage on a terminal, and nothing elsewhere."""
+    if not sys.stderr.isatty():
+        yield lambda _stage, _share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:24}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        tasks: dict[str, Any] = {}
+
+        def report(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = bars.add_task(stage, total=1.0)
+            bars.update(tasks[stage], completed=share)
+
+        yield report

@@ -1,0 +1,111 @@
+"""What a mesh, a skeleton log, a puppet file or an animated .glb holds, as plain values."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capture.formats import FORMATS, read_log, recognize
+from capture.skeleton import LOST, TRACKED
+from engine_bridge import puppet as puppet_file
+from engine_bridge.gltf.character import Character, load_character
+from puppetline.errors import PuppetlineError
+
+
+def inspect(path: Path) -> dict[str, Any]:
+    """Describe a file, found by content.
+
+    Returns
+    -------
+    dict
+        Plain values for JSON; ``kind`` is "puppet", "log" or "character".
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    if not path.is_file():
+        raise PuppetlineError(path, found="no such file", expected="a file", fix="Check the path.")
+    if path.suffix.lower() == ".toml":
+        return _puppet(path)
+    if recognize(path) is not None:
+        return _log(path)
+    return _character(path)
+
+
+def _puppet(path: Path) -> dict[str, Any]:
+    puppet = puppet_file.load(path)
+    return {
+        "kind": "puppet",
+        "character": puppet.character.mesh,
+        "handles": {
+            handle.name: {
+                "position": list(handle.position),
+                "joints": list(handle.driven_by),
+                "axes": handle.axes,
+                "gain": handle.gain,
+            }
+            for handle in puppet.handle
+        },
+        "root": None if puppet.root is None else puppet.root.model_dump(),
+        "retarget": puppet.retarget.model_dump(),
+        "smoothing": puppet.smoothing.model_dump(),
+        "solver": puppet.solver.model_dump(),
+    }
+
+
+def _log(path: Path) -> dict[str, Any]:
+    module = recognize(path)
+    name = module.__name__.rpartition(".")[2] if module else ""
+    users = {}
+    for clip in read_log(path):
+        steps = np.diff(clip.times)
+        users[str(clip.user)] = {
+            "frames": len(clip.times),
+            "tracked_frames": clip.tracked_frames,
+            "seconds": float(clip.times[-1] - clip.times[0]),
+            "frames_a_second": float(1 / np.median(steps)) if len(steps) else None,
+            "longest_gap_seconds": float(steps.max()) if len(steps) else 0.0,
+            "joints_tracked": float(np.mean(clip.confidence >= TRACKED)),
+            "joints_lost": float(np.mean(clip.confidence == LOST)),
+            "notes": list(clip.notes),
+        }
+    return {"kind": "log", "format": FORMATS[name], "users": users}
+
+
+def _character(path: Path) -> dict[str, Any]:
+    character = load_character(path)
+    mesh = character.solver_mesh()
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return {
+        "kind": "character",
+        "vertices": len(character.vertices),
+        "triangles": len(character.triangles),
+        "primitives": len(character.parts),
+        "materials": [material.name or "" for material in character.document.gltf.materials],
+        "bounds": [low.tolist(), high.tolist()],
+        "diagonal": mesh.diagonal,
+        "solver_vertices": len(mesh.vertices),
+        "solver_triangles": len(mesh.faces),
+        "connected_parts": int(mesh.components.max()) + 1,
+        "dropped_triangles": len(character.triangles) - len(mesh.faces),
+        "animations": [_animation(character, index) for index in range(len(character.document.gltf.animations))],
+        "notes": character.notes,
+    }
+
+
+def _animation(character: Character, index: int) -> dict[str, Any]:
+    document = character.document
+    animation = document.gltf.animations[index]
+    clocks = [document.gltf.accessors[sampler.input] for sampler in animation.samplers]
+    morphed = {channel.target.node for channel in animation.channels if channel.target.path == "weights"}
+    targets = [
+        len(document.gltf.meshes[document.gltf.nodes[node].mesh].weights or []) for node in morphed if node is not None
+    ]
+    return {
+        "name": animation.name or "",
+        "keyframes": max((clock.count for clock in clocks), default=0),
+        "seconds": max((clock.max[0] for clock in clocks if clock.max), default=0.0),
+        "morph_targets": max(targets, default=0),
+        "moves_nodes": any(channel.target.path != "weights" for channel in animation.channels),
+    }

@@ -1,0 +1,160 @@
+"""From a performer's frames to a character's controls: one pipeline for live and recorded skeletons.
+
+A frame is smoothed (`capture.smoothing`), mirrored if the puppet says so, turned into character axes, freed of the
+root's own motion, retargeted to handles and solved for.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import body
+from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
+from capture.smoothing import JointFilter
+from engine_bridge.puppet import HandleTable, Puppet, axis_mask
+from puppetline.errors import PuppetError, at
+from solver.deformer import Deformer
+from solver.mesh import SolverMesh, snap
+from solver.reach import handle_reach
+from solver.reduced_model import ReducedModel
+from solver.retarget import Fit, Retargeter
+
+OFF_THE_MESH = 0.1
+"""A handle farther than this from the surface, as a fraction of the diagonal, is taken for a mistake."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """One frame of a character.
+
+    Attributes
+    ----------
+    R : (4m, 3) float64
+        Control variables, model units.
+    root : (3,) float64
+        Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+    """
+
+    R: NDArray[np.float64]
+    root: NDArray[np.float64]
+
+
+class Performance:
+    """A puppet on stage with one performer.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    mesh : SolverMesh
+        Of the puppet's character.
+    model : ReducedModel
+        Of that mesh.
+    rest : (20, 3) float64
+        The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
+
+    Raises
+    ------
+    PuppetError
+        A handle off the mesh.
+    """
+
+    def __init__(self, puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> None:
+        self._puppet = puppet
+        self._basis = puppet.character.basis
+        self.deformer = Deformer(
+            model,
+            mesh,
+            puppet.handle_positions,
+            iterations=puppet.solver.iterations,
+            mode=puppet.solver.rotations,
+        )
+        check_handles(puppet.handle, mesh)
+        self._filter = JointFilter(puppet.smoothing.parameters)
+        self._rest = self._to_character(rest)
+        self.fit = fit_sizes(puppet, mesh, model, rest)
+        self.root_scale = _root_scale(puppet, mesh, rest)
+        self._retargeter = Retargeter(self.deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
+        self._root_moved = np.zeros(3)
+
+    def step(self, frame: SkeletonFrame) -> Pose:
+        """Take the next frame.
+
+        Parameters
+        ----------
+        frame : SkeletonFrame
+            Later than the one before.
+        """
+        positions = self._to_character(self._filter.step(frame.time, frame.positions, frame.confidence))
+        confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
+        if self._puppet.root is not None:
+            joint = JOINT_INDEX[self._puppet.root.joint]
+            if np.isfinite(positions[joint] - self._rest[joint]).all():
+                self._root_moved = (positions[joint] - self._rest[joint]) * axis_mask(self._puppet.root.axes)
+            positions = positions - self._root_moved
+        R = self.deformer.solve(self._retargeter.step(frame.time, positions, confidence))
+        return Pose(R, self.root_scale * self._root_moved @ self._basis)
+
+    def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
+
+
+def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh) -> None:
+    """Refuse handles that are too far from the surface to have been meant.
+
+    Raises
+    ------
+    PuppetError
+    """
+    for number, handle in enumerate(handles, 1):
+        corners, blend = snap(mesh, np.array(handle.position))
+        nearest = blend[0] @ mesh.vertices[corners[0]]
+        distance = np.linalg.norm(nearest - handle.position)
+        if distance > OFF_THE_MESH * mesh.diagonal:
+            low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+            raise PuppetError(
+                at("puppet", field=f"[[handle]] {number} {handle.name!r}, position"),
+                found=f"{_numbers(np.array(handle.position))}, which is {distance:.4g} away from the surface",
+                expected=f"a point on the mesh, which spans {_numbers(low)} to {_numbers(high)}",
+                fix=f"The nearest surface point is {_numbers(nearest)}.",
+            )
+
+
+def _numbers(point: NDArray[np.float64]) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in point) + "]"
+
+
+def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> Fit:
+    """Set the performer's size against the character's (the paper's Eq. 5, for want of a window).
+
+    With ``scale = "auto"`` a joint that goes as far as its limb is long takes its handle to the end of its own reach,
+    found by trying the deformation; a number is used as it stands, without limits.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    mesh : SolverMesh
+    model : ReducedModel
+    rest : (20, 3) float64
+        The performer, sensor frame.
+    """
+    mapping = puppet.mapping
+    moving = mapping.matrix.sum(axis=1) > 0
+    if puppet.retarget.scale != "auto":
+        scale = np.full(len(moving), float(puppet.retarget.scale))
+        return Fit(scale, np.full((len(moving), 3, 2), np.inf))
+    reach = handle_reach(model, mesh, puppet.handle_positions, moving)
+    # the directions of the mesh in which the handle's joints may move it at all
+    used = mapping.axes @ np.abs(puppet.character.basis)
+    typical = np.einsum("has,ha->h", reach, used) / np.maximum(2 * used.sum(axis=1), 1)
+    arm = np.where(moving, mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest), 1.0)
+    return Fit(typical / arm, reach)
+
+
+def _root_scale(puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64]) -> float:
+    """Return mesh units a metre of the root: the character's height to the performer's, or the number given."""
+    if puppet.retarget.scale != "auto":
+        return float(puppet.retarget.scale)
+    up = puppet.character.basis[1]
+    return float(np.ptp(mesh.vertices @ up) / body.height(rest))

@@ -1,0 +1,50 @@
+"""A contact sheet of a solved clip."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from engine_bridge.convert import Clip
+from engine_bridge.preview import View, contact_sheet, render
+from solver.binding import Binding
+from solver.deformer import to_file_units
+
+TILES = 12
+COLUMNS = 4
+TILE_SIZE = (320, 320)
+
+
+def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] = lambda _: None) -> None:
+    """Draw evenly spaced moments of a clip from the character's front left into a PNG.
+
+    Parameters
+    ----------
+    clip : Clip
+    path : Path
+    title : str
+    progress : callable, optional
+        Told the share of the tiles that are done.
+
+    Raises
+    ------
+    OutputError
+    """
+    rig, basis = clip.rig, clip.rig.puppet.character.basis
+    chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILES, len(clip.frames))).astype(int))
+    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
+    root = clip.root if rig.puppet.root is not None else np.zeros_like(clip.root)
+    poses = np.array(
+        [(binding.vertices(to_file_units(clip.frames[index], rig.model)) + root[index]) @ basis.T for index in chosen]
+    )
+    colors = rig.character.colors
+    if colors is not None:
+        _, shown_by = np.unique(rig.mesh.of_render, return_index=True)
+        colors = colors[shown_by]
+    view = View.around(poses)
+    images = []
+    for pose in poses:
+        images.append(render(pose, rig.mesh.faces, view, TILE_SIZE, colors))
+        progress(len(images) / len(poses))
+    labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
+    contact_sheet(images, labels, COLUMNS, path, title)

@@ -1,0 +1,156 @@
+"""Propagation fields and their ladders of isolines (Section 3.1, Eq. 2-3).
+
+A field is a smooth function on the surface; its isolines are levels k = 0 … n_iso − 1, evenly spaced in value, half a
+step away from both ends so that each of them crosses triangles. Where a vertex stands on that ladder is a single
+number t: the integer part names the isoline below, the fraction blends towards the next one.
+"""
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+from scipy.spatial import cKDTree
+
+from solver.mesh import SolverMesh
+
+BRIDGE_PAIRS = 30
+"""Nearest point pairs that tie a separate part to the rest of the character."""
+
+
+def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
+    """Build the surface operator of a character, its separate parts tied together.
+
+    Returns
+    -------
+    L : (n, n) sparse float64
+        Cotangent Laplacian, negative semidefinite, rows summing to zero.
+    mass : (n,) float64
+        Voronoi area of each vertex.
+    """
+    L = csr_matrix(igl.cotmatrix(mesh.vertices, mesh.faces))
+    mass = np.asarray(igl.massmatrix(mesh.vertices, mesh.faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
+    bridges = bridge(mesh)
+    if len(bridges):
+        n = len(mesh.vertices)
+        a, b = bridges.T
+        one_way = coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n))
+        graph = csr_matrix(one_way + one_way.T)
+        L = L + graph - diags(np.asarray(graph.sum(axis=1)).ravel())
+    return csr_matrix(L), np.maximum(mass, 1e-12 * mass.max())
+
+
+def bridge(mesh: SolverMesh) -> NDArray[np.int64]:
+    """Choose the vertex pairs that tie separate parts together, so that fields span the whole character.
+
+    Parts are taken in order of their distance to what is connected already, the largest part first.
+
+    Returns
+    -------
+    (b, 2) int64
+        Empty for a mesh of one part.
+    """
+    label, pairs = mesh.components, [np.zeros((0, 2), dtype=np.int64)]
+    parts = [np.flatnonzero(label == part) for part in np.argsort(-np.bincount(label))]
+    connected, waiting = parts[0], parts[1:]
+    gaps = [np.full(len(part), np.inf) for part in waiting]
+    nearest = [np.zeros(len(part), dtype=np.int64) for part in waiting]
+    newest = connected
+    while waiting:
+        tree = cKDTree(mesh.vertices[newest])
+        for i, part in enumerate(waiting):
+            gap, index = map(np.asarray, tree.query(mesh.vertices[part]))
+            closer = gap < gaps[i]
+            gaps[i][closer], nearest[i][closer] = gap[closer], newest[index[closer]]
+        chosen = int(np.argmin([gap.min() for gap in gaps]))
+        part, gap, partner = waiting.pop(chosen), gaps.pop(chosen), nearest.pop(chosen)
+        closest = np.argsort(gap, kind="stable")[:BRIDGE_PAIRS]
+        pairs.append(np.column_stack([part[closest], partner[closest]]))
+        newest = part
+    return np.concatenate(pairs)
+
+
+def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Solve −L e = λ M e for the smoothest functions, the constant one left out.
+
+    The generalised problem makes a field independent of how densely a region is triangulated. ARPACK works in
+    shift-invert mode from a fixed start, and each field's entry of largest size is made positive, so that a mesh always
+    gives the same fields; no result depends on that sign.
+
+    Parameters
+    ----------
+    L : (n, n) sparse
+        From `laplacian`.
+    mass : (n,) float64
+    count : int
+        n_e, less than n − 1.
+
+    Returns
+    -------
+    (n, count) float64
+        Orthonormal in the mass inner product, eigenvalues ascending.
+    """
+    n = L.shape[0]
+    M = diags(mass)
+    shift = -1e-6 * float(np.mean(-L.diagonal()) / np.mean(mass))
+    factor = splu(csc_matrix(-L - shift * M), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
+    start = np.cos(np.arange(n, dtype=np.float64))
+    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start)
+    vectors = vectors[:, np.argsort(values)][:, 1:]
+    largest = np.argmax(np.abs(vectors), axis=0)
+    return vectors * np.sign(vectors[largest, np.arange(count)])
+
+
+def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:
+    """Say where each vertex stands between the isolines of each field.
+
+    Parameters
+    ----------
+    fields : (n, n_e) float64
+    isolines : int
+        n_iso, at least 2.
+
+    Returns
+    -------
+    (n, n_e) float64
+        In [0, n_iso − 1]; vertices beyond the outermost isolines belong to them wholly.
+    """
+    low, high = fields.min(axis=0), fields.max(axis=0)
+    return np.clip((fields - low) / (high - low) * isolines - 0.5, 0.0, isolines - 1.0)
+
+
+def field_weights(
+    vertices: NDArray[np.float64], mass: NDArray[np.float64], fields: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Weigh each field by how much of the shape it carries (Eq. 2-3), in the mass inner product, with sum 1.
+
+    The weights scale columns of W and leave its span alone; they act through the interpolation of rotations W_δ and
+    where the blend of fields is ambiguous.
+
+    Returns
+    -------
+    (n_e,) float64
+    """
+    size = np.linalg.norm((fields * mass[:, None]).T @ vertices, axis=1)
+    return size / size.sum()
+
+
+def interpolation(ladder: NDArray[np.float64], isolines: int) -> csr_matrix:
+    """Return φ, the local interpolation scheme: each vertex blends the two isolines of a field that it lies between.
+
+    Used in pre-computation only; at run time the ladder coordinates say the same.
+
+    Returns
+    -------
+    (n, n_e · n_iso) sparse float64
+        Column i · n_iso + k belongs to isoline k of field i; a field's columns sum to 1 in each row.
+    """
+    n, count = ladder.shape
+    below = np.minimum(ladder.astype(np.int64), isolines - 2)
+    fraction = ladder - below
+    column = below + isolines * np.arange(count)
+    columns = np.stack([column, column + 1], axis=2).reshape(n, -1)
+    values = np.stack([1 - fraction, fraction], axis=2).reshape(n, -1)
+    starts = np.arange(n + 1) * columns.shape[1]
+    return csr_matrix((values.ravel(), columns.ravel(), starts), shape=(n, count * isolines))

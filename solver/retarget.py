@@ -1,0 +1,182 @@
+"""Joint motion to handle targets (Section 3.3, Eq. 6-7): arrays only.
+
+The paper adds up the joints' motion from frame to frame, C^t+1 = C + H^t. While every joint is tracked that sum is the
+displacement from the first pose, which is what `Retargeter` uses: unlike the sum it does not drift after a drop-out.
+`accumulated` keeps the paper's form as the reference.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+LIMIT_KNEE = 0.7
+"""Share of a handle's reach within which it follows its joint in proportion; beyond, it comes softly to a stop."""
+
+RETURN_TIME = 0.15
+"""Seconds in which a joint that was lost closes 63 % of the way from where it was held to where it is."""
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """Which joints move which handles, and how.
+
+    Attributes
+    ----------
+    matrix : (h, j) float64
+        M of Eq. 7. Each row averages the joints of one handle; a row of zeros leaves the handle where it is.
+    axes : (h, 3) bool
+        Which of a joint's coordinates count.
+    gain : (h,) float64
+        Factor on each handle's motion.
+    """
+
+    matrix: NDArray[np.float64]
+    axes: NDArray[np.bool_]
+    gain: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The performer's size against the character's.
+
+    Attributes
+    ----------
+    scale : (h,) float64
+        Mesh units that a handle moves for a metre of its joints.
+    reach : (h, 3, 2) float64
+        How far each handle may go along −x, +x, −y, +y, −z, +z of the mesh file, mesh units; infinite for no limit.
+    """
+
+    scale: NDArray[np.float64]
+    reach: NDArray[np.float64]
+
+
+class Retargeter:
+    """Turns a performer's joints into handle targets.
+
+    Parameters
+    ----------
+    handles : (h, 3) float64
+        Rest positions, mesh file's coordinates.
+    mapping : Mapping
+    fit : Fit
+    calibration : (j, 3) float64
+        The performer's joints in the pose that stands for the character's rest pose; metres, character axes (y up,
+        facing +z). NaN for joints that are not known: they move nothing.
+    basis : (3, 3) float64
+        Rows: the mesh file's direction of the performer's left (+x), up and forward. Identity for a glTF character.
+    """
+
+    def __init__(
+        self,
+        handles: NDArray[np.float64],
+        mapping: Mapping,
+        fit: Fit,
+        calibration: NDArray[np.float64],
+        basis: NDArray[np.float64] | None = None,
+    ) -> None:
+        self.handles = handles
+        self.mapping = mapping
+        self.fit = fit
+        self.calibration = calibration
+        self.basis = np.eye(3) if basis is None else basis
+        self._return = _SmoothReturn(len(calibration))
+
+    def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Return the handle targets of one frame.
+
+        A joint that is lost is held where it was; when it comes back it closes the distance smoothly.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, increasing from call to call.
+        positions : (j, 3) float64
+            Metres, character axes.
+        confidence : (j,) float32
+            0 where a joint is lost.
+
+        Returns
+        -------
+        (h, 3) float64
+            Mesh file's coordinates.
+        """
+        return self.targets(self._return.step(time, positions - self.calibration, confidence > 0))
+
+    def targets(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where the handles go for joint displacements from the calibration pose.
+
+        Parameters
+        ----------
+        displacement : (..., j, 3) float64
+            Metres, character axes.
+
+        Returns
+        -------
+        (..., h, 3) float64
+        """
+        moved = (self.mapping.matrix @ displacement) * self.mapping.axes * self.fit.scale[:, None]
+        return self.handles + self.mapping.gain[:, None] * soft_limit(moved @ self.basis, self.fit.reach)
+
+
+class _SmoothReturn:
+    """Holds lost joints and lets an offset fade when they come back."""
+
+    def __init__(self, joints: int) -> None:
+        self._last = np.zeros((joints, 3))
+        self._offset = np.zeros((joints, 3))
+        self._known = np.zeros(joints, dtype=bool)
+        self._time = -np.inf
+
+    def step(self, time: float, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+        known = known & np.isfinite(displacement).all(axis=1)
+        self._offset *= np.exp(-(time - self._time) / RETURN_TIME)
+        back = known & ~self._known & np.isfinite(self._time)
+        self._offset[back] = self._last[back] - displacement[back]
+        self._last = np.where(known[:, None], displacement + self._offset, self._last)
+        self._known, self._time = known, time
+        return self._last
+
+
+def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Keep motion within reach without a jolt: in proportion up to the knee, then levelling off.
+
+    The limit is an ellipsoid in each octant. With r the distance in units of the reach, r ≤ k stays and r > k becomes
+    k + (1 − k) tanh((r − k) / (1 − k)), which is smooth in value and slope and stays below 1.
+
+    Parameters
+    ----------
+    moved : (..., h, 3) float64
+    reach : (h, 3, 2) float64
+        Along −x, +x, −y, +y, −z, +z; positive.
+
+    Returns
+    -------
+    (..., h, 3) float64
+    """
+    side = np.where(moved < 0, reach[..., 0], reach[..., 1])
+    ratio = np.linalg.norm(moved / side, axis=-1, keepdims=True)
+    room = 1 - LIMIT_KNEE
+    limited = LIMIT_KNEE + room * np.tanh(np.maximum(ratio - LIMIT_KNEE, 0) / room)
+    return moved * np.where(ratio > LIMIT_KNEE, limited / np.maximum(ratio, LIMIT_KNEE), 1.0)
+
+
+def accumulated(positions: NDArray[np.float64], mapping: Mapping, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum joint motion from frame to frame as the paper does (Eq. 6-7).
+
+    Parameters
+    ----------
+    positions : (T, j, 3) float64
+        Filtered joints, every one tracked throughout.
+    mapping : Mapping
+    scale : (h,) float64
+
+    Returns
+    -------
+    (T, h, 3) float64
+        How far each handle has moved since the first frame.
+    """
+    motion = np.diff(positions, axis=0, prepend=positions[:1])
+    steps = (mapping.matrix @ motion) * mapping.axes * (scale * mapping.gain)[:, None]
+    return np.cumsum(steps, axis=0)

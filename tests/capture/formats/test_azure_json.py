@@ -1,0 +1,159 @@
+import json
+from copy import deepcopy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.formats import azure_json
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
+
+JOINTS32 = """
+PELVIS SPINE_NAVEL SPINE_CHEST NECK
+CLAVICLE_LEFT SHOULDER_LEFT ELBOW_LEFT WRIST_LEFT HAND_LEFT HANDTIP_LEFT THUMB_LEFT
+CLAVICLE_RIGHT SHOULDER_RIGHT ELBOW_RIGHT WRIST_RIGHT HAND_RIGHT HANDTIP_RIGHT THUMB_RIGHT
+HIP_LEFT KNEE_LEFT ANKLE_LEFT FOOT_LEFT HIP_RIGHT KNEE_RIGHT ANKLE_RIGHT FOOT_RIGHT
+HEAD NOSE EYE_LEFT EAR_LEFT EYE_RIGHT EAR_RIGHT
+"""
+NAMES = JOINTS32.split()
+MIDDLE = {"PELVIS": "hip_center", "SPINE_NAVEL": "spine", "NECK": "shoulder_center", "HEAD": "head"}
+LEFT = [name for name in NAMES if name.endswith("_LEFT") and name.lower() in JOINT_INDEX]
+
+
+def millimetres(name: str, frame: int = 0) -> list[float]:
+    """Someone 2 m away facing the camera: the right side in the left half of the camera's view, y down."""
+    side = {"LEFT": 1, "RIGHT": -1}.get(name.rpartition("_")[2], 0)
+    return [250.0 * side, -900.0 + 10 * NAMES.index(name), 2000.0 + frame]
+
+
+def body(user: int = 1, frame: int = 0, **more: object) -> dict[str, object]:
+    return {
+        "body_id": user,
+        "joint_positions": [millimetres(name, frame) for name in NAMES],
+        "joint_orientations": [[1, 0, 0, 0]] * 32,
+        **more,
+    }
+
+
+def document(*frames: list[dict[str, object]]) -> dict[str, object]:
+    return {
+        "k4abt_sdk_version": "1.1.2",
+        "source_file": "take.mkv",
+        "joint_names": NAMES,
+        "bone_list": [["SPINE_CHEST", "SPINE_NAVEL"]],
+        "frames": [
+            {"timestamp_usec": 200_000 + 33_333 * index, "frame_id": index, "num_bodies": len(bodies), "bodies": bodies}
+            for index, bodies in enumerate(frames)
+        ],
+    }
+
+
+def write(folder: Path, content: object) -> Path:
+    path = folder / "take.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+    return path
+
+
+def test_the_right_side_of_someone_facing_the_camera_is_at_positive_x(tmp_path: Path) -> None:
+    (clip,) = azure_json.read(write(tmp_path, document([body()])), ReadOptions())
+    for name in NAMES:
+        ours = MIDDLE.get(name, name.lower())
+        if ours in JOINT_INDEX:
+            x, y, z = millimetres(name)
+            np.testing.assert_allclose(clip.positions[0, JOINT_INDEX[ours]], [-x / 1000, -y / 1000, z / 1000])
+    assert clip.positions[0, JOINT_INDEX["hand_right"], 0] == 0.25
+    assert clip.positions[0, JOINT_INDEX["hip_center"], 1] == 0.9
+    assert len(LEFT) == 8
+    assert (clip.confidence == 1).all()
+
+
+def test_the_turn_keeps_handedness() -> None:
+    assert np.linalg.det(np.diag(azure_json.TO_SENSOR_FRAME)) > 0
+
+
+def test_each_body_id_is_a_clip_on_the_recordings_clock(tmp_path: Path) -> None:
+    frames = document([body(1, 0)], [], [body(2, 2), body(1, 2)])
+    one, two = azure_json.read(write(tmp_path, frames), ReadOptions(fps=5))
+    assert (one.user, two.user) == (1, 2)
+    np.testing.assert_allclose(one.times, [0.2, 0.266666])
+    np.testing.assert_allclose(two.times, [0.266666])
+    np.testing.assert_allclose(one.positions[:, 0, 2], [2.0, 2.002])
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_confidence_levels(tmp_path: Path, wrapped: bool) -> None:
+    levels = [2] * 32
+    for level, name in enumerate(("HAND_LEFT", "HAND_RIGHT", "FOOT_LEFT", "FOOT_RIGHT")):
+        levels[NAMES.index(name)] = level
+    written = [[level] for level in levels] if wrapped else levels
+    (clip,) = azure_json.read(write(tmp_path, document([body(joint_confidence=written)])), ReadOptions())
+    found = [clip.confidence[0, JOINT_INDEX[name]] for name in ("hand_left", "hand_right", "foot_left", "foot_right")]
+    assert found == [0, 0.5, 1, 1]
+    assert np.isnan(clip.positions[0, JOINT_INDEX["hand_left"]]).all()
+
+
+def changed(*path: object, value: object) -> object:
+    content = deepcopy(document([body()], [body(2), body(3)]))
+    inner: object = content
+    for step in path[:-1]:
+        inner = inner[step]  # type: ignore[index]
+    if value is None:
+        del inner[path[-1]]  # type: ignore[attr-defined]
+    else:
+        inner[path[-1]] = value  # type: ignore[index]
+    return content
+
+
+SECOND = ("frames", 1, "bodies", 1)
+
+
+@pytest.mark.parametrize(
+    ("content", "place", "message"),
+    [
+        (changed(*SECOND, "joint_positions", 3, value=[1, 2]), "frames[1].bodies[1].joint_positions[3]", "2 numbers"),
+        (changed(*SECOND, "joint_positions", 3, 1, value="a"), "frames[1].bodies[1].joint_positions[3][1]", '"a"'),
+        (changed(*SECOND, "joint_positions", 3, 1, value=False), "joint_positions[3][1]", "false"),
+        (changed(*SECOND, "joint_positions", value=[[1, 2, 3]] * 25), "bodies[1].joint_positions", "25 joints"),
+        (changed(*SECOND, "joint_positions", value=None), "frames[1].bodies[1]", "no 'joint_positions'"),
+        (changed(*SECOND, "body_id", value=-1), "frames[1].bodies[1].body_id", "-1"),
+        (changed(*SECOND, "body_id", value=1.5), "frames[1].bodies[1].body_id", "1.5"),
+        (changed(*SECOND, "joint_confidence", value=[2] * 31), "bodies[1].joint_confidence", "31 values"),
+        (changed(*SECOND, "joint_confidence", value=[2] * 31 + [4]), "joint_confidence[31]", "0 none, 1 low"),
+        (
+            changed(*SECOND, "joint_confidence", value=[2] * 31 + [[]]),
+            "joint_confidence[31]",
+            "a list of 0; expected a whole number",
+        ),
+        (changed("frames", 1, "num_bodies", value=3), "frames[1].num_bodies", "2, the length of bodies"),
+        (changed("frames", 1, "num_bodies", value=10**15), "frames[1].num_bodies", str(10**15)),
+        (changed("frames", 1, "timestamp_usec", value=None), "frames[1]", "no 'timestamp_usec'"),
+        (changed("frames", 1, "timestamp_usec", value="soon"), "frames[1].timestamp_usec", '"soon"'),
+        (changed("frames", 1, "bodies", value={}), "frames[1].bodies", "a list"),
+        (changed("frames", value=None), "top level", "no 'frames'"),
+        ([1], "top level", "an object"),
+        (json.dumps(document([body()]))[:900], "take.json, line 1", "broken JSON at column"),
+        (json.dumps(document([body()])).replace("2000.0", "NaN", 1), "take.json", "the number NaN"),
+        (json.dumps(document([body()])).replace("2000.0", "1e400", 1), "joint_positions[0][2]", "ordinary size"),
+        (document([], []), "take.json", "no frame with a tracked performer"),
+        (document([body(joint_confidence=[0] * 32)]), "take.json", "no frame with a tracked performer"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_place(tmp_path: Path, content: object, place: str, message: str) -> None:
+    with pytest.raises(SkeletonLogError) as caught:
+        azure_json.read(write(tmp_path, content), ReadOptions())
+    assert caught.value.where.endswith(place)
+    assert message in str(caught.value)
+
+
+def test_recognised_however_its_keys_are_ordered() -> None:
+    content = document(*[[]] * 2000, [body()])
+    assert azure_json.matches(json.dumps(content).encode()[:65536])
+    assert azure_json.matches(json.dumps(content, indent=4, sort_keys=True).encode()[:65536])
+
+
+def test_recognises_none_of_the_other_logs(real_data: Path) -> None:
+    for folder in ("logs", "bvh", "video"):
+        for path in (real_data / folder).rglob("*.*"):
+            assert not path.is_file() or not azure_json.matches(path.open("rb").read(65536))

@@ -1,0 +1,405 @@
+from collections.abc import Sequence
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from capture.formats import bvh
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX, PARENTS
+from puppetline.errors import SkeletonLogError
+
+ROTATIONS = ("Zrotation", "Yrotation", "Xrotation")
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+RIGID = [name for name in PARENTS if name.split("_")[0] in ("knee", "ankle", "elbow", "wrist")]
+
+# A body of 1.7 m in centimetres: name, offset and children, the arms hanging. Facing +z: its left is at +x.
+BODY = ("Hips", (0, 0, 0), [
+    ("Spine", (0, 10, 0), [
+        ("Neck", (0, 40, 0), [("Head", (0, 10, 0), [("", (0, 20, 0), [])])]),
+        ("LeftShoulder", (3, 38, 0), [("LeftArm", (15, 0, 0), [("LeftForeArm", (0, -28, 0), [
+            ("LeftHand", (0, -25, 0), [("", (0, -8, 0), [])])])])]),
+        ("RightShoulder", (-3, 38, 0), [("RightArm", (-15, 0, 0), [("RightForeArm", (0, -28, 0), [
+            ("RightHand", (0, -25, 0), [("", (0, -8, 0), [])])])])]),
+    ]),
+    ("LeftUpLeg", (9, -5, 0), [("LeftLeg", (0, -41, 0), [("LeftFoot", (0, -41, 0), [
+        ("LeftToeBase", (0, -6, 14), [("", (0, 0, 6), [])])])])]),
+    ("RightUpLeg", (-9, -5, 0), [("RightLeg", (0, -41, 0), [("RightFoot", (0, -41, 0), [
+        ("RightToeBase", (0, -6, 14), [("", (0, 0, 6), [])])])])]),
+])  # fmt: skip
+JOINT_COUNT = 20
+
+# The sensor frame of the body in its rest pose: turned to face the sensor, its hips at (0, 0, 2.5).
+REST = {
+    "hip_center": (0, 0, 2.5),
+    "spine": (0, 0.10, 2.5),
+    "shoulder_center": (0, 0.50, 2.5),
+    "head": (0, 0.70, 2.5),
+    "shoulder_right": (0.18, 0.48, 2.5),
+    "elbow_right": (0.18, 0.20, 2.5),
+    "wrist_right": (0.18, -0.05, 2.5),
+    "hand_right": (0.18, -0.13, 2.5),
+    "hip_left": (-0.09, -0.05, 2.5),
+    "knee_left": (-0.09, -0.46, 2.5),
+    "ankle_left": (-0.09, -0.87, 2.5),
+    "foot_left": (-0.09, -0.93, 2.36),
+}
+
+
+def hierarchy(
+    tree: tuple, z_up: bool = False, scale: float = 1, channels: Sequence[str] = ROTATIONS, depth: int = 0
+) -> list[str]:
+    name, offset, children = tree
+    x, y, z = np.multiply(offset, scale).tolist()
+    lines = [
+        f"{'ROOT' if depth == 0 else 'JOINT'} {name}" if name else "End Site",
+        "{",
+        f"\tOFFSET {x} {-z if z_up else y} {y if z_up else z}",
+    ]
+    if name:
+        own = (*POSITIONS, *channels) if depth == 0 else channels
+        lines.append(f"CHANNELS {len(own)} {' '.join(own)}")
+    for child in children:
+        lines += hierarchy(child, z_up, scale, channels, depth + 1)
+    return [*lines, "}"]
+
+
+def motion(rows: np.ndarray) -> list[str]:
+    return ["MOTION", f"Frames: {len(rows)}", "Frame Time: 0.04", *(" ".join(map(repr, row)) for row in rows.tolist())]
+
+
+def write(folder: Path, lines: Sequence[str], name: str = "take.bvh") -> Path:
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def body_file(folder: Path, rows: np.ndarray | None = None, name: str = "take.bvh", **changes: object) -> Path:
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT)) if rows is None else rows
+    return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)  # type: ignore[arg-type]
+
+
+def random_rows(frames: int = 6, seed: int = 3) -> np.ndarray:
+    """A take of small bends; columns are root x y z, then z y x degrees of each joint."""
+    rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
+    rows[:, 3:6] /= 10
+    return rows
+
+
+def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6) -> Path:
+    """Root at (1, 2, 3), a joint 1 along x from it, and an end 2 along y and 3 along z from that."""
+    lines = [
+        "HIERARCHY",
+        "ROOT a",
+        "{",
+        "OFFSET 1 2 3",
+        "CHANNELS 0",
+        "JOINT b",
+        "{",
+        "OFFSET 1 0 0",
+        f"CHANNELS {count} {channels}",
+        "End Site",
+        "{",
+        "OFFSET 0 2 3",
+        "}",
+        "}",
+        "}",
+        "MOTION",
+        "Frames: 1",
+        "Frame Time: 1",
+        " ".join(map(str, row)),
+    ]
+    return write(folder, lines)
+
+
+def ends(path: Path) -> np.ndarray:
+    nodes, rows, _ = bvh.parse(path)
+    return np.stack(bvh.forward_kinematics(nodes, rows))[:, 0]
+
+
+def test_forward_kinematics_by_hand(tmp_path: Path) -> None:
+    # X then Z, 90° each: the end (0, 2, 3) is first turned about z to (−2, 0, 3) and then about x to (−2, −3, 0).
+    path = chain_file(tmp_path, "Xrotation Zrotation", (90, 90), 2)
+    np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [0, -1, 3]], atol=1e-12)
+    path = chain_file(tmp_path, "Zrotation Xrotation", (90, 90), 2)
+    np.testing.assert_allclose(ends(path), [[1, 2, 3], [2, 2, 3], [5, 2, 5]], atol=1e-12)
+
+
+@pytest.mark.parametrize("order", list(map("".join, permutations("XYZ"))))
+def test_every_rotation_order_as_scipy_has_it(tmp_path: Path, order: str) -> None:
+    angles = (31.0, -72.0, 118.0)
+    path = chain_file(tmp_path, " ".join(f"{axis}rotation" for axis in order), angles, 3)
+    expected = np.array([2, 2, 3]) + Rotation.from_euler(order, angles, degrees=True).apply([0, 2, 3])
+    np.testing.assert_allclose(ends(path)[2], expected, atol=1e-12)
+
+
+def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
+    values = dict(zip((*POSITIONS, *ROTATIONS), (1.1, 0.2, 0.3, 31, -72, 118), strict=True))
+    expected = ends(chain_file(tmp_path, " ".join(values), list(values.values())))
+    tried = 0
+    for order in permutations(values):
+        if [name for name in order if name in ROTATIONS] == list(ROTATIONS):  # the order of turns has a meaning
+            path = chain_file(tmp_path, " ".join(order), [values[name] for name in order])
+            np.testing.assert_array_equal(ends(path), expected)
+            tried += 1
+    assert tried == 120
+
+
+@pytest.mark.parametrize(
+    ("channels", "row", "joint"),
+    [
+        ("Xposition Yposition Zposition", (1.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near the offset: instead of it
+        ("Xposition Yposition Zposition", (0.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near zero: on top of it
+        ("Yposition", (0.5,), (2, 2.5, 3)),
+        ("Xposition", (1.25,), (2.25, 2, 3)),
+    ],
+)
+def test_positions_of_inner_joints(tmp_path: Path, channels: str, row: Sequence[float], joint: Sequence[float]) -> None:
+    np.testing.assert_allclose(ends(chain_file(tmp_path, channels, row, len(row)))[1], joint, atol=1e-12)
+
+
+def test_rest_pose_faces_the_sensor(tmp_path: Path) -> None:
+    (clip,) = bvh.read(body_file(tmp_path), ReadOptions())
+    assert clip.times.tolist() == [0, 0.04]
+    assert (clip.confidence == 1).all()
+    for name, place in REST.items():
+        np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [place, place], atol=1e-12)
+    notes = " ".join(clip.notes)
+    assert "centimetres: the body is then 1.75 m tall" in notes
+    assert "Up is taken to be y" in notes
+    assert "2.5 m before it" in notes
+    assert "All frames are the same" in notes
+
+
+@pytest.mark.parametrize("angle", [0, 40, 123, 180, -90])
+def test_wherever_the_performer_stands_and_looks_in_the_first_frame(tmp_path: Path, angle: float) -> None:
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
+    rows[:, :3] = (210, 95, -340)
+    rows[:, 4] = angle
+    rows[1, 1] += 12
+    (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    for name, (x, y, z) in REST.items():
+        np.testing.assert_allclose(clip.positions[:, JOINT_INDEX[name]], [(x, y, z), (x, y + 0.12, z)], atol=1e-12)
+
+
+def test_a_turn_after_the_first_frame_is_kept(tmp_path: Path) -> None:
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
+    rows[1, 4] = 90  # turns to its left, which is the sensor's right
+    (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    np.testing.assert_allclose(clip.positions[1, JOINT_INDEX["foot_left"]], (-0.14, -0.93, 2.59), atol=1e-12)
+
+
+def test_z_up_equals_y_up(tmp_path: Path) -> None:
+    rows = random_rows()
+    (upright,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    # (x, y, z) becomes (x, −z, y): positions are exchanged so, and the turns about z y x are turns about −y z x.
+    turned = rows.copy()
+    turned[:, 1], turned[:, 2] = -rows[:, 2], rows[:, 1]
+    turned[:, 3::3] = -rows[:, 3::3]
+    channels = ("Yrotation", "Zrotation", "Xrotation")
+    path = body_file(tmp_path, turned, "z_up.bvh", z_up=True, channels=channels)
+    (converted,) = bvh.read(path, ReadOptions())
+    np.testing.assert_allclose(converted.positions, upright.positions, atol=1e-12)
+    assert any("Up is taken to be z" in note for note in converted.notes)
+    (given,) = bvh.read(path, ReadOptions(up="z"))
+    np.testing.assert_array_equal(given.positions, converted.positions)
+    assert "Up is z, as given." in given.notes
+
+
+@pytest.mark.parametrize(
+    ("scale", "name"),
+    [
+        (1, "centimetres"),
+        (0.01, "metres"),
+        (0.1, "decimetres"),
+        (10, "millimetres"),
+        (1 / 2.54, "inches"),
+        (0.45 / 2.54, "CMU units"),
+    ],
+)
+def test_usual_units_are_found(tmp_path: Path, scale: float, name: str) -> None:
+    (clip,) = bvh.read(body_file(tmp_path, scale=scale), ReadOptions())
+    assert any(f"Lengths are taken to be {name}" in note for note in clip.notes)
+    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["foot_left"]], REST["foot_left"], atol=1e-9)
+
+
+def test_other_units_are_scaled_to_a_usual_height(tmp_path: Path) -> None:
+    (clip,) = bvh.read(body_file(tmp_path, scale=0.237), ReadOptions())
+    height = 1.15 * (0.70 + 0.82)
+    assert any("scaled to 1.7 m" in note for note in clip.notes)
+    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["head"], 1], 0.70 * 1.7 / height, atol=1e-9)
+
+
+def test_unit_can_be_given(tmp_path: Path) -> None:
+    (clip,) = bvh.read(body_file(tmp_path, scale=0.237), ReadOptions(unit=0.02))
+    np.testing.assert_allclose(clip.positions[0, JOINT_INDEX["head"]], (0, 70 * 0.237 * 0.02, 2.5), atol=1e-12)
+    assert "One unit is 0.02 m, as given." in clip.notes
+
+
+def test_braces_tabs_and_newlines_of_other_programs(tmp_path: Path) -> None:
+    (expected,) = bvh.read(body_file(tmp_path, random_rows()), ReadOptions())
+    text = (
+        (tmp_path / "take.bvh").read_text().replace("\n{", " {").replace(" ", "\t").replace("Frame\tTime", "Frame Time")
+    )
+    path = tmp_path / "other.bvh"
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    assert bvh.matches(path.read_bytes())
+    np.testing.assert_array_equal(bvh.read(path, ReadOptions())[0].positions, expected.positions)
+
+
+def test_limbs_are_rigid_and_the_first_frame_faces_the_sensor(tmp_path: Path) -> None:
+    (clip,) = bvh.read(body_file(tmp_path, random_rows(40)), ReadOptions())
+    check_body(clip.positions)
+
+
+def check_body(positions: np.ndarray) -> None:
+    at = {name: positions[:, index] for name, index in JOINT_INDEX.items()}
+    for name in RIGID:
+        length = np.linalg.norm(at[name] - at[PARENTS[name]], axis=1)
+        np.testing.assert_allclose(length, length[0], rtol=1e-9)
+        assert 0.15 < length[0] < 0.55
+    ankles = (at["ankle_left"] + at["ankle_right"]) / 2
+    assert ((at["head"] - ankles)[:, 1] > 0.9).all()
+    across = (at["hip_right"] - at["hip_left"] + at["shoulder_right"] - at["shoulder_left"])[0]
+    np.testing.assert_allclose(across[2], 0, atol=1e-12)
+    assert across[0] > 0.2
+    np.testing.assert_allclose(at["hip_center"][0], (0, 0, 2.5), atol=1e-12)
+
+
+REAL = {
+    "cmu_01_01_hops": (2752, 0.0083333, "CMU units", "y"),
+    "jumping_jacks": (125, 0.03333, "CMU units", "y"),
+    "kinect2_static": (219, 0.033333, "millimetres", "z"),
+    "makehuman_walk1": (14, 0.041667, "decimetres", "z"),
+    "wave_hello": (839, 0.008342, "scaled to 1.7 m", "z"),
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_files_are_human(real_data: Path, name: str) -> None:
+    frames, step, unit, up = REAL[name]
+    (clip,) = bvh.read(real_data / "bvh" / f"{name}.bvh", ReadOptions())
+    assert len(clip.times) == frames
+    assert clip.times[1] == step
+    notes = " ".join(clip.notes)
+    assert unit in notes
+    assert f"Up is taken to be {up}" in notes
+    assert ("All frames are the same" in notes) == (name == "kinect2_static")
+    assert (clip.confidence == 1).all()
+    check_body(clip.positions)
+    # Toes point to where the body faces, which no name tells: towards the sensor.
+    toes = [clip.positions[0, JOINT_INDEX[f"foot_{side}"]] for side in ("left", "right")]
+    ankles = [clip.positions[0, JOINT_INDEX[f"ankle_{side}"]] for side in ("left", "right")]
+    assert np.mean(toes, axis=0)[2] < np.mean(ankles, axis=0)[2] - 0.05
+
+
+def test_real_bones_by_hand(real_data: Path) -> None:
+    (clip,) = bvh.read(real_data / "bvh" / "cmu_01_01_hops.bvh", ReadOptions())
+    unit = 0.0254 / 0.45
+    forearm = clip.positions[:, JOINT_INDEX["wrist_right"]] - clip.positions[:, JOINT_INDEX["elbow_right"]]
+    np.testing.assert_allclose(np.linalg.norm(forearm, axis=1), 3.44417 * unit)  # OFFSET of RightHand
+    thigh = clip.positions[:, JOINT_INDEX["knee_left"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
+    np.testing.assert_allclose(np.linalg.norm(thigh, axis=1), np.hypot(2.44811, 6.72613) * unit)
+    # The root's height over the take is its Yposition; it is 17.8693 in the first line of motion.
+    lines = (real_data / "bvh" / "cmu_01_01_hops.bvh").read_text().splitlines()[187:]
+    heights = np.array([float(line.split()[1]) for line in lines])
+    np.testing.assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
+
+
+def test_real_kinect_names_stand_where_their_bones_end(real_data: Path) -> None:
+    (clip,) = bvh.read(real_data / "bvh" / "kinect2_static.bvh", ReadOptions())
+    # In this file HipLeft and SpineMid are both at the spine's base, and the hip is where HipLeft's bone ends.
+    expected = {"hip_left": (59.881489, 0.746525, 12.966921), "spine": (0, -59.991196, 191.345337)}
+    for name, (x, y, z) in expected.items():
+        np.testing.assert_allclose(
+            clip.positions[0, JOINT_INDEX[name]], (-x / 1000, z / 1000, 2.5 + y / 1000), atol=2e-4
+        )
+    assert any("where the bones of their names end" in note for note in clip.notes)
+
+
+GOOD = ["HIERARCHY", *hierarchy(BODY), *motion(np.zeros((3, 3 + 3 * JOINT_COUNT)))]
+MOTION = GOOD.index("MOTION") + 1  # the number of its line, from 1
+
+
+def broken(line: int, text: str | None) -> list[str]:
+    """The good file with one line replaced, or cut before it."""
+    return GOOD[: line - 1] if text is None else [*GOOD[: line - 1], text, *GOOD[line:]]
+
+
+ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
+
+
+@pytest.mark.parametrize(
+    ("lines", "place", "message"),
+    [
+        (broken(1, "HIERARCHIE"), "line 1", "'HIERARCHIE'; expected HIERARCHY"),
+        (broken(2, "JOINT Hips"), "line 2", "expected one ROOT"),
+        (broken(3, "OFFSET 0 0 0"), "line 3", "expected {"),
+        (broken(4, "CHANNELS 0"), "line 4", "expected OFFSET"),
+        (broken(4, "OFFSET 0 0"), "line 4", "2 columns"),
+        (broken(4, "OFFSET 0 nan 0"), "line 4", "'nan' in column 2"),
+        (broken(4, "OFFSET 0 zero 0"), "line 4", "'zero' in column 2"),
+        (broken(4, "OFFSET 0 0 -1e300"), "line 4", "the number -1e+300"),
+        (broken(5, "CHANNELS 6 Xrotation"), "line 5", "CHANNELS, their number"),
+        (broken(5, "CHANNELS 999999999"), "line 5", "CHANNELS, their number"),
+        (broken(5, "CHANNELS 1 Wrotation"), "line 5", "CHANNELS, their number"),
+        (broken(5, "CHANNELS 1 rotation"), "line 5", "CHANNELS, their number"),
+        (broken(5, "CHANNELS 2 Xrotation Xrotation"), "line 5", "different ones"),
+        (broken(5, "CHANNELS"), "line 5", "CHANNELS, their number"),
+        (broken(6, "JOINTS Spine"), "line 6", "'JOINTS Spine'"),
+        (broken(MOTION - 1, "MOTION"), f"line {MOTION - 1}", "'MOTION'"),
+        (broken(MOTION, "}"), f"line {MOTION}", "'}'"),
+        (broken(MOTION, "ROOT second"), f"line {MOTION}", "one ROOT"),
+        (broken(MOTION + 1, "Frames: many"), f"line {MOTION + 1}", "Frames: and a whole number"),
+        (broken(MOTION + 1, "Frames: 4"), f"line {MOTION + 1}", "Frames: 4, and 3 lines of motion"),
+        (broken(MOTION + 1, "Frames: 2"), f"line {MOTION + 1}", "Frames: 2, and 3 lines of motion"),
+        (broken(MOTION + 1, "Frames: 999999999"), f"line {MOTION + 1}", "and 3 lines of motion"),
+        (broken(MOTION + 2, "Frame Time: 0"), f"line {MOTION + 2}", "more than 0"),
+        (broken(MOTION + 2, "Frame Time: -0.1"), f"line {MOTION + 2}", "more than 0"),
+        (broken(MOTION + 2, "Frame Time: inf"), f"line {MOTION + 2}", "'inf' in column 1"),
+        (broken(MOTION + 2, "Frame Time:"), f"line {MOTION + 2}", "0 columns"),
+        (broken(MOTION + 2, "0 0 0"), f"line {MOTION + 2}", "Frame Time: and seconds"),
+        (broken(MOTION + 4, " ".join(ZEROS[1:])), f"line {MOTION + 4}", f"{len(ZEROS) - 1} columns"),
+        (broken(MOTION + 4, " ".join([*ZEROS, "0"])), f"line {MOTION + 4}", f"{len(ZEROS) + 1} columns"),
+        (broken(MOTION + 4, " ".join(["nan", *ZEROS[1:]])), f"line {MOTION + 4}", "'nan' in column 1"),
+        (broken(MOTION + 4, " ".join(["0", "1e999", *ZEROS[2:]])), f"line {MOTION + 4}", "'1e999' in column 2"),
+        (broken(MOTION + 4, " ".join(["0", "1e300", *ZEROS[2:]])), f"line {MOTION + 4}", "the number 1e+300"),
+        (broken(MOTION + 1, None), f"line {MOTION}", "the end of the file after this line; expected Frames"),
+        (broken(MOTION + 3, None), f"line {MOTION + 1}", "Frames: 3, and 0 lines"),
+        (broken(10, None), "line 9", "the end of the file after this line"),
+        ([*GOOD[:5], *["JOINT a", "{", "OFFSET 0 0 0", "CHANNELS 0"] * 600], "line 2002", "more than 500 joints"),
+        (["OFFSET 0 0 0" if "OFFSET" in line else line for line in GOOD], "take.bvh", "a body without size"),
+        ([line.replace("LeftForeArm", "Wing") for line in GOOD], "take.bvh", "no joint named as elbow_left"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_place(
+    tmp_path: Path, lines: list[str], place: str, message: str
+) -> None:
+    with pytest.raises(SkeletonLogError) as caught:
+        bvh.read(write(tmp_path, lines), ReadOptions())
+    assert caught.value.where.endswith(place)
+    assert message in str(caught.value)
+
+
+def test_more_places_than_memory_should_hold_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bvh, "MAX_PLACES", 60)
+    with pytest.raises(SkeletonLogError, match="3 frames of 25 joints; expected at most 2 frames"):
+        bvh.read(write(tmp_path, GOOD), ReadOptions())
+
+
+def test_a_performer_whose_facing_cannot_be_told(tmp_path: Path) -> None:
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
+    rows[:, 3] = 90  # lies on its side
+    with pytest.raises(SkeletonLogError, match="left-to-right line of hips and shoulders points up"):
+        bvh.read(body_file(tmp_path, rows), ReadOptions(up="y"))
+
+
+def test_recognises_its_own_and_nothing_else(real_data: Path) -> None:
+    for folder in ("logs", "bvh"):
+        for path in (real_data / folder).rglob("*.*"):
+            if path.is_file():
+                assert bvh.matches(path.open("rb").read(65536)) == (folder == "bvh")
+    assert not bvh.matches(b"")
+    assert not bvh.matches(b"HIERARCHYX\n")

@@ -1,0 +1,223 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.formats.bvh_names import key_of, kinect_points
+from capture.skeleton import JOINTS
+from puppetline.errors import SkeletonLogError
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("LeftUpLeg", "upleg_left"),
+        ("mixamorig:LeftUpLeg", "upleg_left"),
+        ("mixamorig1:RightHand", "hand_right"),
+        ("UpLeg_L", "upleg_left"),
+        ("thigh.R", "thigh_right"),
+        ("lThigh", "thigh_left"),
+        ("rShldr", "shldr_right"),
+        ("Bip01 L Thigh", "thigh_left"),
+        ("KneeRight", "knee_right"),
+        ("LFingers", "fingers_left"),
+        ("rhand", "hand_right"),
+        ("lowerarm_l", "lowerarm_left"),
+        ("LowerBack", "lowerback"),
+        ("Spine1", "spine1"),
+        ("Root", "root"),
+        ("__UpLeg_L", ""),
+    ],
+)
+def test_names_are_taken_apart(name: str, key: str) -> None:
+    assert key_of(name) == key
+
+
+def sides(*names: str) -> list[str]:
+    return [name.replace("*", side) for side in ("Left", "Right") for name in names]
+
+
+def short_sides(*names: str) -> list[str]:
+    return [name.replace("*", side) for side in "lr" for name in names]
+
+
+# What each skeleton calls the joints that are not the same everywhere.
+ARM_AND_LEG = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Foot")
+SKELETONS = {
+    "CMU": (
+        [
+            *("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head", "LFingers", "RFingers"),
+            *sides("*Shoulder", "*Arm", "*ForeArm", "*Hand", "*UpLeg", "*Leg", "*Foot", "*ToeBase"),
+        ],
+        {
+            "spine": "Spine",
+            "shoulder_center": "Neck",
+            "shoulder_left": "LeftArm",
+            "wrist_left": "LeftHand",
+            "hand_left": "LFingers",
+            "hip_left": "LeftUpLeg",
+            "knee_left": "LeftLeg",
+            "ankle_left": "LeftFoot",
+            "foot_left": "LeftToeBase",
+        },
+    ),
+    "Biovision": (
+        [
+            *("Hips", "Chest", "Neck", "Head"),
+            *sides("*Collar", "*Shoulder", "*Elbow", "*Wrist", "*Hip", "*Knee", "*Ankle", "*Toe"),
+        ],
+        {
+            "spine": "Chest",
+            "shoulder_left": "LeftShoulder",
+            "elbow_right": "RightElbow",
+            "wrist_left": "LeftWrist",
+            "hip_left": "LeftHip",
+            "knee_left": "LeftKnee",
+            "ankle_left": "LeftAnkle",
+            "foot_left": "LeftToe",
+        },
+    ),
+    "Kinect": (
+        [
+            *("SpineBase", "SpineMid", "SpineShoulder", "Neck", "Head"),
+            *sides(*(f"{part}*" for part in ARM_AND_LEG)),
+        ],
+        {
+            "hip_center": "SpineBase",
+            "spine": "SpineMid",
+            "shoulder_center": "SpineShoulder",
+            "wrist_left": "WristLeft",
+            "hand_left": "HandLeft",
+            "ankle_right": "AnkleRight",
+            "foot_right": "FootRight",
+        },
+    ),
+    "Mixamo": (
+        [
+            f"mixamorig:{name}"
+            for name in (
+                *("Hips", "Spine", "Spine1", "Spine2", "Neck", "Head"),
+                *sides("*Shoulder", "*Arm", "*ForeArm", "*Hand", "*HandMiddle1", "*UpLeg", "*Leg", "*Foot", "*ToeBase"),
+            )
+        ],
+        {
+            "spine": "mixamorig:Spine",
+            "shoulder_right": "mixamorig:RightArm",
+            "hand_left": "mixamorig:LeftHandMiddle1",
+        },
+    ),
+    "Poser": (
+        [
+            *("hip", "abdomen", "chest", "neck", "head"),
+            *short_sides("*Collar", "*Shldr", "*ForeArm", "*Hand", "*Thigh", "*Shin", "*Foot", "*Toe"),
+        ],
+        {
+            "hip_center": "hip",
+            "spine": "abdomen",
+            "shoulder_left": "lShldr",
+            "hip_right": "rThigh",
+            "knee_right": "rShin",
+            "ankle_left": "lFoot",
+            "foot_left": "lToe",
+            "wrist_left": "lHand",
+        },
+    ),
+    "3ds Max": (
+        [
+            *("Bip01", "Bip01 Pelvis", "Bip01 Spine", "Bip01 Neck", "Bip01 Head"),
+            *short_sides("Bip01 * Clavicle", "Bip01 * UpperArm", "Bip01 * Forearm", "Bip01 * Hand", "Bip01 * Finger2"),
+            *short_sides("Bip01 * Thigh", "Bip01 * Calf", "Bip01 * Foot", "Bip01 * Toe0"),
+        ],
+        {
+            "hip_center": "Bip01 Pelvis",
+            "shoulder_left": "Bip01 l UpperArm",
+            "knee_right": "Bip01 r Calf",
+            "hand_left": "Bip01 l Finger2",
+            "foot_right": "Bip01 r Toe0",
+        },
+    ),
+    "Unreal": (
+        [
+            *("root", "pelvis", "spine_01", "spine_02", "neck_01", "head"),
+            *short_sides("clavicle_*", "upperarm_*", "lowerarm_*", "hand_*", "thigh_*", "calf_*", "foot_*", "ball_*"),
+        ],
+        {
+            "hip_center": "pelvis",
+            "spine": "spine_01",
+            "shoulder_center": "neck_01",
+            "elbow_left": "lowerarm_l",
+            "foot_right": "ball_r",
+        },
+    ),
+    "MakeHuman": (
+        [
+            *("Root", "Spine1", "Spine2", "Neck", "Head", "Hips"),
+            *short_sides("__Clavicle_*", "Clavicle_*", "UpArm_*", "LoArm_*", "Hand_*", "Middle1_*"),
+            *short_sides("__UpLeg_*", "UpLeg_*", "LoLeg_*", "Foot_*", "Toe_*"),
+        ],
+        {
+            "hip_center": "Hips",
+            "spine": "Spine1",
+            "shoulder_left": "UpArm_l",
+            "hand_left": "Middle1_l",
+            "hip_right": "UpLeg_r",
+            "knee_right": "LoLeg_r",
+            "ankle_left": "Foot_l",
+            "foot_left": "Toe_l",
+        },
+    ),
+}
+
+
+def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple[dict[str, float], list[str]]:
+    """Put node i at x = i (or as told), each the child of the one before, and say where the 20 joints then are."""
+    x = [(places or {}).get(index, float(index)) for index in range(len(names))]
+    tree = [(name, index - 1) for index, name in enumerate(names)]
+    points, notes = kinect_points(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
+    return dict(zip(JOINTS, points[0, :, 0].tolist(), strict=True)), notes
+
+
+@pytest.mark.parametrize("program", SKELETONS)
+def test_skeletons_of_known_programs(program: str) -> None:
+    names, expected = SKELETONS[program]
+    found, _ = points_of(names)
+    assert {joint: names[int(found[joint])] for joint in expected} == expected
+    assert found["head"] == next(i for i, name in enumerate(names) if name.lower().endswith("head")) + 0.5
+
+
+def test_missing_middle_joints_are_midpoints_and_hands_are_ends() -> None:
+    names = [*sides("*Arm", "*ForeArm", "*Hand", "", "*UpLeg", "*Leg", "*Foot", ""), "Head", ""]
+    found, notes = points_of(names)
+    assert found["hip_center"] == (found["hip_left"] + found["hip_right"]) / 2 == (4 + 12) / 2
+    assert found["shoulder_center"] == (0 + 8) / 2
+    assert found["spine"] == (8 + 4) / 2
+    assert (found["hand_left"], found["foot_left"]) == (3, 7)
+    assert [note for note in notes if "spine" in note] == [
+        "No joint for spine: half way between hip_center and shoulder_center."
+    ]
+
+
+def test_hands_without_an_end_are_lost() -> None:
+    names = ["Hips", "Spine", "Neck", "Head", *sides("*UpLeg", "*Leg", "*Foot", "*Toe", "*Arm", "*ForeArm", "*Hand")]
+    found, notes = points_of(names)
+    assert np.isnan(found["hand_right"])
+    assert "No joint for hand_right: lost." in notes
+
+
+def test_a_finger_joint_at_the_wrist_is_passed_over() -> None:
+    names, _ = SKELETONS["Biovision"]
+    names = [*names, "lhand", "LFingers", "rhand", "RFingers"]
+    wrist = names.index("LeftWrist")
+    assert points_of(names)[0]["hand_left"] == names.index("LFingers")
+    names.remove("LFingers")
+    assert points_of(names)[0]["hand_left"] == names.index("lhand")
+    found, _ = points_of(names, {names.index("lhand"): float(wrist)})
+    assert found["hand_left"] == wrist + 1  # where the wrist's bone ends
+
+
+def test_names_of_no_human_are_refused() -> None:
+    with pytest.raises(SkeletonLogError) as caught:
+        points_of(["Root", "Trunk", "Tail"])
+    assert "no joint named as head, shoulder_left" in str(caught.value)
+    assert "Root, Trunk, Tail" in str(caught.value)
+    assert "Rename the joints" in str(caught.value)

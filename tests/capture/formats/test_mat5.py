@@ -1,0 +1,113 @@
+import struct
+import zlib
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import loadmat, savemat
+
+from capture.formats._mat5 import MAX_BYTES, Mat5Error, variables
+
+HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H2s", 0x100, b"IM")
+
+
+def element(kind: int, content: bytes, order: str = "<") -> bytes:
+    return struct.pack(f"{order}II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
+
+
+def matrix(name: bytes, shape: tuple[int, ...], numbers: bytes, kind: int = 9, order: str = "<") -> bytes:
+    parts = (
+        element(6, struct.pack(f"{order}II", 6, 0), order),
+        element(5, struct.pack(f"{order}{len(shape)}i", *shape), order),
+        element(1, name, order),
+        element(kind, numbers, order),
+    )
+    return element(14, b"".join(parts), order)
+
+
+def packed(content: bytes) -> bytes:
+    deflated = zlib.compress(content)
+    return struct.pack("<II", 15, len(deflated)) + deflated
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+@pytest.mark.parametrize("dtype", ["f8", "f4", "u1", "i2", "i4"])
+def test_reads_what_scipy_writes(tmp_path: Path, compressed: bool, dtype: str) -> None:
+    arrays = {"a": np.arange(24).reshape(2, 3, 4).astype(dtype), "second_name": np.eye(3, dtype=dtype)}
+    path = tmp_path / "take.mat"
+    savemat(path, arrays, do_compression=compressed)
+    found = variables(path.read_bytes())
+    assert list(found) == list(arrays)
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(found[name].numbers(), array)
+
+
+def test_reads_big_endian_files() -> None:
+    data = (
+        HEADER[:124] + struct.pack(">H", 0x100) + b"MI" + matrix(b"a", (1, 2), struct.pack(">2d", 1.5, -2), order=">")
+    )
+    np.testing.assert_array_equal(variables(data)["a"].numbers(), [[1.5, -2]])
+
+
+def test_what_is_not_real_numbers_is_told_from_it(tmp_path: Path) -> None:
+    path = tmp_path / "take.mat"
+    savemat(path, {"text": "abc", "complex": np.array([1j]), "structure": {"a": 1}, "real": 1.0})
+    found = variables(path.read_bytes())
+    assert {name: variable.is_real for name, variable in found.items()} == {
+        "text": False,
+        "complex": False,
+        "structure": False,
+        "real": True,
+    }
+
+
+def test_reads_real_files_as_scipy_does(real_logs: Path) -> None:
+    for path in sorted((real_logs / "utd_mhad_mat").rglob("*.mat"))[::6]:
+        (name,) = found = variables(path.read_bytes())
+        np.testing.assert_array_equal(found[name].numbers(), loadmat(path)[name])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"\0" * 7, "the data end within an element"),
+        (element(9, b"12345678"), "type 9 stands in the place of an array"),
+        (struct.pack("<II", 14, 2**32 - 1), "an element of 4294967295 bytes is cut short"),
+        (struct.pack("<HHI", 1, 5, 0), "an element of 5 bytes is cut short"),
+        (packed(element(9, b"12345678")), "packed data are no array"),
+        (struct.pack("<II", 15, 8) + b"12345678", "packed data are damaged"),
+        (
+            element(14, element(6, b"1234") + element(5, b"12345678") + element(1, b"a")),
+            "the head of an array is damaged",
+        ),
+        (matrix(b"a", (), b""), "the dimensions ()"),
+        (matrix(b"a", (2, -1), b""), "the dimensions (2, -1)"),
+        (matrix(b"a", (2, 2), b"\0" * 24), "2 × 2 are not all there"),
+        (matrix(b"a", (2, 2), b"\0" * 32, kind=10), "2 × 2 are not all there"),
+        (matrix(b"a", (2**31 - 1,) * 3, b"\0" * 32), "are not all there"),
+        (packed(matrix(b"a", (2, 2), b"\0" * 24)), "2 × 2 are not all there"),
+        (packed(matrix(b"a", (1, MAX_BYTES // 8), b"\0" * MAX_BYTES)), "bytes is cut short"),
+    ],
+)
+def test_what_does_not_fit_is_an_error(content: bytes, message: str) -> None:
+    with pytest.raises(Mat5Error) as caught:
+        [variable.numbers() for variable in variables(HEADER + content).values()]
+    assert message in str(caught.value)
+
+
+def test_a_file_without_header_is_an_error() -> None:
+    with pytest.raises(Mat5Error, match="header"):
+        variables(b"")
+
+
+def test_damaged_bytes_never_raise_anything_else() -> None:
+    whole = HEADER + matrix(b"d_skel", (2, 3), np.arange(6.0).tobytes())
+    generator = np.random.default_rng(5)
+    for _ in range(3000):
+        damaged = bytearray(whole)
+        for place in generator.integers(124, len(whole), size=2):
+            damaged[place] = generator.integers(256)
+        with suppress(Mat5Error):
+            for variable in variables(bytes(damaged)).values():
+                assert variable.numbers().shape == variable.shape

@@ -1,0 +1,127 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.formats import ntu
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
+
+KINECT2_INDEX_OF = {"hip_center": 0, "spine": 1, "head": 3, "hand_left": 7, "hand_right": 11, "foot_right": 19}
+NECK, SPINE_SHOULDER = 2, 20
+
+
+def joint_row(joint: int, body: int, frame: int, state: int = 2) -> str:
+    """x tells the joint, y the body, z the frame."""
+    return f"{joint / 100} {body / 10} {frame + 1} 260.5 210.5 980.0 540.0 0.1 0.2 0.3 0.4 {state}"
+
+
+def body_lines(user: int, frame: int, body: int = 1, states: dict[int, int] | None = None) -> list[str]:
+    rows = [joint_row(joint, body, frame, (states or {}).get(joint, 2)) for joint in range(25)]
+    return [f"{user} 0 1 1 1 1 0 0.02 -0.11 2", "25", *rows]
+
+
+def take(*frames: list[list[str]]) -> list[str]:
+    lines = [str(len(frames))]
+    for bodies in frames:
+        lines += [str(len(bodies)), *(line for body in bodies for line in body)]
+    return lines
+
+
+def write(folder: Path, lines: list[str]) -> Path:
+    path = folder / "take.skeleton"
+    path.write_text("\r\n".join(lines) + "\r\n")
+    return path
+
+
+def test_joints_are_matched_by_name(tmp_path: Path) -> None:
+    (clip,) = ntu.read(write(tmp_path, take([body_lines(7, 0)])), ReadOptions())
+    for name, index in KINECT2_INDEX_OF.items():
+        assert clip.positions[0, JOINT_INDEX[name]].tolist() == [index / 100, 0.1, 1.0]
+    assert clip.positions[0, JOINT_INDEX["shoulder_center"], 0] == SPINE_SHOULDER / 100
+    assert NECK / 100 not in clip.positions[0, :, 0]
+
+
+def test_each_body_id_is_a_clip_with_the_times_at_which_it_is_seen(tmp_path: Path) -> None:
+    first, second = 72057594037931101, 72057594037931102  # differ by less than a float64 can tell
+    lines = take(
+        [],
+        [body_lines(first, 1, 1)],
+        [body_lines(second, 2, 2), body_lines(first, 2, 1)],
+        [],
+        [body_lines(second, 4, 2)],
+    )
+    one, two = ntu.read(write(tmp_path, lines), ReadOptions())
+    assert (one.user, two.user) == (first, second)
+    np.testing.assert_array_equal(one.times, np.array([1, 2]) / 30)
+    np.testing.assert_array_equal(two.times, np.array([2, 4]) / 30)
+    assert (one.positions[..., 1] == 0.1).all()
+    assert (two.positions[..., 1] == 0.2).all()
+    np.testing.assert_array_equal(two.positions[:, 0, 2], [3, 5])
+
+
+def test_states_become_confidence(tmp_path: Path) -> None:
+    (clip,) = ntu.read(write(tmp_path, take([body_lines(7, 0, states={7: 0, 11: 1})])), ReadOptions())
+    expected = np.ones(20, np.float32)
+    expected[JOINT_INDEX["hand_left"]] = 0
+    expected[JOINT_INDEX["hand_right"]] = 0.5
+    np.testing.assert_array_equal(clip.confidence[0], expected)
+
+
+def test_frame_rate_can_be_given(tmp_path: Path) -> None:
+    path = write(tmp_path, take([body_lines(7, 0)], [body_lines(7, 1)]))
+    assert ntu.read(path, ReadOptions(fps=10))[0].times.tolist() == [0, 0.1]
+    assert "30 frames a second" in " ".join(ntu.read(path, ReadOptions())[0].notes)
+
+
+def broken(line: int, text: str | None) -> list[str]:
+    """A take of an empty frame and one with a body, with one line (from 1) replaced or the file cut before it."""
+    lines = take([], [body_lines(7, 1)])
+    return lines[: line - 1] if text is None else [*lines[: line - 1], text, *lines[line:]]
+
+
+@pytest.mark.parametrize(
+    ("lines", "place", "message"),
+    [
+        (broken(1, "3"), "line 30", "the number of bodies in frame 2"),
+        (broken(1, "999999999"), "line 30", "end of the file"),
+        (broken(1, "1"), "line 3", "after the frames that line 1 counts"),
+        (broken(1, "two"), "line 1", "'two'"),
+        (broken(1, "-1"), "line 1", "'-1'"),
+        (broken(3, "2"), "line 30", "a body"),
+        (broken(3, "999999999"), "line 30", "a body"),
+        (broken(3, "0"), "line 4", "more lines"),
+        (broken(4, "7 0 1 1 1 1 0 0.02 -0.11"), "line 4", "10 columns (body id"),
+        (broken(4, "7.5 0 1 1 1 1 0 0.02 -0.11 2"), "line 4", "body id '7.5'"),
+        (broken(4, "9" * 400 + " 0 1 1 1 1 0 0.02 -0.11 2"), "line 4", "a finite number"),
+        (broken(5, "20"), "line 5", "expected 25"),
+        (broken(8, joint_row(2, 1, 1, 3)), "line 8", "joint state 3"),
+        (broken(8, joint_row(2, 1, 1).replace("0.02", "nan", 1)), "line 8", "'nan' in column 1"),
+        (broken(8, joint_row(2, 1, 1).replace("0.02", "inf", 1)), "line 8", "'inf' in column 1"),
+        (broken(8, joint_row(2, 1, 1).replace("0.02", "x", 1)), "line 8", "'x' in column 1"),
+        (broken(8, "1 2 3"), "line 8", "3 columns; expected 12 columns"),
+        (broken(20, None), "line 19", "joint 14 of 25"),
+        (broken(2, None), "line 1", "the number of bodies in frame 0"),
+        (take([], []), "take.skeleton", "no frame with a tracked performer"),
+        (take([body_lines(7, 0, states=dict.fromkeys(range(25), 0))]), "take.skeleton", "no frame with a tracked"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_its_place(
+    tmp_path: Path, lines: list[str], place: str, message: str
+) -> None:
+    with pytest.raises(SkeletonLogError) as caught:
+        ntu.read(write(tmp_path, lines), ReadOptions())
+    assert caught.value.where.endswith(place)
+    assert message in str(caught.value)
+
+
+def test_recognises_its_own_and_nothing_else(real_data: Path) -> None:
+    assert ntu.matches("\r\n".join(take([], [], [body_lines(7, 2)])).encode())
+    assert not ntu.matches(b"")
+    assert not ntu.matches(b"3\n1\n")
+    assert not any(
+        ntu.matches(path.open("rb").read(65536))
+        for folder in ("logs", "bvh")
+        for path in (real_data / folder).rglob("*.*")
+    )

@@ -1,0 +1,117 @@
+import json
+
+import numpy as np
+import pytest
+
+from capture.formats.options import ReadOptions
+from capture.formats.puppetline_log import matches, read
+from capture.recording import HEADER
+from capture.skeleton import JOINTS
+from puppetline.errors import SkeletonLogError
+
+
+def line(time=0.0, user=1, **other):
+    values = {"t": time, "user": user, "p": [[0.5, 1.0, 2.0]] * 20, "c": [1.0] * 20}
+    return json.dumps(values | other).encode() + b"\n"
+
+
+def log(tmp_path, *lines):
+    path = tmp_path / "take"
+    path.write_bytes(b"".join(lines))
+    return path
+
+
+def error_of(path):
+    with pytest.raises(SkeletonLogError) as caught:
+        read(path, ReadOptions())
+    return caught.value
+
+
+def test_is_told_by_its_first_line_of_any_version():
+    assert matches(HEADER + line())
+    assert matches(HEADER.replace(b": 1,", b": 27,"))
+    assert not matches(b"")
+    assert not matches(line())
+    assert not matches(b'{"frames": [], "puppetline": "skeleton log"}')
+
+
+def test_torn_lines_are_left_out_and_noted(tmp_path):
+    (clip,) = read(log(tmp_path, HEADER, line(0.0), line(1.0)[:40] + b"\n", line(2.0)), ReadOptions())
+    np.testing.assert_array_equal(clip.times, [0.0, 2.0])
+    assert clip.notes == ("Line 3 was cut off in mid-write: left out.",)
+    (clip,) = read(log(tmp_path, HEADER, line(0.0), b"\0\0\0\n", line(2.0), line(3.0)[:-3]), ReadOptions())
+    np.testing.assert_array_equal(clip.times, [0.0, 2.0])
+    assert clip.notes == ("2 lines, the first of them line 3, were cut off in mid-write: left out.",)
+
+
+def test_line_ends_of_another_system_are_fine(tmp_path):
+    (clip,) = read(log(tmp_path, (HEADER + line(0.0) + line(1.0)).replace(b"\n", b"\r\n")), ReadOptions())
+    np.testing.assert_array_equal(clip.times, [0.0, 1.0])
+    assert clip.notes == ()
+
+
+def test_times_that_do_not_increase_for_a_performer_are_left_out_and_noted_there(tmp_path):
+    lines = [line(1.0), line(0.5, user=2), line(1.0), line(0.9), line(0.6, user=2), line(1.1)]
+    one, two = read(log(tmp_path, HEADER, *lines), ReadOptions())
+    np.testing.assert_array_equal(one.times, [1.0, 1.1])
+    np.testing.assert_array_equal(two.times, [0.5, 0.6])
+    assert one.notes == ("2 of 4 frames repeat or precede the time of an earlier one: left out.",)
+    assert two.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("other", "field", "found"),
+    [
+        ({"t": "1"}, "t", "1"),
+        ({"t": True}, "t", "True"),
+        ({"t": 10**400}, "t", "1" + 56 * "0" + "…"),
+        ({"t": float("nan")}, "t", "nan"),
+        ({"user": 1.5}, "user", "1.5"),
+        ({"user": None}, "user", "nothing"),
+        ({"p": {}}, "p", "{}"),
+        ({"p": [None] * 19}, "p", "a list of 19"),
+        ({"c": [1.0] * 21}, "c", "a list of 21"),
+        ({"c": [1.0] * 19 + [1.01]}, "c[19]", "1.01"),
+        ({"c": [-0.5] + [1.0] * 19}, "c[0]", "-0.5"),
+        ({"c": [None] * 20}, "c[0]", "nothing"),
+        ({"c": [1.0, 0.0] + [1.0] * 18}, "p[1]", "[0.5, 1.0, 2.0]"),
+        ({"p": [None] * 20}, "p[0]", "nothing"),
+        ({"p": [[1.0, 2.0]] * 20}, "p[0]", "[1.0, 2.0]"),
+        ({"p": [[1.0, 2.0, "3"]] * 20}, "p[0]", "[1.0, 2.0, '3']"),
+        ({"p": [[1.0, 2.0, float("inf")]] * 20}, "p[0]", "[1.0, 2.0, inf]"),
+    ],
+)
+def test_a_complete_line_that_is_wrong_is_an_error_with_line_and_field(tmp_path, other, field, found):
+    path = log(tmp_path, HEADER, line(0.0), line(**other))
+    error = error_of(path)
+    assert error.where == f"{path}, line 3, {field}"
+    assert error.found == found
+
+
+@pytest.mark.parametrize("text", [b'{"t": }', b'{"\xff": 1}', b"hello}", b"[" * 100_000 + b"}", b"{}{}"])
+def test_a_complete_line_that_is_not_json_is_an_error_with_its_line(tmp_path, text):
+    path = log(tmp_path, HEADER, text + b"\n", line(0.0))
+    error = error_of(path)
+    assert error.where == f"{path}, line 2"
+    assert error.found.startswith("a line that is not JSON")
+
+
+def test_a_newer_version_is_refused_by_its_number(tmp_path):
+    path = log(tmp_path, HEADER.replace(b": 1,", b": 2,"), line())
+    error = error_of(path)
+    assert (error.where, error.found, error.expected) == (f"{path}, line 1, version", "2", "1")
+
+
+def test_other_joints_are_refused(tmp_path):
+    joints = json.dumps({"puppetline": "skeleton log", "version": 1, "joints": JOINTS[::-1]}).encode() + b"\n"
+    assert error_of(log(tmp_path, joints, line())).where.endswith("line 1, joints")
+
+
+@pytest.mark.parametrize("content", [HEADER, HEADER[:50], HEADER + line(c=[0.0] * 20, p=[None] * 20)])
+def test_a_recording_without_a_performer_is_refused(tmp_path, content):
+    assert error_of(log(tmp_path, content)).found == "no frame with a tracked performer"
+
+
+def test_a_file_that_is_not_there_is_an_error_with_its_path(tmp_path):
+    error = error_of(tmp_path / "none")
+    assert (error.where, error.found) == (str(tmp_path / "none"), "“No such file or directory”")

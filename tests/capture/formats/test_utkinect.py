@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from capture.formats import utkinect
+from capture.formats.options import ReadOptions
+from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
+
+
+def _line(number, joints=None):
+    joints = np.arange(1, 61).reshape(20, 3) / 16 if joints is None else joints
+    return f"{number}   " + "  ".join(f"{value:.6f}" for value in np.ravel(joints))
+
+
+def _write(tmp_path, *lines, end="\n"):
+    log = tmp_path / "joints.txt"
+    log.write_text("\n".join(lines) + end)
+    return log
+
+
+def test_joints_come_in_file_order_and_frame_numbers_are_thirtieths_of_a_second(tmp_path):
+    log = _write(tmp_path, _line(60), _line(62), _line(120))
+    assert utkinect.matches(log.read_bytes())
+    [clip] = utkinect.read(log, ReadOptions())
+    assert (clip.format, clip.user) == ("utkinect", 0)
+    assert clip.times.tolist() == [2.0, 62 / 30, 4.0]
+    assert np.array_equal(clip.positions, np.tile(np.arange(1, 61).reshape(20, 3) / 16, (3, 1, 1)))
+    assert np.array_equal(clip.confidence, np.ones((3, 20)))
+    assert clip.notes == ("The log has no clock: 30 frames a second assumed.",)
+
+
+def test_another_rate_is_taken_from_the_options(tmp_path):
+    [clip] = utkinect.read(_write(tmp_path, _line(50), _line(75)), ReadOptions(fps=25.0))
+    assert clip.times.tolist() == [2.0, 3.0]
+    assert clip.notes == ()
+
+
+def test_repeated_frames_are_left_out_and_a_joint_at_zero_is_lost(tmp_path):
+    lost = np.ones((20, 3))
+    lost[2] = 0.0
+    log = _write(tmp_path, _line(1, np.full((20, 3), 1.0)), _line(1, np.full((20, 3), 2.0)), _line(2, lost))
+    [clip] = utkinect.read(log, ReadOptions())
+    assert clip.positions[0, 0].tolist() == [1.0, 1.0, 1.0]
+    assert clip.confidence[1].tolist() == [1.0, 1.0, 0.0] + [1.0] * 17
+    assert clip.notes[-1] == "1 of 3 frames repeat or precede the time of an earlier one: left out."
+
+
+def test_a_line_of_another_length_is_refused(tmp_path):
+    with pytest.raises(SkeletonLogError, match=r"line 2: found 60 columns; expected 61 columns \(frame number"):
+        utkinect.read(_write(tmp_path, _line(1), _line(2).rsplit(maxsplit=1)[0]), ReadOptions())
+
+
+def test_a_field_that_is_not_finite_is_refused(tmp_path):
+    with pytest.raises(SkeletonLogError, match="line 2: found 'NaN' in column 1; expected a finite number"):
+        utkinect.read(_write(tmp_path, _line(1), _line("NaN")), ReadOptions())
+
+
+def test_a_log_cut_in_mid_line_says_how_to_mend_it(tmp_path):
+    log = _write(tmp_path, _line(1), _line(2)[:100], end="")
+    with pytest.raises(SkeletonLogError, match=r"line 2: found the end of the file after \d+ columns.*61.*delete this"):
+        utkinect.read(log, ReadOptions())
+
+
+def test_a_log_without_a_tracked_frame_is_refused(tmp_path):
+    with pytest.raises(SkeletonLogError, match="no tracked performer in any of 1 frames"):
+        utkinect.read(_write(tmp_path, _line(1, np.zeros((20, 3)))), ReadOptions())
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3\n", "word " * 61, ",".join("1" * 61), _line(1) + " 1.0\n"])
+def test_other_texts_do_not_match(text):
+    assert not utkinect.matches(text.encode())
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "repeats"),
+    [
+        ("joints_s01_e01.txt", 545, 15),
+        ("joints_s02_e01.txt", 587, 10),
+        ("joints_s03_e01.txt", 742, 21),
+        ("joints_s04_e02.txt", 1271, 89),
+        ("joints_s09_e01.txt", 1244, 145),
+    ],
+)
+def test_real_logs_have_their_frames_without_the_repeats(real_logs, name, frames, repeats):
+    [clip] = utkinect.read(real_logs / "utkinect" / name, ReadOptions())
+    assert clip.tracked_frames == len(clip.times) == frames
+    assert clip.notes[1].startswith(f"{repeats} of {frames + repeats} frames repeat")
+
+
+def test_a_real_log_has_the_numbers_that_stand_in_it(real_logs):
+    [clip] = utkinect.read(real_logs / "utkinect" / "joints_s09_e01.txt", ReadOptions())
+    # Lines 1 to 7 have frames 32 34 34 38 40 42 44.
+    assert clip.times[:6] * 30 == pytest.approx([32, 34, 38, 40, 42, 44])
+    assert clip.positions[5, JOINT_INDEX["head"]].tolist() == [0.338894, 0.781109, 2.680387]
+    assert np.diff(clip.times).max() == pytest.approx(298 / 30)
+
+
+def test_a_real_recording_loses_the_joints_that_are_zero(real_logs):
+    [clip] = utkinect.read(real_logs / "kinect_own_recording" / "joints_s01_e01.txt", ReadOptions())
+    assert len(clip.times) == 3000
+    lines = np.flatnonzero((clip.confidence == 0).any(axis=1))
+    assert {line + 1: np.flatnonzero(clip.confidence[line] == 0).tolist() for line in lines} == {
+        2186: [2, 8],
+        2187: [2, 3, 8],
+        2188: [2, 3, 8],
+        2669: [2],
+        2670: [2],
+        2671: [2],
+        2672: [2],
+        2673: [2],
+        2674: [2],
+        2676: [2],
+        2678: [2],
+    }
+    assert np.diff(clip.times).max() == pytest.approx(59 / 30)

@@ -51,6 +51,24 @@ def main() -> None:
 
 
 @main.command()
+@click.argument("characters", nargs=-1, metavar="[CHARACTER]...")
+@click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for everything that is made.")
+def demo(characters: tuple[str, ...], output: Path) -> None:
+    """Animate example characters: dinosaur and pegasus, or those named, or "all" five."""
+    from engine_bridge.demo import CASTING, play
+
+    chosen = CASTING if "all" in characters else characters or ("dinosaur", "pegasus")
+    for name in chosen:
+        if name not in CASTING:
+            raise click.UsageError(f"{name!r} is none of the characters {', '.join(CASTING)}, or all.")
+    for name in chosen:
+        with _progress() as report:
+            summary, picture = play(name, output, report)
+        click.echo(_describe(summary))
+        click.echo(f"  contact sheet  {picture}")
+
+
+@main.command()
 @click.argument("log", type=FILE)
 @click.option("--puppet", required=True, type=FILE, help="Puppet file: the character, its handles, what moves them.")
 @click.option("-o", "--output", required=True, type=FILE, help="The .glb to write.")

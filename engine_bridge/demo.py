@@ -1,0 +1,71 @@
+"""The embedded default, end to end: characters and performances made by code become animated .glb files."""
+
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+
+from capture.clip import SkeletonClip
+from capture.recording import record
+from engine_bridge import sheet
+from engine_bridge.convert import Settings, Summary, convert
+from engine_bridge.files import check_writable
+from engine_bridge.gltf.character import make_character
+from puppetline.examples.characters import CHARACTERS
+from puppetline.examples.performances import PERFORMANCES
+
+CASTING: dict[str, str] = {
+    "dinosaur": "lean",
+    "pegasus": "bow",
+    "biped": "kung_fu",
+    "dog": "bark",
+    "human": "walk",
+}
+"""Which performance each character plays: the poses of the paper's user study, and a walk."""
+
+
+def play(
+    name: str, folder: Path, progress: Callable[[str, float], None] = lambda _stage, _share: None
+) -> tuple[Summary, Path]:
+    """Make one character, its puppet and its performance, and convert them.
+
+    Everything is written to the folder, so that it can be edited and converted again.
+
+    Parameters
+    ----------
+    name : str
+        A key of `CASTING`.
+    folder : Path
+        Made where it does not exist.
+    progress : callable, optional
+
+    Returns
+    -------
+    summary : Summary
+        Of the animation.
+    picture : Path
+        Its contact sheet.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    title = f"{name}_{CASTING[name]}"
+    output, picture = folder / f"{title}.glb", folder / f"{title}.png"
+    check_writable(output)
+    progress("Making the character", 0.0)
+    made = CHARACTERS[name]()
+    make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
+    progress("Making the character", 1.0)
+    puppet = folder / f"{name}.toml"
+    puppet.write_text((files("puppetline.examples") / "puppets" / puppet.name).read_text(encoding="utf-8"), encoding="utf-8")
+    log = folder / f"{CASTING[name]}.log"
+    _replace(log, PERFORMANCES[CASTING[name]]())
+    clip, summary = convert(log, puppet, output, Settings(), progress)
+    sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
+    return summary, picture
+
+
+def _replace(log: Path, clip: SkeletonClip) -> None:
+    log.unlink(missing_ok=True)  # a recording is only ever added to
+    record(clip, log)

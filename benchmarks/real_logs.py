@@ -1,6 +1,6 @@
 """Convert every log of a folder with several puppets and print one row for each.
 
-    python -m benchmarks.real_logs LOGS PUPPET.toml [PUPPET.toml …]
+python -m benchmarks.real_logs LOGS PUPPET.toml [PUPPET.toml …]
 """
 
 import sys

@@ -20,8 +20,11 @@ TYPICAL_BONES: dict[str, float] = {
 }
 """Metres from each joint to its parent: mean over the 15,860 frames of UTKinect-Action3D."""
 
-LIMB_ROOTS = ("shoulder_left", "shoulder_right", "hip_left", "hip_right", "hip_center")
-"""Joints at which a limb begins: what hangs on them swings about them."""
+LIMB_ROOTS = ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
+"""Joints at which arms and legs begin: what hangs on them swings about them."""
+
+TRUNK = ("spine", "shoulder_center", "head")
+"""From the hips up."""
 
 HEAD_TOP = 0.11
 """Metres from the head joint to the top of the head."""
@@ -61,8 +64,8 @@ def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
 def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return how far each joint can be from where its limb begins: the bones between them, laid straight.
 
-    The joints at which limbs begin move with the trunk and reach as far as their own bone; the hips, which crouch, as
-    far as the legs.
+    Arms begin at the shoulders and legs at the hips. The joints of the trunk, where limbs begin, are carried by
+    leaning and crouching and reach as far as the trunk is long, hips to head.
 
     Parameters
     ----------
@@ -75,14 +78,12 @@ def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
         Metres.
     """
     bones = bone_lengths(pose)
-    lengths = np.zeros(len(JOINTS))
-    for index, joint in enumerate(JOINTS):
-        at, length = joint, 0.0
-        while at in PARENTS and (at not in LIMB_ROOTS or at == joint):
-            length += bones[at]
-            at = PARENTS[at]
-        lengths[index] = length
-    lengths[JOINT_INDEX["hip_center"]] = lengths[JOINT_INDEX["foot_left"]]
+    trunk = sum(bones[joint] for joint in TRUNK)
+    lengths = np.full(len(JOINTS), trunk)
+    for joint, parent in PARENTS.items():  # parents stand before their children
+        if joint not in (*TRUNK, *LIMB_ROOTS):
+            before = 0.0 if parent in LIMB_ROOTS else lengths[JOINT_INDEX[parent]]
+            lengths[JOINT_INDEX[joint]] = before + bones[joint]
     return lengths
 
 

@@ -1,11 +1,12 @@
 """One performer's recorded frames, as every log reader returns them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.skeleton import JOINTS, LOST
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,3 +50,8 @@ class SkeletonClip:
     def tracked_frames(self) -> int:
         """Frames in which at least one joint is known."""
         return int(np.count_nonzero((self.confidence > LOST).any(axis=1)))
+
+    def frames(self) -> Iterator[SkeletonFrame]:
+        """Go through the frames one by one, as a live source would give them."""
+        for time, positions, confidence in zip(self.times, self.positions, self.confidence, strict=True):
+            yield SkeletonFrame(float(time), self.user, positions, confidence)

@@ -1,17 +1,18 @@
 """The embedded default, end to end: characters and performances made by code become animated .glb files."""
 
+import shutil
 from collections.abc import Callable
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 
-from capture.clip import SkeletonClip
-from capture.recording import record
+from puppetline.examples.characters import CHARACTERS
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.recording import Recorder
 from engine_bridge import sheet
 from engine_bridge.convert import Settings, Summary, convert
 from engine_bridge.files import check_writable
 from engine_bridge.gltf.character import make_character
-from puppetline.examples.characters import CHARACTERS
-from puppetline.examples.performances import PERFORMANCES
 
 CASTING: dict[str, str] = {
     "dinosaur": "lean",
@@ -58,14 +59,14 @@ def play(
     make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
     progress("Making the character", 1.0)
     puppet = folder / f"{name}.toml"
-    puppet.write_text((files("puppetline.examples") / "puppets" / puppet.name).read_text(encoding="utf-8"), encoding="utf-8")
+    with as_file(files("puppetline.examples") / "puppets" / puppet.name) as example:
+        shutil.copyfile(example, puppet)
     log = folder / f"{CASTING[name]}.log"
-    _replace(log, PERFORMANCES[CASTING[name]]())
+    log.unlink(missing_ok=True)  # a recording is only ever added to
+    with Recorder(log) as recorder:
+        for frame in PERFORMANCES[CASTING[name]]().frames():
+            recorder.write(frame)
     clip, summary = convert(log, puppet, output, Settings(), progress)
     sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
     return summary, picture
 
-
-def _replace(log: Path, clip: SkeletonClip) -> None:
-    log.unlink(missing_ok=True)  # a recording is only ever added to
-    record(clip, log)

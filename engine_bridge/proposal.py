@@ -19,13 +19,16 @@ from solver.mesh import SolverMesh
 FEET_BELOW = 0.25
 """Tips in the lowest quarter of the height stand on the ground."""
 
+TAIL_GAIN = -0.7
+"""A tail swings against the head, and less."""
+
 MIDDLE = 0.25
-"""Tips this close to the middle plane, as a share of the half width, belong to neither side."""
+"""Tips this close to the middle plane, as a share of half the larger of width and length, belong to neither side."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Tip:
-    """A limb's end; left, up and front run from −1 to 1 over the character, position is the mesh file's."""
+    """A limb's end; left, up and front lie between −1 and 1 over the character, position is the mesh file's."""
 
     position: NDArray[np.float64]
     left: float
@@ -38,7 +41,7 @@ def propose(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
 
     The front-most of the high tips in the middle is the head; tips on the ground are feet, or front and hind feet
     where there are more than two; the outermost of the others are arms or wings; what is left in the middle and at the
-    back is a tail, which follows the spine.
+    back is a tail, a counterweight to the head.
 
     Parameters
     ----------
@@ -136,9 +139,13 @@ def _numbers(name: str, text: str) -> list[float]:
 
 
 def _place(mesh: SolverMesh, vertex: int, basis: NDArray[np.float64]) -> _Tip:
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    # one scale for both horizontal directions, so that a curled tail of a slender animal is still in the middle
+    placed = mesh.vertices @ basis.T
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    wide = float(max(high[0] - low[0], high[2] - low[2]))
+    extent = np.array([wide, max(float(high[1] - low[1]), 1e-12 * mesh.diagonal), wide])
+    left, up, front = (2 * placed[vertex] - low - high) / extent
     position = mesh.vertices[vertex]
-    left, up, front = basis @ ((2 * position - low - high) / np.maximum(high - low, 1e-12 * mesh.diagonal))
     return _Tip(position, float(left), float(up), float(front))
 
 
@@ -159,7 +166,7 @@ def _assign(tips: list[_Tip]) -> list[tuple[str, str, _Tip]]:
     found += _pair(hind, "hind foot" if fore else "foot", "foot")
     found += _pair(fore, "forefoot", "hand")
     found += _pair(high, "wing" if fore else "arm", "elbow" if fore else "hand")
-    return found + [("tail", "spine", tip) for tip in tails[:1]]
+    return found + [("tail", "head", tip) for tip in tails[:1]]
 
 
 def _pair(tips: list[_Tip], name: str, joint: str) -> list[tuple[str, str, _Tip]]:
@@ -172,4 +179,4 @@ def _pair(tips: list[_Tip], name: str, joint: str) -> list[tuple[str, str, _Tip]
 
 def _handle(name: str, joint: str, position: NDArray[np.float64]) -> HandleTable:
     x, y, z = (float(f"{value:.6g}") for value in position)
-    return HandleTable(name=name, position=(x, y, z), joint=joint)
+    return HandleTable(name=name, position=(x, y, z), joint=joint, gain=TAIL_GAIN if name == "tail" else 1.0)

@@ -1,0 +1,17 @@
+"""The five characters that Puppetline shows, sized in vertices like those of the paper's Table 1."""
+
+from collections.abc import Callable
+
+from . import biped, dinosaur, dog, human, pegasus
+from .character import Character
+
+__all__ = ["CHARACTERS", "Character"]
+
+CHARACTERS: dict[str, Callable[[], Character]] = {
+    "dinosaur": dinosaur.build,
+    "biped": biped.build,
+    "pegasus": pegasus.build,
+    "dog": dog.build,
+    "human": human.build,
+}
+"""Name to the function that makes it; the same bytes each time."""

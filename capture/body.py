@@ -26,6 +26,19 @@ LIMB_ROOTS = ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
 TRUNK = ("spine", "shoulder_center", "head")
 """From the hips up."""
 
+LIMBS: dict[str, tuple[str, ...]] = {
+    "trunk": ("hip_center", *TRUNK),
+    **{
+        f"{side} arm": tuple(f"{bone}_{side}" for bone in ("shoulder", "elbow", "wrist", "hand"))
+        for side in ("left", "right")
+    },
+    **{
+        f"{side} leg": tuple(f"{bone}_{side}" for bone in ("hip", "knee", "ankle", "foot"))
+        for side in ("left", "right")
+    },
+}
+"""Joints that move together; each joint belongs to one limb."""
+
 HEAD_TOP = 0.11
 """Metres from the head joint to the top of the head."""
 

@@ -69,4 +69,3 @@ def play(
     clip, summary = convert(log, puppet, output, Settings(), progress)
     sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
     return summary, picture
-

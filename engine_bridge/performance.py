@@ -17,7 +17,7 @@ from engine_bridge.puppet import HandleTable, Puppet, axis_mask
 from puppetline.errors import PuppetError, at
 from solver.deformer import Deformer
 from solver.mesh import SolverMesh, snap
-from solver.reach import handle_reach
+from solver.reach import limb_reach
 from solver.reduced_model import ReducedModel
 from solver.retarget import Fit, Retargeter
 
@@ -128,8 +128,8 @@ def _numbers(point: NDArray[np.float64]) -> str:
 def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> Fit:
     """Set the performer's size against the character's (the paper's Eq. 5, for want of a window).
 
-    With ``scale = "auto"`` a joint that goes as far as its limb is long takes its handle to the end of its own reach,
-    found by trying the deformation; a number is used as it stands, without limits.
+    With ``scale = "auto"`` a limb of the performer that is stretched out fully takes its handles to the end of their
+    reach, found by trying the deformation; a number is used as it stands, without limits.
 
     Parameters
     ----------
@@ -140,16 +140,43 @@ def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArr
         The performer, sensor frame.
     """
     mapping = puppet.mapping
-    moving = mapping.matrix.sum(axis=1) > 0
     if puppet.retarget.scale != "auto":
-        scale = np.full(len(moving), float(puppet.retarget.scale))
-        return Fit(scale, np.full((len(moving), 3, 2), np.inf))
-    reach = handle_reach(model, mesh, puppet.handle_positions, moving)
+        count = len(puppet.handle)
+        return Fit(np.full(count, float(puppet.retarget.scale)), np.full((count, 3, 2), np.inf))
+    arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
+    limbs, of_handle = _limbs(puppet, arm)
+    reach = limb_reach(model, mesh, puppet.handle_positions, limbs)[of_handle]
     # the directions of the mesh in which the handle's joints may move it at all
     used = mapping.axes @ np.abs(puppet.character.basis)
     typical = np.einsum("has,ha->h", reach, used) / np.maximum(2 * used.sum(axis=1), 1)
-    arm = np.where(moving, mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest), 1.0)
-    return Fit(typical / arm, reach)
+    share = np.abs(limbs[of_handle, np.arange(len(arm))])
+    longest = np.where(share > 0, arm / np.maximum(share, 1e-9), 1.0)
+    return Fit(typical / longest, np.maximum(share, 1e-9)[:, None, None] * reach)
+
+
+def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sort handles by the limb of the performer that moves them.
+
+    A handle moved by several limbs, or by none, is one by itself. Where the trunk goes, the arms go too.
+
+    Returns
+    -------
+    limbs : (l, h) float64
+        Each handle's share of a limb's motion, as `limb_reach` wants it.
+    of_handle : (h,) int64
+        The limb of each handle.
+    """
+    names = []
+    for number, handle in enumerate(puppet.handle):
+        moved_by = {limb for limb, joints in body.LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
+        names.append(moved_by.pop() if len(moved_by) == 1 else f"handle {number}")
+    distinct = list(dict.fromkeys(names))
+    of_handle = np.array([distinct.index(name) for name in names])
+    limbs = (of_handle == np.arange(len(distinct))[:, None]) * arm
+    limbs /= np.maximum(limbs.max(axis=1, keepdims=True), 1e-9)
+    if "trunk" in distinct:
+        limbs[distinct.index("trunk")] += [name.endswith("arm") for name in names]
+    return limbs * np.sign(puppet.mapping.gain), of_handle
 
 
 def _root_scale(puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64]) -> float:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from puppetline.errors import MeshError
 
 WELD_TOLERANCE = 1e-6
-"""Render vertices that fall into one cell of this size, as a fraction of the diagonal, are one solver vertex."""
+"""Render vertices no farther apart than this, as a fraction of the diagonal, are one solver vertex."""
 
 
 @dataclass(frozen=True)
@@ -81,16 +81,12 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     positions = np.asarray(positions, dtype=np.float64)
     triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     _check(positions, triangles, name)
-    diagonal = np.linalg.norm(np.ptp(positions, axis=0))
-    cells = np.round((positions - positions.min(axis=0)) / (WELD_TOLERANCE * diagonal)).astype(np.int64)
-    _, first, cell_of = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)  # keep the file's order, so that neighbours in memory stay neighbours
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    vertices, cell_of = positions[first[order]], rank[cell_of.reshape(-1)]
+    used, corners = np.unique(triangles, return_inverse=True)
+    diagonal = np.linalg.norm(np.ptp(positions[used], axis=0))
+    first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
+    vertices = positions[used[first]]
 
-    faces = _proper_faces(vertices, cell_of[triangles])
-    used = np.unique(faces)
+    faces = _proper_faces(vertices, place_of[corners.reshape(-1, 3)])
     if len(faces) < 4:
         raise MeshError(
             name,
@@ -98,13 +94,39 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
             expected="a surface of at least 4 triangles",
             fix="Choose a file that holds a surface, not points, lines or a single polygon.",
         )
+    kept = np.unique(faces)
     compact = np.full(len(vertices), -1)
-    compact[used] = np.arange(len(used))
-    of_render = compact[cell_of]
+    compact[kept] = np.arange(len(kept))
+    of_render = np.full(len(positions), -1)
+    of_render[used] = compact[place_of]
     isolated = of_render < 0
     if isolated.any():
-        of_render[isolated] = cKDTree(vertices[used]).query(positions[isolated])[1]
-    return SolverMesh(vertices=vertices[used], faces=compact[faces], of_render=of_render)
+        of_render[isolated] = cKDTree(vertices[kept]).query(positions[isolated])[1]
+    return SolverMesh(vertices=vertices[kept], faces=compact[faces], of_render=of_render)
+
+
+def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find points that are no farther apart than the tolerance.
+
+    Cells alone would part neighbours on either side of a cell's wall; a search for pairs alone would drown in a file
+    that holds thousands of vertices at one point. So one point a cell goes into the search.
+
+    Returns
+    -------
+    first : (p,) int64
+        The first point of each place, ascending: in the file's order, so that neighbours in memory stay neighbours.
+    place_of : (n,) int64
+        The place of each point.
+    """
+    cells = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
+    _, first, cell_of = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    a, b = cKDTree(points[first]).query_pairs(tolerance, output_type="ndarray").T
+    count = len(first)
+    place_of = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
+    place_of = place_of[cell_of.reshape(-1)]
+    _, first, place_of = np.unique(place_of, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[place_of]
 
 
 def _check(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> None:
@@ -132,7 +154,7 @@ def _check(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: s
             expected=f"indices from 0 to {len(positions) - 1}",
             fix="The file is damaged: export the mesh again.",
         )
-    if not np.ptp(positions, axis=0).any():
+    if not np.ptp(positions[np.unique(triangles)], axis=0).any():
         raise MeshError(
             name,
             found="all vertices at one point",

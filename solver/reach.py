@@ -1,4 +1,4 @@
-"""How far handles may go before the character tears, found by trying it on the reduced model."""
+"""How far limbs may go before the character tears, found by trying it on the reduced model."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from solver.reduced_model import ReducedModel, position_matrix
 PROBES = np.array([0.025, 0.05, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4])
 """Displacements that are tried, fractions of the diagonal."""
 
-STRAIN_LIMIT = 1.35
-"""Mean strain of the worst edges at which a handle has reached its end."""
+STRAIN_LIMIT = 1.3
+"""Mean strain of the worst edges at which a limb has reached its end."""
 
 WORST = 0.01
 """Share of all edges that counts as the worst."""
@@ -22,14 +22,14 @@ SETTLE = 8
 """Rotation updates for each probe; each starts from the one before."""
 
 
-def handle_reach(
-    model: ReducedModel, mesh: SolverMesh, handles: NDArray[np.float64], moving: NDArray[np.bool_]
+def limb_reach(
+    model: ReducedModel, mesh: SolverMesh, handles: NDArray[np.float64], limbs: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Measure each handle's reach along the six axis directions.
+    """Measure how far each limb may go along the six axis directions.
 
-    A handle is drawn away while all others stay, until the worst hundredth of the edges is, on average, stretched by
-    `STRAIN_LIMIT` or squeezed to its inverse. Along its own length a limb has little room and sideways much, so the
-    directions differ.
+    A limb's handles are drawn away together while all others stay, until the worst hundredth of the edges is, on
+    average, stretched by `STRAIN_LIMIT` or squeezed to its inverse. Along its own length a limb has little room and
+    sideways much, so the directions differ.
 
     Parameters
     ----------
@@ -37,35 +37,35 @@ def handle_reach(
     mesh : SolverMesh
     handles : (h, 3) float64
         Rest positions, mesh file's coordinates.
-    moving : (h,) bool
-        Handles that are not to move are not tried.
+    limbs : (l, h) float64
+        How far each handle goes when a limb goes 1; 0 for handles that are not of that limb.
 
     Returns
     -------
-    (h, 3, 2) float64
-        Along −x, +x, −y, +y, −z, +z; mesh units, never less than the smallest probe; the largest for still handles.
+    (l, 3, 2) float64
+        Along −x, +x, −y, +y, −z, +z; mesh units, from the smallest probe to the largest.
     """
     deformer = Deformer(model, mesh, handles, iterations=SETTLE)
     strain = _EdgeStrain(model, mesh)
-    reach = np.full((len(handles), 3, 2), PROBES[-1])
-    for handle in map(int, np.flatnonzero(moving)):
+    reach = np.empty((len(limbs), 3, 2))
+    for limb, along in enumerate(limbs):
         for axis in range(3):
             for side, sign in enumerate((-1.0, 1.0)):
-                reach[handle, axis, side] = _probe(deformer, strain, handle, axis, sign)
+                reach[limb, axis, side] = _probe(deformer, strain, np.outer(along, sign * np.eye(3)[axis]))
     return reach * model.diagonal
 
 
-def _probe(deformer: Deformer, strain: "_EdgeStrain", handle: int, axis: int, sign: float) -> float:
+def _probe(deformer: Deformer, strain: "_EdgeStrain", direction: NDArray[np.float64]) -> float:
+    """Return how far, in model units, the handles can go along a (h, 3) direction."""
     deformer.reset()
     before, worst_before = 0.0, 1.0
     for distance in PROBES:
-        targets = deformer.handles.copy()
-        targets[handle, axis] += sign * distance * deformer.model.diagonal
-        worst = strain.worst(deformer.solve(targets))
+        R = deformer.solve(deformer.handles + distance * deformer.model.diagonal * direction)
+        worst = strain.worst(R)
         if worst > STRAIN_LIMIT:
             share = (STRAIN_LIMIT - worst_before) / (worst - worst_before)
-            return max(before + share * (distance - before), PROBES[0])
-        before, worst_before = distance, worst
+            return float(max(before + share * (distance - before), PROBES[0]))
+        before, worst_before = float(distance), worst
     return before
 
 

@@ -118,7 +118,7 @@ def resting_pose(
         Metres.
     confidence : (T, 20) float32
     first, count : int
-        The frames to look at. A joint that is lost in all of them is taken from the next ones in which it is known.
+        The frames to look at. A joint that is lost in all of them is taken from the nearest ones in which it is known.
 
     Returns
     -------
@@ -128,8 +128,8 @@ def resting_pose(
     pose = np.full((len(JOINTS), 3), np.nan)
     for joint in range(len(JOINTS)):
         known = np.flatnonzero(confidence[:, joint] > LOST)
-        within = known[(known >= first) & (known < first + count)]
-        chosen = within if len(within) else np.roll(known, -int(np.searchsorted(known, first)))[:count]
+        apart = np.maximum(0, np.maximum(first - known, known - (first + count - 1)))
+        chosen = known[apart == 0] if np.any(apart == 0) else known[np.argsort(apart, kind="stable")[:count]]
         if len(chosen):
             pose[joint] = np.median(positions[chosen, joint], axis=0)
     return pose

@@ -16,14 +16,14 @@ def check_writable(path: Path) -> None:
     OutputError
     """
     folder = path.parent
-    if path.is_dir():
-        raise OutputError(path, found="a folder", expected="a file name", fix="Add a file name to the path.")
-    if not folder.is_dir():
-        raise OutputError(
-            path, found=f"no folder {folder}", expected="an existing folder", fix=f"Make it: mkdir -p {folder}"
-        )
-    beside = _beside(path)
     try:
+        if path.is_dir():
+            raise OutputError(path, found="a folder", expected="a file name", fix="Add a file name to the path.")
+        if not folder.is_dir():
+            raise OutputError(
+                path, found=f"no folder {folder}", expected="an existing folder", fix=f"Make it: mkdir -p {folder}"
+            )
+        beside = _beside(path)
         beside.touch()
         beside.unlink()
     except OSError as error:

@@ -11,7 +11,16 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 import tomlkit
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    StrictBool,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from capture.skeleton import JOINT_INDEX, JOINTS
@@ -27,16 +36,34 @@ AxisSet = Literal["", "x", "y", "z", "xy", "xz", "yz", "xyz"]
 DEFAULT_SMOOTHING = Smoothing()
 
 
+EXPECTED = {
+    "model_type": "a table",
+    "tuple_type": "a list",
+    "too_short": "a list that is not empty",
+    "too_long": "three numbers",
+    "string_too_short": "a text that is not empty",
+    "int_type": "a whole number",
+}
+"""What pydantic's errors want, in TOML's words; the others speak for themselves."""
+
+
+def _mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
+    """Make an error that pydantic carries to `_puppet_error`; the place is below that of the validator."""
+    return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
+
+
 def _known_joint(name: str) -> str:
     if name not in JOINT_INDEX:
         close = difflib.get_close_matches(name, JOINTS, 1)
-        hint = f"Did you mean {close[0]!r}?" if close else f"Choose one of them: {', '.join(JOINTS)}."
-        raise PydanticCustomError("joint", "{hint}", {"hint": hint, "expected": "the name of a Kinect joint"})
+        fix = f"Did you mean {close[0]!r}?" if close else f"Choose one of them: {', '.join(JOINTS)}."
+        raise _mistake(found=repr(name), expected="the name of a Kinect joint", fix=fix)
     return name
 
 
 JointName = Annotated[str, AfterValidator(_known_joint)]
-Positive = Annotated[FiniteFloat, Field(gt=0)]
+# strict: TOML has types, and true is not 1.0
+Number = Annotated[FiniteFloat, Field(strict=True)]
+Count = Annotated[int, Field(strict=True)]
 
 
 class _Table(BaseModel):
@@ -53,8 +80,11 @@ class CharacterTable(_Table):
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
         if self.up[-1] == self.front[-1]:
-            raise PydanticCustomError(
-                "axes", "{hint}", {"hint": "Give front another axis.", "expected": "up and front along different axes"}
+            raise _mistake(
+                "front",
+                found=f"{self.front!r}, and up is {self.up!r}",
+                expected="up and front along different axes",
+                fix="Give front another axis.",
             )
         return self
 
@@ -69,17 +99,17 @@ class HandleTable(_Table):
     """[[handle]]: a point on the surface, and the joints whose mean motion it follows."""
 
     name: Annotated[str, Field(min_length=1)]
-    position: tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+    position: tuple[Number, Number, Number]
     joint: JointName | None = None
     joints: Annotated[tuple[JointName, ...], Field(min_length=1)] | None = None
     axes: AxisSet = "xyz"
-    gain: FiniteFloat = 1.0
+    gain: Number = 1.0
 
     @model_validator(mode="after")
     def _one_of_the_two(self) -> Self:
         if self.joint is not None and self.joints is not None:
-            raise PydanticCustomError(
-                "joints", "{hint}", {"hint": "Leave one of them out.", "expected": "either joint or joints"}
+            raise _mistake(
+                "joints", found="both joint and joints", expected="one of the two", fix="Leave one of them out."
             )
         return self
 
@@ -99,18 +129,18 @@ class RootTable(_Table):
 class RetargetTable(_Table):
     """[retarget]: mirror, and mesh units a metre."""
 
-    mirror: bool = False
-    scale: Literal["auto"] | Positive = "auto"
+    mirror: StrictBool = False
+    scale: Literal["auto"] | Annotated[Number, Field(gt=0)] = "auto"
 
 
 class SmoothingTable(_Table):
     """[smoothing]: see docs/smoothing.md; the defaults are those of `capture.smoothing.Smoothing`."""
 
-    alpha: Annotated[FiniteFloat, Field(gt=0, le=1)] = DEFAULT_SMOOTHING.alpha
-    gamma: Annotated[FiniteFloat, Field(ge=0, le=1)] = DEFAULT_SMOOTHING.gamma
-    jitter_radius: Annotated[FiniteFloat, Field(ge=0)] = DEFAULT_SMOOTHING.jitter_radius
-    max_deviation: Annotated[float, Field(gt=0)] = DEFAULT_SMOOTHING.max_deviation
-    prediction: Annotated[FiniteFloat, Field(ge=0)] = DEFAULT_SMOOTHING.prediction
+    alpha: Annotated[Number, Field(gt=0, le=1)] = DEFAULT_SMOOTHING.alpha
+    gamma: Annotated[Number, Field(ge=0, le=1)] = DEFAULT_SMOOTHING.gamma
+    jitter_radius: Annotated[Number, Field(ge=0)] = DEFAULT_SMOOTHING.jitter_radius
+    max_deviation: Annotated[float, Field(gt=0, strict=True)] = DEFAULT_SMOOTHING.max_deviation
+    prediction: Annotated[Number, Field(ge=0)] = DEFAULT_SMOOTHING.prediction
 
     @property
     def parameters(self) -> Smoothing:
@@ -121,9 +151,9 @@ class SmoothingTable(_Table):
 class SolverTable(_Table):
     """[solver]: size of the reduced model, and work a frame."""
 
-    fields: Annotated[int, Field(ge=1, le=64)] = 8
-    isolines: Annotated[int, Field(ge=2, le=64)] = 10
-    iterations: Annotated[int, Field(ge=1, le=1000)] = 4
+    fields: Annotated[Count, Field(ge=1, le=64)] = 8
+    isolines: Annotated[Count, Field(ge=2, le=64)] = 10
+    iterations: Annotated[Count, Field(ge=1, le=1000)] = 4
     rotations: RotationMode = "covariance"
 
     @property
@@ -145,13 +175,16 @@ class Puppet(_Table):
     @model_validator(mode="after")
     def _names_differ(self) -> Self:
         names = [handle.name for handle in self.handle]
-        double = next((name for name in names if names.count(name) > 1), None)
-        if double is not None:
-            raise PydanticCustomError(
-                "names",
-                "{hint}",
-                {"hint": f"Rename one of the two handles {double!r}.", "expected": "a name of its own for each handle"},
-            )
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                raise _mistake(
+                    "handle",
+                    index,
+                    "name",
+                    found=f"{name!r} again",
+                    expected="a name of its own for each handle",
+                    fix=f"Rename one of the two handles {name!r}.",
+                )
         return self
 
     @property
@@ -205,7 +238,7 @@ def load(path: Path) -> Puppet:
         ) from error
     try:
         values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:  # the latter for thousands of nested brackets
         raise PuppetError(
             path, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
         ) from error
@@ -230,31 +263,44 @@ def check(values: dict[str, Any], where: str | Path) -> Puppet:
     try:
         return Puppet.model_validate(values)
     except ValidationError as error:
-        raise _puppet_error(error.errors()[0], values, where) from error
+        raise _puppet_error(error.errors(), values, where) from error
 
 
-def _puppet_error(error: ErrorDetails, values: dict[str, Any], where: str | Path) -> PuppetError:
-    """Say a pydantic error in the words of the puppet file."""
-    location = [part for part in error["loc"] if not (isinstance(part, str) and "[" in part) and part != "auto"]
-    context = error.get("ctx", {})
-    field = _field_name(location, values)
-    if error["type"] == "extra_forbidden":
+def _puppet_error(errors: list[ErrorDetails], values: dict[str, Any], where: str | Path) -> PuppetError:
+    """Say the first of pydantic's errors in the words of the puppet file."""
+    error = errors[0]
+    location = _location(error)
+    if error["type"] == "mistake":
+        told = error["ctx"]
+        location = [*location, *told["place"]]
+        found, expected, fix = told["found"], told["expected"], told["fix"]
+    elif error["type"] == "extra_forbidden":
         known = _keys_beside(location)
         close = difflib.get_close_matches(str(location[-1]), known, 1)
+        found, expected = f"the unknown key {location[-1]!r}", f"one of {', '.join(known)}"
         fix = f"Did you mean {close[0]!r}?" if close else "Remove it."
-        found = f"the unknown key {location[-1]!r}"
-        return PuppetError(at(where, field=field), found=found, expected=f"one of {', '.join(known)}", fix=fix)
-    if error["type"] == "missing":
-        return PuppetError(
-            at(where, field=field), found="nothing", expected="a value", fix=f"Add the key {location[-1]!r} there."
-        )
-    if "hint" in context:
-        found = repr(error["input"]) if isinstance(error["input"], str) else "what does not go together"
-        return PuppetError(at(where, field=field), found=found, expected=context["expected"], fix=context["hint"])
-    expected = error["msg"].removeprefix("Input should be ").replace("valid ", "")
-    return PuppetError(
-        at(where, field=field), found=repr(error["input"]), expected=expected, fix="Change the value of that key."
-    )
+    elif error["type"] == "missing" and isinstance(location[-1], int):
+        location = location[:-1]
+        found, expected, fix = repr(error["input"]), "three numbers", "Write it like [0.1, 1.5, 0.2]."
+    elif error["type"] == "missing":
+        name = {"character": "the table [character]", "handle": "a table [[handle]]"}.get(str(location[-1]))
+        found, expected, fix = "nothing", "a value", f"Add {name or f'the key {location[-1]!r}'} there."
+    else:
+        # a key that may be of several kinds has an error for each of them
+        kinds = [EXPECTED.get(each["type"]) or _plain(each["msg"]) for each in errors if _location(each) == location]
+        found, expected, fix = repr(error["input"]), " or ".join(kinds), "Change the value of that key."
+    return PuppetError(at(where, field=_field_name(location, values)), found=found, expected=expected, fix=fix)
+
+
+def _location(error: ErrorDetails) -> list[int | str]:
+    """Return the keys and indices of an error's place; pydantic adds a kind where a key may be of several."""
+    return list(error["loc"][:2] if error["loc"][:2] == ("retarget", "scale") else error["loc"])
+
+
+def _plain(message: str) -> str:
+    """Turn "Input should be a valid number" into "a number", and "… greater than 0" into "a number greater than 0"."""
+    text = message.removeprefix("Input should be ").replace("valid ", "")
+    return f"a number {text}" if text.startswith(("greater", "less")) else text
 
 
 def _field_name(location: list[Any], values: dict[str, Any]) -> str:
@@ -264,9 +310,10 @@ def _field_name(location: list[Any], values: dict[str, Any]) -> str:
     if location[0] != "handle" or len(location) < 2:
         table = f"[{location[0]}]" if len(location) > 1 else str(location[0])
         return ", ".join([table, *map(str, location[1:])])
-    handle = values["handle"][location[1]] if isinstance(location[1], int) else {}
+    handle = values["handle"][location[1]]
     name = f" {handle['name']!r}" if isinstance(handle, dict) and isinstance(handle.get("name"), str) else ""
-    return ", ".join([f"[[handle]] {location[1] + 1}{name}", *map(str, location[2:])])
+    keys = [str(key + 1 if isinstance(key, int) else key) for key in location[2:]]
+    return ", ".join([f"[[handle]] {location[1] + 1}{name}", *keys])
 
 
 def _keys_beside(location: list[Any]) -> list[str]:

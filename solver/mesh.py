@@ -28,11 +28,14 @@ class SolverMesh:
         Triangles without zero area and without doubles.
     of_render : (N,) int64
         For each render vertex the solver vertex whose motion it follows.
+    name : str
+        What error messages call it.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     of_render: NDArray[np.int64]
+    name: str = "mesh"
 
     @cached_property
     def diagonal(self) -> float:
@@ -82,7 +85,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
     _check(positions, triangles, name)
     used, corners = np.unique(triangles, return_inverse=True)
-    diagonal = np.linalg.norm(np.ptp(positions[used], axis=0))
+    diagonal = float(np.linalg.norm(np.ptp(positions[used], axis=0)))
     first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
     vertices = positions[used[first]]
 
@@ -102,7 +105,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = cKDTree(vertices[kept]).query(positions[isolated])[1]
-    return SolverMesh(vertices=vertices[kept], faces=compact[faces], of_render=of_render)
+    return SolverMesh(vertices[kept], compact[faces], of_render, name)
 
 
 def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -122,9 +125,8 @@ def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.i
     _, first, cell_of = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     a, b = cKDTree(points[first]).query_pairs(tolerance, output_type="ndarray").T
     count = len(first)
-    place_of = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
-    place_of = place_of[cell_of.reshape(-1)]
-    _, first, place_of = np.unique(place_of, return_index=True, return_inverse=True)
+    label = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
+    _, first, place_of = np.unique(label[cell_of.reshape(-1)], return_index=True, return_inverse=True)
     order = np.argsort(first)
     return first[order], np.argsort(order)[place_of]
 

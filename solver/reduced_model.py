@@ -185,7 +185,7 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     parameters = parameters or ModelParameters()
     if len(mesh.vertices) < 2 * (parameters.fields + 2):
         raise MeshError(
-            "mesh",
+            mesh.name,
             found=f"{len(mesh.vertices)} vertices",
             expected=f"at least {2 * (parameters.fields + 2)} for {parameters.fields} propagation fields",
             fix="Subdivide the mesh, or ask for fewer fields in the puppet file's [solver] table.",

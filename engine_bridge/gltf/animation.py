@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pygltflib
 from numpy.typing import NDArray
-from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler, Attributes, Node
+from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler, Attributes, Node, Scene
 
-from engine_bridge.gltf.character import Character, Part
+from engine_bridge.gltf.character import Character, Part, top_nodes
 from engine_bridge.gltf.document import Document
 
 
@@ -136,9 +136,11 @@ def _channel(
 
 
 def _add_root(document: Document) -> int:
-    """Put one node above all others of the scene."""
+    """Put one node above all others of the scene, in a scene of its own where there is none."""
     gltf = document.gltf
-    scene = gltf.scenes[gltf.scene or 0]
-    gltf.nodes.append(Node(name="puppetline_root", children=list(scene.nodes)))
-    scene.nodes = [len(gltf.nodes) - 1]
-    return scene.nodes[0]
+    gltf.nodes.append(Node(name="puppetline_root", children=top_nodes(gltf)))
+    root = len(gltf.nodes) - 1
+    if not gltf.scenes:
+        gltf.scenes, gltf.scene = [Scene()], 0
+    gltf.scenes[gltf.scene or 0].nodes = [root]
+    return root

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from pygltflib import GLTF2, Asset, Attributes, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Scene
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.gltf.document import MAGIC, Document
+from engine_bridge import obj
+from engine_bridge.gltf.document import MAGIC, Document, damaged
 from puppetline.errors import MeshError, at
 from solver.mesh import SolverMesh, weld
 
@@ -110,7 +111,12 @@ def load_character(path: Path) -> Character:
     with path.open("rb") as file:
         head = file.read(4096)
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
-        return _from_document(Document.load(path))
+        document = Document.load(path)
+        try:
+            return _from_document(document)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            # pygltflib hands over whatever the JSON says: indices that lead nowhere, texts for numbers
+            raise damaged(path, f"a description that contradicts itself ({error})") from error
     if path.suffix.lower() not in SURFACE_FILES:
         raise MeshError(
             path,
@@ -118,9 +124,14 @@ def load_character(path: Path) -> Character:
             expected=f".glb, .gltf, {', '.join(SURFACE_FILES)}",
             fix="Export the character as .glb from your editor.",
         )
+    vertices, triangles, colors = obj.read(path) if path.suffix.lower() == ".obj" else _read_surface(path)
+    return make_character(path.stem, vertices, triangles, colors, name=str(path))
+
+
+def _read_surface(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], None]:
     try:
         vertices, triangles = igl.read_triangle_mesh(str(path))[:2]
-        vertices, triangles = np.reshape(vertices, (-1, 3)), np.reshape(triangles, (-1, 3))
+        return np.reshape(vertices, (-1, 3)).astype(np.float64), np.reshape(triangles, (-1, 3)).astype(np.int64), None
     except (RuntimeError, ValueError) as error:
         raise MeshError(
             path,
@@ -128,14 +139,13 @@ def load_character(path: Path) -> Character:
             expected="a whole mesh file",
             fix="Export the mesh again.",
         ) from error
-    return make_character(path.stem, vertices.astype(np.float64), triangles.astype(np.int64), name=str(path))
 
 
 def make_character(
     title: str,
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int64],
-    colors: NDArray[np.float32] | None = None,
+    colors: NDArray[np.floating] | None = None,
     *,
     name: str | None = None,
 ) -> Character:
@@ -204,15 +214,18 @@ def _from_document(document: Document) -> Character:
     return Character(document, parts, notes)
 
 
+def top_nodes(gltf: GLTF2) -> list[int]:
+    """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
+    if gltf.scenes:
+        return list(gltf.scenes[gltf.scene or 0].nodes or [])
+    children = {child for node in gltf.nodes for child in node.children or []}
+    return [index for index in range(len(gltf.nodes)) if index not in children]
+
+
 def _shown_nodes(document: Document) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Walk the shown scene: each node that has a mesh, with its world transform, in the order of the file."""
     gltf = document.gltf
-    if gltf.scenes:
-        roots = gltf.scenes[gltf.scene or 0].nodes or []
-    else:
-        children = {child for node in gltf.nodes for child in node.children or []}
-        roots = [index for index in range(len(gltf.nodes)) if index not in children]
-    waiting = [(root, np.eye(4)) for root in reversed(roots)]
+    waiting = [(root, np.eye(4)) for root in reversed(top_nodes(gltf))]
     seen: set[int] = set()
     while waiting:
         index, above = waiting.pop()
@@ -255,7 +268,8 @@ def _parts(document: Document, node: int, to_world: NDArray[np.float64], notes: 
     for index, primitive in enumerate(mesh.primitives):
         if primitive.attributes.POSITION is None:
             continue
-        triangles = _triangles(document, primitive)
+        positions = document.array(primitive.attributes.POSITION).astype(np.float64)
+        triangles = _triangles(document, primitive, len(positions))
         if triangles is None:
             notes.append(f"{title}: points or lines stay where they are")
             continue
@@ -265,16 +279,15 @@ def _parts(document: Document, node: int, to_world: NDArray[np.float64], notes: 
             node=node,
             primitive=index,
             to_world=to_world,
-            vertices=document.array(primitive.attributes.POSITION).astype(np.float64) @ linear.T + offset,
+            vertices=positions @ linear.T + offset,
             triangles=triangles,
             normals=None if normals is None else _unit(document.array(normals) @ np.linalg.pinv(linear)),
-            colors=_colors(document, primitive, colors),
+            colors=_colors(document, primitive, colors, len(positions)),
         )
 
 
-def _triangles(document: Document, primitive: Primitive) -> NDArray[np.int64] | None:
+def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[np.int64] | None:
     """Return a primitive's triangles, or None where it is made of points or lines."""
-    count = document.gltf.accessors[primitive.attributes.POSITION].count
     indices = np.arange(count) if primitive.indices is None else document.array(primitive.indices).astype(np.int64)
     mode = pygltflib.TRIANGLES if primitive.mode is None else primitive.mode
     if mode == pygltflib.TRIANGLES:
@@ -288,9 +301,10 @@ def _triangles(document: Document, primitive: Primitive) -> NDArray[np.int64] | 
     return None
 
 
-def _colors(document: Document, primitive: Primitive, accessor: int | None) -> NDArray[np.float64] | None:
+def _colors(
+    document: Document, primitive: Primitive, accessor: int | None, count: int
+) -> NDArray[np.float64] | None:
     """Return what a picture can show of a primitive's look: vertex colours times the material's base colour."""
-    count = document.gltf.accessors[primitive.attributes.POSITION].count
     material = document.gltf.materials[primitive.material] if primitive.material is not None else None
     surface = material.pbrMetallicRoughness if material else None
     if accessor is None and surface is None:

@@ -69,15 +69,19 @@ class Document:
             gltf = GLTF2.from_json(json.dumps(json.loads(text)))
             sizes = [int(buffer.byteLength) for buffer in gltf.buffers]
         except Exception as error:  # pygltflib lets KeyError, TypeError and others through
-            raise _damaged(path, f"a description that is not glTF JSON ({error})") from error
+            raise damaged(path, f"a description that is not glTF JSON ({error})") from error
         document = cls(gltf, name=str(path))
         starts = []
         for buffer, size in zip(gltf.buffers, sizes, strict=True):
             starts.append(document._pad())
             document.blob += _buffer_bytes(path, buffer, size, binary)
-        for view in gltf.bufferViews:
-            view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
-            view.buffer = 0
+        try:
+            for view in gltf.bufferViews:
+                view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
+                view.byteLength = int(view.byteLength)
+                view.buffer = 0
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise damaged(at(path, field="bufferViews"), "a part of a buffer that is not there") from error
         return document
 
     def array(self, index: int) -> NDArray[Any]:
@@ -98,7 +102,7 @@ class Document:
             dtype, width = np.dtype(COMPONENTS[accessor.componentType]), WIDTHS[accessor.type]
             view = self.gltf.bufferViews[accessor.bufferView] if accessor.bufferView is not None else None
         except (IndexError, KeyError, TypeError) as error:
-            raise _damaged(at(self.name, field=place), "a reference to something that is not there") from error
+            raise damaged(at(self.name, field=place), "a reference to something that is not there") from error
         if accessor.sparse is not None or view is None:
             raise MeshError(
                 at(self.name, field=place),
@@ -110,7 +114,7 @@ class Document:
         row = dtype.itemsize * width
         stride = view.byteStride or row
         if accessor.count < 1 or start + stride * (accessor.count - 1) + row > len(self.blob):
-            raise _damaged(at(self.name, field=place), f"{accessor.count} values that lie outside the file's data")
+            raise damaged(at(self.name, field=place), f"{accessor.count} values that lie outside the file's data")
         values = np.ndarray(
             (accessor.count, width), dtype, buffer=self.blob, offset=start, strides=(stride, dtype.itemsize)
         )
@@ -171,7 +175,7 @@ def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
     """Split a .glb into its JSON and its binary chunk."""
     version, length = np.frombuffer(content[4:12].ljust(8, b"\0"), "<u4")
     if version != 2 or length > len(content):
-        raise _damaged(path, f"glTF version {version}, {length:,} bytes announced and {len(content):,} there")
+        raise damaged(path, f"glTF version {version}, {length:,} bytes announced and {len(content):,} there")
     chunks: dict[bytes, bytes] = {}
     place = 12
     while place + 8 <= length:
@@ -179,7 +183,7 @@ def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
         chunks.setdefault(content[place + 4 : place + 8], content[place + 8 : place + 8 + size])
         place += 8 + size
     if b"JSON" not in chunks:
-        raise _damaged(path, "no JSON chunk")
+        raise damaged(path, "no JSON chunk")
     return chunks[b"JSON"], chunks.get(b"BIN\0", b"")
 
 
@@ -192,21 +196,25 @@ def _buffer_bytes(path: Path, buffer: Buffer, size: int, binary: bytes) -> bytes
         try:
             found = base64.b64decode(uri.partition(",")[2], validate=True)
         except binascii.Error as error:
-            raise _damaged(path, f"a data URI that is not base64 ({error})") from error
+            raise damaged(path, f"a data URI that is not base64 ({error})") from error
     else:
-        file = (path.parent / unquote(uri)).resolve()
-        if not file.is_relative_to(path.parent.resolve()) or not file.is_file():
+        try:
+            file = (path.parent / unquote(uri)).resolve(strict=True)
+            if not file.is_relative_to(path.parent.resolve()):
+                raise ValueError(uri)
+            found = file.read_bytes()
+        except (OSError, ValueError) as error:  # ValueError for a zero byte in the name, too
             raise MeshError(
                 path,
                 found=f"a reference to {uri!r}, which is not a file beside it",
                 expected="all buffers in the file's own folder",
                 fix="Copy the .bin files beside it, or export as .glb.",
-            )
-        found = file.read_bytes()
+            ) from error
     if len(found) < size:
-        raise _damaged(path, f"{len(found):,} bytes of data of {size:,} announced")
+        raise damaged(path, f"{len(found):,} bytes of data of {size:,} announced")
     return found[:size]
 
 
-def _damaged(where: str | Path, found: str) -> MeshError:
+def damaged(where: str | Path, found: str) -> MeshError:
+    """Make the error for a file that cannot be what was exported."""
     return MeshError(where, found=found, expected="a whole glTF 2.0 file", fix="Export or download the file again.")

@@ -1,0 +1,218 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from capture.body import HEAD_TOP, LIMBS, TYPICAL_BONES, bone_lengths, height, reach, resting_pose, typical
+from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS, TRACKED
+
+CHAINS = [
+    ("hip_center", [("spine", (0, 0.1, 0)), ("shoulder_center", (0, 0.4, 0)), ("head", (0, 0.3, 0))]),
+    (
+        "shoulder_center",
+        [("shoulder", (0.2, 0, 0)), ("elbow", (0.3, 0, 0)), ("wrist", (0, -0.25, 0)), ("hand", (0.06, -0.08, 0))],
+    ),
+    (
+        "hip_center",
+        [("hip", (0.06, -0.08, 0)), ("knee", (0, -0.45, 0)), ("ankle", (0, -0.35, 0)), ("foot", (0, 0, -0.15))],
+    ),
+]
+"""Each limb's joints with the offset to the one before; y up, the right side at +x."""
+
+LENGTHS = {
+    "spine": 0.1,
+    "shoulder_center": 0.4,
+    "head": 0.3,
+    "shoulder": 0.2,
+    "elbow": 0.3,
+    "wrist": 0.25,
+    "hand": 0.1,
+    "hip": 0.1,
+    "knee": 0.45,
+    "ankle": 0.35,
+    "foot": 0.15,
+}
+
+
+def simple_pose():
+    pose = np.zeros((20, 3))
+    for start, chain in CHAINS:
+        for side, sign in (("right", 1), ("left", -1)):
+            at = start
+            for bone, offset in chain:
+                joint = bone if bone in JOINTS else f"{bone}_{side}"
+                pose[JOINT_INDEX[joint]] = pose[JOINT_INDEX[at]] + np.array(offset) * [sign, 1, 1]
+                at = joint
+    return pose + np.array([0.3, 0.9, 2.5])
+
+
+def without(*joints):
+    pose = simple_pose()
+    pose[[JOINT_INDEX[joint] for joint in joints]] = np.nan
+    return pose
+
+
+def bone_of(joint):
+    return joint.removesuffix("_left").removesuffix("_right") if joint not in LENGTHS else joint
+
+
+# --- bones
+
+
+def test_bone_lengths_of_a_simple_pose():
+    found = bone_lengths(simple_pose())
+    assert found == pytest.approx({joint: LENGTHS[bone_of(joint)] for joint in PARENTS})
+
+
+def test_every_bone_has_a_typical_length():
+    assert {joint: typical(joint) for joint in PARENTS} == {joint: TYPICAL_BONES[bone_of(joint)] for joint in PARENTS}
+    assert set(TYPICAL_BONES) == set(LENGTHS)
+
+
+def test_bones_of_a_lost_joint_are_typical_ones_scaled_to_the_rest():
+    """Without the left elbow its two bones are unknown; the 17 others say how large the body is."""
+    found = bone_lengths(without("elbow_left"))
+    known = [joint for joint in PARENTS if joint not in ("elbow_left", "wrist_left")]
+    size = sum(LENGTHS[bone_of(joint)] for joint in known) / sum(typical(joint) for joint in known)
+    assert found["elbow_left"] == pytest.approx(size * 0.263)
+    assert found["wrist_left"] == pytest.approx(size * 0.247)
+    assert found["elbow_right"] == pytest.approx(0.3)
+
+
+def test_a_body_twice_as_large_has_bones_twice_as_long_known_or_not():
+    pose = without("elbow_left", "foot_right", "hip_center")
+    once, twice = bone_lengths(pose), bone_lengths(2 * pose)
+    assert twice == pytest.approx({joint: 2 * length for joint, length in once.items()})
+
+
+def test_a_body_of_which_nothing_is_known_is_typical():
+    assert bone_lengths(np.full((20, 3), np.nan)) == {joint: typical(joint) for joint in PARENTS}
+
+
+def test_a_body_of_which_no_two_neighbours_are_known_is_typical():
+    pose = np.full((20, 3), np.nan)
+    pose[[JOINT_INDEX["head"], JOINT_INDEX["hand_left"]]] = [[0, 1, 2], [1, 1, 2]]
+    assert bone_lengths(pose) == {joint: typical(joint) for joint in PARENTS}
+
+
+# --- reach
+
+
+def test_reach_is_the_straight_limb_from_shoulder_or_hip():
+    found = dict(zip(JOINTS, reach(simple_pose()), strict=True))
+    for side in ("left", "right"):
+        assert found[f"elbow_{side}"] == pytest.approx(0.3)
+        assert found[f"wrist_{side}"] == pytest.approx(0.3 + 0.25)
+        assert found[f"hand_{side}"] == pytest.approx(0.3 + 0.25 + 0.1)
+        assert found[f"knee_{side}"] == pytest.approx(0.45)
+        assert found[f"ankle_{side}"] == pytest.approx(0.45 + 0.35)
+        assert found[f"foot_{side}"] == pytest.approx(0.45 + 0.35 + 0.15)
+
+
+def test_what_leaning_carries_reaches_as_far_as_the_trunk_is_long():
+    found = dict(zip(JOINTS, reach(simple_pose()), strict=True))
+    for joint in (*JOINTS[:4], "shoulder_left", "shoulder_right", "hip_left", "hip_right"):
+        assert found[joint] == pytest.approx(0.1 + 0.4 + 0.3)
+
+
+def test_each_joint_belongs_to_one_limb_that_hangs_together():
+    assert sorted(joint for joints in LIMBS.values() for joint in joints) == sorted(JOINTS)
+    for joints in LIMBS.values():
+        assert all(PARENTS[joint] == before for before, joint in pairwise(joints))
+
+
+def test_reach_does_not_depend_on_the_pose():
+    """Arms bent or raised: as long as they were."""
+    pose = simple_pose()
+    bent = pose.copy()
+    wrist, hand = JOINT_INDEX["wrist_right"], JOINT_INDEX["hand_right"]
+    bent[wrist] = bent[JOINT_INDEX["elbow_right"]] + [0, 0.15, 0.2]
+    bent[hand] = bent[wrist] + [0.1, 0, 0]
+    np.testing.assert_allclose(reach(bent), reach(pose))
+
+
+def test_reach_is_known_for_every_joint_of_any_pose():
+    for pose in (np.full((20, 3), np.nan), without("hip_center", "hand_left"), simple_pose()):
+        found = reach(pose)
+        assert found.shape == (20,)
+        assert found.min() > 0.05
+
+
+# --- height
+
+
+def test_height_is_legs_trunk_and_head():
+    assert height(simple_pose()) == pytest.approx(2 * (0.45 + 0.35) / 2 + 0.1 + 0.4 + 0.3 + HEAD_TOP)
+
+
+def test_a_typical_body_is_as_tall_as_a_person():
+    nobody = np.full((20, 3), np.nan)
+    assert height(nobody) == pytest.approx(0.481 + 0.378 + 0.069 + 0.339 + 0.202 + HEAD_TOP)
+    assert 1.4 < height(nobody) < 1.9
+
+
+def test_height_is_the_same_crouching():
+    crouched = simple_pose()
+    for side in ("left", "right"):
+        at = crouched[JOINT_INDEX[f"hip_{side}"]]
+        crouched[JOINT_INDEX[f"knee_{side}"]] = at + np.array([0, 0, -0.45])
+        crouched[JOINT_INDEX[f"ankle_{side}"]] = at + np.array([0, -0.35, -0.45])
+        crouched[JOINT_INDEX[f"foot_{side}"]] = at + np.array([0, -0.35, -0.6])
+    assert height(crouched) == pytest.approx(height(simple_pose()))
+
+
+# --- resting pose
+
+
+@pytest.fixture
+def take():
+    """Twelve frames in which joint j stands at (frame, j, 0)."""
+    positions = np.zeros((12, 20, 3))
+    positions[..., 0] = np.arange(12)[:, None]
+    positions[..., 1] = np.arange(20)
+    return positions, np.full((12, 20), TRACKED, dtype=np.float32)
+
+
+def lose(take, joint, frames):
+    positions, confidence = take
+    positions[frames, joint], confidence[frames, joint] = np.nan, LOST
+
+
+def test_resting_pose_is_the_median_of_the_frames_asked_for(take):
+    positions, confidence = take
+    positions[4, 7] = [100.0, -50.0, 3.0]  # one frame's outlier
+    found = resting_pose(positions, confidence, first=3, count=5)
+    np.testing.assert_array_equal(found[:7, 0], 5.0)
+    np.testing.assert_array_equal(found[:7, 1], np.arange(7))
+    np.testing.assert_array_equal(
+        found[7], np.median([[3, 7, 0], [100, -50, 3], [5, 7, 0], [6, 7, 0], [7, 7, 0]], axis=0)
+    )
+
+
+def test_a_joint_lost_for_a_while_is_taken_from_the_frames_in_which_it_is_known(take):
+    lose(take, 5, [3, 4, 7])
+    found = resting_pose(*take, first=3, count=5)
+    np.testing.assert_array_equal(found[5], [5.5, 5, 0])
+    np.testing.assert_array_equal(found[4], [5.0, 4, 0])
+
+
+def test_a_joint_lost_throughout_is_taken_from_the_nearest_frames(take):
+    lose(take, 5, slice(0, 6))
+    np.testing.assert_array_equal(resting_pose(*take, first=3, count=3)[5], [7.0, 5, 0])  # of frames 6, 7, 8
+    positions, confidence = take
+    positions[:6], confidence[:6] = positions[6:] - [6.0, 0, 0], TRACKED
+    positions[6:, 5], confidence[6:, 5] = np.nan, LOST
+    np.testing.assert_array_equal(resting_pose(*take, first=8, count=2)[5], [4.5, 5, 0])  # of frames 5, 4
+
+
+def test_a_joint_that_is_never_known_is_nan(take):
+    lose(take, 5, slice(None))
+    found = resting_pose(*take, first=0, count=12)
+    assert np.isnan(found[5]).all()
+    assert np.isfinite(np.delete(found, 5, axis=0)).all()
+
+
+def test_inferred_joints_count_as_known(take):
+    positions, confidence = take
+    confidence[:, 5] = INFERRED
+    np.testing.assert_array_equal(resting_pose(positions, confidence, first=0, count=3)[5], [1.0, 5, 0])

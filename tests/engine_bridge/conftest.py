@@ -1,0 +1,292 @@
+"""A small character, a performer, a take and a puppet, all made here."""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+import pygltflib as gltf
+import pytest
+
+from capture.recording import Recorder
+from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
+from engine_bridge.convert import load_rig
+
+LIMBS = [
+    ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.30),
+    ((0.0, 1.2, 0.0), (0.0, 1.9, 0.25), 0.22),
+    ((0.1, 1.1, 0.0), (1.4, 1.3, 0.1), 0.17),
+    ((-0.1, 1.1, 0.0), (-1.35, 1.2, -0.05), 0.16),
+    ((0.05, 0.0, 0.0), (0.5, -1.5, 0.1), 0.19),
+    ((-0.05, 0.0, 0.0), (-0.55, -1.45, 0.0), 0.20),
+]
+"""From, to and radius of what a figure is made of; it stands upright and faces +z, so that its left hand is at +x."""
+
+PERFORMER = {
+    "hip_center": (0.0, 0.9, 2.5),
+    "spine": (0.0, 0.97, 2.5),
+    "shoulder_center": (0.0, 1.31, 2.5),
+    "head": (0.0, 1.51, 2.48),
+    "shoulder_left": (-0.19, 1.28, 2.5),
+    "elbow_left": (-0.45, 1.26, 2.5),
+    "wrist_left": (-0.7, 1.25, 2.49),
+    "hand_left": (-0.78, 1.25, 2.48),
+    "shoulder_right": (0.19, 1.28, 2.5),
+    "elbow_right": (0.45, 1.26, 2.5),
+    "wrist_right": (0.7, 1.25, 2.49),
+    "hand_right": (0.78, 1.25, 2.48),
+    "hip_left": (-0.1, 0.87, 2.5),
+    "knee_left": (-0.12, 0.45, 2.48),
+    "ankle_left": (-0.13, 0.08, 2.5),
+    "foot_left": (-0.14, 0.03, 2.42),
+    "hip_right": (0.1, 0.87, 2.5),
+    "knee_right": (0.12, 0.45, 2.48),
+    "ankle_right": (0.13, 0.08, 2.5),
+    "foot_right": (0.14, 0.03, 2.42),
+}
+"""Metres, sensor frame: the performer's right hand is at +x."""
+
+HANDLES = """
+[[handle]]
+name = "left hand"
+position = [1.55, 1.32, 0.1]
+joint = "hand_left"
+
+[[handle]]
+name = "right hand"
+position = [-1.5, 1.2, -0.05]
+joints = ["hand_right", "wrist_right"]
+
+[[handle]]
+name = "head"
+position = [0.0, 2.1, 0.3]
+joint = "head"
+axes = "xz"
+gain = 0.8
+
+[[handle]]
+name = "left foot"
+position = [0.55, -1.65, 0.1]
+
+[[handle]]
+name = "right foot"
+position = [-0.6, -1.6, 0.0]
+"""
+SMALL = "[retarget]\nscale = 1.3\n\n[solver]\nfields = 5\nisolines = 6\n"
+"""A quick model, and no search for how far the handles may go."""
+
+ROOT = '[root]\njoint = "hip_center"\naxes = "xz"\n'
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory):
+    """Keep reduced models of tests out of the user's cache, in child processes as well."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        yield folder
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A closed surface with all that a vertex may carry."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+    colors: np.ndarray
+
+    @property
+    def diagonal(self):
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+def distance_to_limb(points, start, end, radius):
+    start, along = np.array(start), np.array(end) - np.array(start)
+    share = np.clip((points - start) @ along / (along @ along), 0, 1)
+    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
+
+
+@pytest.fixture(scope="session")
+def make_shape():
+    """Triangulate a union of limbs, float32 positions as a file holds them."""
+
+    def make(limbs, step=0.115):
+        ends = np.array([end for limb in limbs for end in limb[:2]])
+        radius = max(limb[2] for limb in limbs)
+        low = ends.min(axis=0) - radius - 2 * step + 0.013  # no vertex of the grid on a limb's axis
+        counts = np.ceil((ends.max(axis=0) + radius + 2 * step - low) / step).astype(int) + 1
+        grid = igl.grid(counts) * ((counts - 1) * step) + low
+        distance = np.min([distance_to_limb(grid, *limb) for limb in limbs], axis=0)
+        v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
+        v = v.astype(np.float32)
+        normals = igl.per_vertex_normals(v.astype(np.float64), f).astype(np.float32)
+        colors = np.random.default_rng(7).uniform(0, 1, v.shape).astype(np.float32)
+        return Shape(v, f, normals, v[:, :2] * np.float32(0.1) + np.float32(0.5), colors)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def blob(make_shape):
+    """A figure of about 1,500 vertices with a head, arms and legs."""
+    return make_shape(LIMBS)
+
+
+class Glb:
+    """A .glb put together by hand: one buffer, one view an array."""
+
+    def __init__(self):
+        self.file = gltf.GLTF2(scene=0, scenes=[gltf.Scene(nodes=[])])
+        self.blob = b""
+
+    def view(self, data, target=None):
+        self.blob += bytes(-len(self.blob) % 4)
+        self.file.bufferViews.append(
+            gltf.BufferView(buffer=0, byteOffset=len(self.blob), byteLength=len(data), target=target)
+        )
+        self.blob += data
+        return len(self.file.bufferViews) - 1
+
+    def add(self, array, target=gltf.ARRAY_BUFFER, normalized=False):
+        codes = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126, "i1": 5120, "i2": 5122}
+        flat = array.reshape(len(array), -1)
+        self.file.accessors.append(
+            gltf.Accessor(
+                bufferView=self.view(np.ascontiguousarray(array).tobytes(), target),
+                componentType=codes[array.dtype.str[1:]],
+                count=len(array),
+                type=["", "SCALAR", "VEC2", "VEC3", "VEC4"][flat.shape[1]],
+                normalized=normalized,
+                min=flat.min(axis=0).tolist(),
+                max=flat.max(axis=0).tolist(),
+            )
+        )
+        return len(self.file.accessors) - 1
+
+    def primitive(self, positions, indices=None, mode=None, material=None, targets=(), **attributes):
+        """Arrays in, primitive out; `targets` are dicts of arrays."""
+        arrays = {"POSITION": np.asarray(positions, np.float32), **attributes}
+        return gltf.Primitive(
+            attributes=gltf.Attributes(
+                **{key: self.add(array, normalized=array.dtype.kind == "u") for key, array in arrays.items()}
+            ),
+            indices=None if indices is None else self.add(indices.ravel(), gltf.ELEMENT_ARRAY_BUFFER),
+            mode=mode,
+            material=material,
+            targets=[gltf.Attributes(**{key: self.add(array) for key, array in each.items()}) for each in targets],
+        )
+
+    def mesh(self, *primitives, **more):
+        self.file.meshes.append(gltf.Mesh(primitives=list(primitives), **more))
+        return len(self.file.meshes) - 1
+
+    def node(self, mesh=None, parent=None, **more):
+        self.file.nodes.append(gltf.Node(mesh=mesh, **more))
+        index = len(self.file.nodes) - 1
+        (self.file.scenes[0].nodes if parent is None else self.file.nodes[parent].children).append(index)
+        return index
+
+    def save(self, path):
+        self.file.buffers = [gltf.Buffer(byteLength=len(self.blob))]
+        self.file.set_binary_blob(self.blob)
+        self.file.save_binary(path)
+        return path
+
+
+@pytest.fixture
+def glb():
+    """An empty file to build on."""
+    return Glb()
+
+
+@pytest.fixture(scope="session")
+def new_glb():
+    """Make empty files to build on."""
+    return Glb
+
+
+@pytest.fixture(scope="session")
+def blob_file(blob, tmp_path_factory):
+    """The figure as a plain .glb."""
+    made = Glb()
+    made.node(made.mesh(made.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals), name="blob"))
+    return made.save(tmp_path_factory.mktemp("blob") / "blob.glb")
+
+
+@pytest.fixture(scope="session")
+def standing():
+    """(20, 3): the performer at rest, arms stretched out."""
+    return np.array([PERFORMER[name] for name in JOINTS])
+
+
+@pytest.fixture(scope="session")
+def dance(standing):
+    """Joints of a performer who moves arms, head and hips, (T, 20, 3); the first frame is the rest pose."""
+
+    def move(count=58):
+        t = np.arange(count) / 30
+        positions = np.tile(standing, (count, 1, 1))
+        sway = np.stack([0.25 * np.sin(1.9 * t), -0.05 * np.sin(3 * t) ** 2, 0.2 * (np.cos(2.3 * t) - 1)], axis=-1)
+        positions += sway[:, None]
+        for name, lift, phase in (("left", 0.5, 1.0), ("right", 0.35, -1.3)):
+            for joint, share in (("elbow", 0.3), ("wrist", 0.8), ("hand", 1.0)):
+                swing = np.stack([0 * t, np.sin(2.7 * t) ** 2, 0.6 * np.sin(phase * 1.7 * t)], axis=-1)
+                positions[:, JOINT_INDEX[f"{joint}_{name}"]] += share * lift * swing
+        positions[:, JOINT_INDEX["head"]] += np.stack([0.1 * np.sin(4 * t), 0 * t, -0.12 * np.sin(2 * t)], axis=-1)
+        return positions
+
+    return move
+
+
+@pytest.fixture(scope="session")
+def frames():
+    """Turn (T, 20, 3) joints into the frames of a sensor with 30 of them a second; NaN is lost."""
+
+    def make(positions, start=0.0):
+        known = np.where(np.isnan(positions).any(axis=-1), LOST, 1).astype(np.float32)
+        return [SkeletonFrame(start + i / 30, 1, place, known[i]) for i, place in enumerate(positions)]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def record(frames):
+    """Write joints as a recording of the project's own format."""
+
+    def write(path, positions):
+        with Recorder(path) as recorder:
+            for frame in frames(positions):
+                recorder.write(frame)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def take(record, dance, tmp_path_factory):
+    """A recording of 58 frames: 20 evenly spaced times fall onto every third of them."""
+    return record(tmp_path_factory.mktemp("take") / "dance.log", dance())
+
+
+@pytest.fixture(scope="session")
+def write_puppet():
+    """Write a puppet file for the figure beside its mesh."""
+
+    def write(path, mesh, root=True, more=SMALL, handles=HANDLES, character=""):
+        path.write_text(f'[character]\nmesh = "{mesh}"\n{character}{handles}\n{ROOT if root else ""}\n{more}')
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def blob_puppet(blob_file, write_puppet):
+    """A puppet file for the figure, with a root."""
+    return write_puppet(blob_file.with_name("blob.toml"), blob_file.name)
+
+
+@pytest.fixture(scope="session")
+def blob_rig(blob_puppet):
+    """The figure's puppet, mesh and reduced model."""
+    return load_rig(blob_puppet)

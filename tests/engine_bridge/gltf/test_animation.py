@@ -1,0 +1,176 @@
+import json
+
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.convert import Settings, convert
+
+KEYS = slice(None, None, 2)
+"""39 times over 58 frames: every second one is a key's, those between are halfway between two keys."""
+PER_STEP = 3
+
+
+def expected_meshes(export, solved):
+    """(39, n, 3) positions for each primitive with triangles."""
+    moved = solved(export.clip)
+    halfway = (moved[1::PER_STEP] + moved[2::PER_STEP]) / 2
+    times = np.empty((39, *moved.shape[1:]))
+    times[KEYS], times[1::2] = moved[::PER_STEP], halfway
+    follows = np.split(export.clip.rig.mesh.of_render, np.cumsum([len(part) for part in export.variant.shown])[:-1])
+    return [times[:, of] + own for of, own in zip(follows, export.variant.offset, strict=True)]
+
+
+def test_the_khronos_validator_has_nothing_against_it(export, reports):
+    before, after = reports[str(export.variant.path)], reports[str(export.path)]
+    assert (before["errors"], before["warnings"]) == (0, 0), before["messages"]
+    assert (after["errors"], after["warnings"]) == (0, 0), after["messages"]
+
+
+def test_three_plays_what_was_solved_at_the_keys_and_straight_lines_between(export, play, solved):
+    if export.variant.name == "bare_scene" and export.clip.rig.puppet.root is None:
+        pytest.skip("three shows nothing of a file without a scene")
+    played = play(export.path, 39)
+    diagonal = export.clip.rig.mesh.diagonal
+    # what the exporter says it may be off by, and what float32 adds
+    allowed = export.summary.error * diagonal + 1e-6 * diagonal
+    expected = expected_meshes(export, solved)
+    assert len(played.meshes) == len(expected)
+    for mesh, positions in zip(played.meshes, expected, strict=True):
+        off = np.linalg.norm(mesh.positions - positions, axis=-1)
+        assert off[KEYS].max() <= allowed
+        assert off[1::2].max() <= allowed
+
+
+def test_normals_are_those_of_the_moved_surface(exports, variants, play, solved):
+    for name in ("textured", "node_transforms", "own_targets"):
+        export = exports[name, True]
+        mesh = export.clip.rig.mesh
+        played = play(export.path, 20)
+        normals = np.concatenate([part.normals for part in played.meshes], axis=1)
+        if name == "own_targets":  # it is not the rest pose alone that moves
+            continue
+        angles = []
+        for positions, seen in zip(solved(export.clip)[::PER_STEP], normals, strict=True):
+            true = igl.per_vertex_normals(positions, mesh.faces)[mesh.of_render]
+            angles.append(np.degrees(np.arccos(np.clip((true * seen).sum(axis=1), -1, 1))))
+        print(name, np.percentile(angles, [50, 90, 99, 100]))
+        assert np.percentile(angles, 99) < 5
+
+
+def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
+    made, mesh = raw(export.path), export.clip.rig.mesh
+    parts = export.clip.rig.character.parts
+    follows = np.split(mesh.of_render, np.cumsum([len(part.vertices) for part in parts])[:-1])
+    moved = solved(export.clip) - (0 if export.clip.rig.puppet.root is None else export.clip.root[:, None])
+    worst = 0.0
+    for part, of, own in zip(parts, follows, export.variant.offset, strict=True):
+        primitive = made.file.meshes[made.file.nodes[part.node].mesh].primitives[part.primitive]
+        rest = made.array(primitive.attributes.POSITION).astype(np.float64)
+        targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
+        local = rest + np.tensordot(made.weights(part.node), targets, axes=1)
+        world = local @ part.to_world[:3, :3].T + part.to_world[:3, 3]
+        worst = max(worst, np.linalg.norm(world - moved[:, of] - own, axis=-1).max())
+    assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
+    assert worst / mesh.diagonal <= Settings().tolerance + 1e-6
+
+
+def test_what_the_file_came_with_is_in_it_to_the_bit(export, raw):
+    before, after = raw(export.variant.path), raw(export.path)
+    for index, node in enumerate(before.file.nodes):
+        same = after.file.nodes[index]
+        assert (node.name, node.matrix, node.rotation, node.scale, node.translation, node.children) == (
+            same.name,
+            same.matrix,
+            same.rotation,
+            same.scale,
+            same.translation,
+            same.children,
+        )
+        if node.mesh is None:
+            continue
+        was, now = before.file.meshes[node.mesh], after.file.meshes[same.mesh]
+        assert (was.name, len(was.primitives)) == (now.name, len(now.primitives))
+        for old, new in zip(was.primitives, now.primitives, strict=True):
+            assert (old.mode, old.material) == (new.mode, new.material)
+            for name, accessor in vars(old.attributes).items():
+                assert (accessor is None) == (getattr(new.attributes, name) is None)
+                if accessor is not None:
+                    assert_same_array(before, accessor, after, getattr(new.attributes, name))
+            assert (old.indices is None) == (new.indices is None)
+            if old.indices is not None:
+                assert_same_array(before, old.indices, after, new.indices)
+            for was_target, target in zip(old.targets or [], new.targets, strict=False):
+                for name in ("POSITION", "NORMAL"):
+                    assert_same_array(before, was_target[name], after, target[name])
+    for kind in ("materials", "textures", "samplers"):
+        assert getattr(before.file, kind) == getattr(after.file, kind)
+    assert len(before.file.images) == len(after.file.images)
+    for old, new in zip(before.file.images, after.file.images, strict=True):
+        assert (old.mimeType, old.name) == (new.mimeType, new.name)
+        assert before.view(old.bufferView) == after.view(new.bufferView)
+
+
+def assert_same_array(before, old, after, new):
+    a, b = before.file.accessors[old], after.file.accessors[new]
+    assert (a.componentType, a.type, a.count, a.normalized) == (b.componentType, b.type, b.count, b.normalized)
+    assert before.array(old).tobytes() == after.array(new).tobytes()
+
+
+def test_targets_have_names_and_those_that_were_there_keep_theirs_and_their_weights(exports, raw):
+    export = exports["own_targets", True]
+    made = raw(export.path)
+    mesh, count = made.file.meshes[0], export.summary.targets
+    assert mesh.extras == {"author": "test", "targetNames": ["smile", "frown", *(f"motion_{i}" for i in range(count))]}
+    assert mesh.weights == [0.25, 0, *[0] * count]
+    np.testing.assert_array_equal(made.weights(0)[:, :2], np.tile([0.25, 0], (58, 1)))
+
+
+def test_a_mesh_that_two_nodes_show_is_moved_by_each_in_its_own_way(exports, raw):
+    made = raw(exports["shared_mesh", True].path)
+    left, right = (made.file.nodes[index].mesh for index in (0, 1))
+    assert left != right
+    assert made.file.meshes[left].primitives[0].attributes == made.file.meshes[right].primitives[0].attributes
+
+
+def test_the_root_is_one_node_above_all_others(exports, raw):
+    for (name, root), export in exports.items():
+        made = raw(export.path)
+        if not root:
+            assert [node.name for node in made.file.nodes].count("puppetline_root") == 0
+            continue
+        (top,) = made.file.scenes[made.file.scene or 0].nodes
+        node = made.file.nodes[top]
+        assert (node.name, top) == ("puppetline_root", len(made.file.nodes) - 1)
+        before = raw(export.variant.path).file
+        children = before.scenes[0].nodes if before.scenes else [0]
+        assert node.children == children, name
+        channel = next(c for c in made.file.animations[0].channels if c.target.path == "translation")
+        assert channel.target.node == top
+        output = made.file.animations[0].samplers[channel.sampler].output
+        np.testing.assert_array_equal(made.array(output), export.clip.root)
+
+
+def test_the_animation_has_the_logs_name_and_an_even_clock_from_zero(exports, raw):
+    made = raw(exports["textured", True].path)
+    (animation,) = made.file.animations
+    assert animation.name == "dance"
+    assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
+    (clock,) = {sampler.input for sampler in animation.samplers}
+    np.testing.assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
+
+
+def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
+    record, standing, variants, write_puppet, tmp_path, raw, assert_valid_gltf
+):
+    log = record(tmp_path / "still.log", np.tile(standing, (5, 1, 1)))
+    mesh = variants["own_targets"].path
+    for root in (True, False):
+        puppet = write_puppet(mesh.with_name(f"still_{root}.toml"), mesh.name, root=root)
+        _, summary = convert(log, puppet, tmp_path / f"{root}.glb", Settings())
+        assert summary.targets == 0
+        assert_valid_gltf(tmp_path / f"{root}.glb")
+        file = raw(tmp_path / f"{root}.glb").file
+        assert [channel.target.path for a in file.animations for channel in a.channels] == ["translation"] * root
+        assert file.meshes[0].weights == [0.25, 0]
+        assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]

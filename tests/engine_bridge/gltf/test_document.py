@@ -1,0 +1,288 @@
+import base64
+import json
+import struct
+
+import numpy as np
+import pygltflib as gltf
+import pytest
+
+from engine_bridge.gltf.animation import Take, animate
+from engine_bridge.gltf.character import load_character
+from engine_bridge.gltf.document import Document
+from puppetline.errors import MeshError, OutputError, PuppetlineError
+
+KINDS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+HEADER = 12
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
+
+
+def description(**more):
+    return {"asset": {"version": "2.0"}, **more}
+
+
+def write_gltf(path, content):
+    path.write_text(json.dumps(content))
+    return path
+
+
+def pack(content, binary=b""):
+    """A .glb from its JSON and its bytes."""
+    text = content if isinstance(content, bytes) else json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(binary), b"BIN\0") + binary if binary else b""
+    return struct.pack("<4sII", b"glTF", 2, HEADER + len(chunks)) + chunks
+
+
+@pytest.fixture
+def tetrahedron(glb, tmp_path):
+    """The smallest character there is, with a node, a colour and a material."""
+    rgba = np.full((4, 4), 128, np.uint8)
+    glb.file.materials = [gltf.Material(pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=[1, 0, 0, 1]))]
+    mesh = glb.mesh(glb.primitive(CORNERS, SIDES, material=0, NORMAL=CORNERS + np.float32(1), COLOR_0=rgba))
+    glb.node(mesh, scale=[1, 2, 3], rotation=[0, 0, 0, 1], name="one")
+    return glb.save(tmp_path / "tetrahedron.glb")
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=KINDS.values())
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("interleaved", [False, True], ids=["packed", "interleaved"])
+def test_an_array_comes_out_as_it_stands_in_the_file(tmp_path, kind, width, interleaved):
+    rng = np.random.default_rng(kind)
+    row = np.dtype(KINDS[kind]).itemsize * WIDTHS[width]
+    stride = row + (-row % 4) + 8 if interleaved else row
+    raw = rng.integers(0, 256, (7, stride), dtype=np.uint8)
+    if kind == 5126:
+        raw[:, :row] = rng.normal(size=(7, row // 4)).astype("<f4").view(np.uint8)
+    expected = raw[:, :row].copy().view("<" + KINDS[kind])
+    # a leading buffer of odd length, an offset of the view, and one of the accessor in it
+    content = description(
+        buffers=[{"byteLength": 5}, {"byteLength": 12 + raw.size}],
+        bufferViews=[
+            {"buffer": 0, "byteLength": 5},
+            {
+                "buffer": 1,
+                "byteOffset": 8,
+                "byteLength": 4 + raw.size,
+                **({"byteStride": stride} if interleaved else {}),
+            },
+        ],
+        accessors=[{"bufferView": 1, "byteOffset": 4, "componentType": kind, "count": 7, "type": width}],
+    )
+    content["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(b"12345").decode()
+    content["buffers"][1]["uri"] = "some%20bytes.bin"
+    (tmp_path / "some bytes.bin").write_bytes(bytes(12) + raw.tobytes())
+    values = Document.load(write_gltf(tmp_path / "a.gltf", content)).array(0)
+    assert values.dtype == expected.dtype
+    np.testing.assert_array_equal(values, expected[:, 0] if width == "SCALAR" else expected)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stored", "meant"),
+    [
+        (5120, [-128, -127, 0, 127], [-1, -1, 0, 1]),
+        (5121, [0, 51, 255, 1], [0, 0.2, 1, 1 / 255]),
+        (5122, [-32768, -32767, 0, 32767], [-1, -1, 0, 1]),
+        (5123, [0, 13107, 65535, 1], [0, 0.2, 1, 1 / 65535]),
+    ],
+)
+def test_normalised_integers_become_the_floats_that_the_specification_says(tmp_path, kind, stored, meant):
+    raw = np.array(stored, KINDS[kind]).tobytes()
+    content = description(
+        buffers=[{"byteLength": len(raw)}],
+        bufferViews=[{"buffer": 0, "byteLength": len(raw)}],
+        accessors=[{"bufferView": 0, "componentType": kind, "count": 4, "type": "SCALAR", "normalized": True}],
+    )
+    path = tmp_path / "a.glb"
+    path.write_bytes(pack(content, raw))
+    values = Document.load(path).array(0)
+    assert values.dtype == np.float32
+    np.testing.assert_allclose(values, meant, rtol=1e-7)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16, np.uint32])
+@pytest.mark.parametrize("shape", [(5,), (5, 2), (5, 3), (5, 4)])
+def test_an_array_that_is_added_comes_out_again_also_from_the_saved_file(tmp_path, dtype, shape):
+    values = np.random.default_rng(1).integers(0, 200, shape).astype(dtype)
+    document = Document(gltf.GLTF2())
+    document.add(np.zeros(3, np.uint8))  # what follows must not start at an odd place
+    index = document.add(values, bounds=True)
+    np.testing.assert_array_equal(document.array(index), values)
+    document.save(tmp_path / "made.glb")
+    again = Document.load(tmp_path / "made.glb")
+    np.testing.assert_array_equal(again.array(index), values)
+    accessor = again.gltf.accessors[index]
+    np.testing.assert_array_equal(accessor.max, values.reshape(5, -1).max(axis=0))
+    np.testing.assert_array_equal(accessor.min, values.reshape(5, -1).min(axis=0))
+    assert again.gltf.bufferViews[accessor.bufferView].byteOffset % 4 == 0
+
+
+def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
+    with pytest.raises(OutputError):
+        Document(gltf.GLTF2()).save(tmp_path / "no" / "made.glb")
+
+
+def refused(path):
+    """What is wrong with a character file, which must be told as nothing but a MeshError."""
+    with pytest.raises(MeshError) as error:
+        load_character(path)
+    return error.value
+
+
+def test_a_file_cut_off_anywhere_is_refused(tetrahedron, tmp_path):
+    whole = tetrahedron.read_bytes()
+    path = tmp_path / "cut.glb"
+    for length in [*range(40), *range(40, len(whole), 11), len(whole) - 1]:
+        path.write_bytes(whole[:length])
+        assert str(path) in refused(path).where
+
+
+def test_a_file_cut_off_anywhere_whose_announced_length_fits_is_refused(tetrahedron, tmp_path):
+    whole = tetrahedron.read_bytes()
+    path = tmp_path / "cut.glb"
+    for length in [*range(HEADER, 40), *range(40, len(whole) - 4, 11), len(whole) - 4]:
+        path.write_bytes(whole[:8] + struct.pack("<I", length) + whole[12:length])
+        refused(path)
+
+
+def test_flipped_bytes_are_read_as_something_else_or_refused(tetrahedron, tmp_path):
+    whole = tetrahedron.read_bytes()
+    path = tmp_path / "flipped.glb"
+    rng = np.random.default_rng(5)
+    outcomes = {True: 0, False: 0}
+    for place in rng.choice(len(whole), 250, replace=False):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(damaged)
+        try:
+            load_character(path).solver_mesh()
+            outcomes[True] += 1
+        except PuppetlineError:
+            outcomes[False] += 1
+    assert min(outcomes.values()) > 30
+
+
+def places(value, path=()):
+    """Every place in nested JSON."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (*path, key)
+        yield from places(item, (*path, key))
+
+
+def replaced(content, path, value):
+    copy = json.loads(json.dumps(content))
+    inner = copy
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    return copy
+
+
+@pytest.mark.parametrize(
+    "value",
+    [-1, 7, 2**62, 1.5, 1e300, True, None, "text", [], [1], {}, [[0]]],
+    ids=repr,
+)
+def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedron, tmp_path, value):
+    whole = tetrahedron.read_bytes()
+    size = int.from_bytes(whole[12:16], "little")
+    content, binary = json.loads(whole[20 : 20 + size]), whole[28 + size :]
+    path = tmp_path / "hostile.glb"
+    still = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+    tried = 0
+    for place in places(content):
+        path.write_bytes(pack(replaced(content, place, value), binary))
+        try:
+            character = load_character(path)
+            character.solver_mesh()
+            animate(character, still, lambda _: (np.zeros((1, 4, 3), np.float32), None)).save(path)
+        except PuppetlineError:
+            pass
+        except BaseException as error:
+            pytest.fail(f"{place} = {value!r}: {type(error).__name__}: {error}")
+        tried += 1
+    assert tried > 80
+
+
+@pytest.mark.parametrize("count", [10**6, 10**12, 2**63])
+@pytest.mark.parametrize("indexed", [True, False])
+def test_an_array_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp_path, glb, count, indexed):
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES if indexed else None)))
+    for accessor in glb.file.accessors:
+        accessor.count = count
+    error = refused(glb.save(tmp_path / "large.glb"))
+    assert error.found == f"{count} values that lie outside the file's data"
+    assert error.where.startswith(f"{tmp_path / 'large.glb'}, accessors[")
+
+
+def test_a_buffer_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp_path):
+    path = tmp_path / "large.glb"
+    path.write_bytes(pack(description(buffers=[{"byteLength": 10**15}]), b"1234"))
+    assert refused(path).found == "4 bytes of data of 1,000,000,000,000,000 announced"
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "../secret.bin",
+        "%2e%2e/secret.bin",
+        "sub/../../secret.bin",
+        "https://example.org/a.bin",
+        "nowhere.bin",
+        "",
+        ".",
+        "a\0b",
+        "a%00b",
+        "x" * 5000,
+        "link.bin",
+    ],
+)
+def test_a_buffer_that_is_not_beside_the_file_is_refused(tmp_path, uri):
+    (tmp_path / "secret.bin").write_bytes(bytes(16))
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "link.bin").symlink_to(tmp_path / "secret.bin")
+    path = write_gltf(folder / "a.gltf", description(buffers=[{"byteLength": 16, "uri": uri}]))
+    error = refused(path)
+    assert error.where == str(path)
+    assert error.found == f"a reference to {uri!r}, which is not a file beside it"
+
+
+def test_an_absolute_path_to_a_buffer_is_refused(tmp_path):
+    (tmp_path / "secret.bin").write_bytes(bytes(16))
+    (tmp_path / "folder").mkdir()
+    content = description(buffers=[{"byteLength": 16, "uri": str(tmp_path / "secret.bin")}])
+    assert "which is not a file beside it" in refused(write_gltf(tmp_path / "folder" / "a.gltf", content)).found
+
+
+def test_a_data_uri_that_is_no_base64_is_refused(tmp_path):
+    content = description(buffers=[{"byteLength": 1, "uri": "data:;base64,*"}])
+    assert "a data URI that is not base64" in refused(write_gltf(tmp_path / "a.gltf", content)).found
+
+
+@pytest.mark.parametrize("text", [b"{", b"{}", b"{" * 100_000, b'{"a":' * 100_000, b'{"buffers": 3}', b"{\xff}"])
+def test_json_that_is_not_gltf_is_refused(tmp_path, text):
+    path = tmp_path / "a.gltf"
+    path.write_bytes(text)
+    refused(path)
+    path.with_suffix(".glb").write_bytes(pack(text))
+    refused(path.with_suffix(".glb"))
+
+
+def test_glb_of_another_version_is_refused(tetrahedron):
+    whole = bytearray(tetrahedron.read_bytes())
+    whole[4] = 1
+    tetrahedron.write_bytes(whole)
+    assert refused(tetrahedron).found.startswith("glTF version 1,")
+
+
+def test_a_sparse_accessor_is_refused_with_the_remedy(glb, tmp_path):
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))
+    glb.file.accessors[0].bufferView = None
+    error = refused(glb.save(tmp_path / "sparse.glb"))
+    assert (error.found, error.fix) == ("a sparse accessor", "Export the file without sparse accessors.")

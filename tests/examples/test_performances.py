@@ -1,0 +1,375 @@
+import numpy as np
+import pytest
+from puppetline.examples.performances import (
+    AWAY,
+    DEPTH_FACTOR,
+    FAST,
+    PERFORMANCES,
+    TICK_JITTER,
+    clean,
+    with_kinect_noise,
+)
+from scipy.interpolate import CubicSpline
+
+from capture.body import typical
+from capture.clip import SkeletonClip
+from capture.formats import read_log
+from capture.recording import DECIMALS, Recorder
+from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS, TRACKED
+
+NAMES = list(PERFORMANCES)
+RATE = 30.0
+LIMBS = [
+    j for j, name in enumerate(JOINTS) if name.split("_")[0] in {"elbow", "wrist", "hand", "knee", "ankle", "foot"}
+]
+TRUNK = [j for j in range(len(JOINTS)) if j not in LIMBS]
+
+
+def paths(clip):
+    """Each joint's (T, 3) path by name."""
+    return {name: clip.positions[:, j] for name, j in JOINT_INDEX.items()}
+
+
+def between(clip, start, end):
+    return (clip.times >= start) & (clip.times <= end)
+
+
+def standing(frames, distance=2.5):
+    """The performer doing nothing for long."""
+    pose = clean("lean").positions[:1] + np.array([0.0, 0.0, distance - 2.5])
+    confidence = np.ones((frames, len(JOINTS)), dtype=np.float32)
+    return SkeletonClip("test", 1, np.arange(frames) / RATE, np.repeat(pose, frames, axis=0), confidence)
+
+
+def errors(noisy, true):
+    return noisy.positions - CubicSpline(true.times, true.positions)(noisy.times)
+
+
+def runs(flags):
+    """Lengths of the runs of True in a one-dimensional array that neither begin nor end with it."""
+    edges = np.flatnonzero(np.diff(flags.astype(int)))
+    begins = edges[~flags[edges]]
+    return [int(end - begin) for begin in begins for end in edges[edges > begin][:1]]
+
+
+def bone_variation(positions):
+    """Standard deviation of each bone's length by its mean."""
+    lengths = np.array(
+        [
+            np.linalg.norm(positions[:, JOINT_INDEX[joint]] - positions[:, JOINT_INDEX[parent]], axis=1)
+            for joint, parent in PARENTS.items()
+        ]
+    )
+    return np.nanstd(lengths, axis=1) / np.nanmean(lengths, axis=1)
+
+
+# --- the motion -----------------------------------------------------------------------------------------------------
+
+
+def test_the_poses_of_the_paper_are_there():
+    assert NAMES == ["kung_fu", "lean", "bow", "bark", "walk"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bones_keep_their_length(name):
+    joint = paths(clean(name))
+    for child, parent in PARENTS.items():
+        lengths = np.linalg.norm(joint[child] - joint[parent], axis=1)
+        np.testing.assert_allclose(lengths, typical(child), rtol=0, atol=1e-9, err_msg=child)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_begins_and_ends_in_the_neutral_pose(name):
+    clip = clean(name)
+    start = clip.positions[clip.times <= 0.79]
+    assert len(start) >= 0.6 * RATE
+    np.testing.assert_allclose(start, np.broadcast_to(start[0], start.shape), rtol=0, atol=1e-12)
+    end = clip.positions[clip.times >= clip.times[-1] - 0.3]
+    np.testing.assert_allclose(end, np.broadcast_to(end[-1], end.shape), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(end[-1] - end[-1, 0], start[0] - start[0, 0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stands_upright_on_the_floor_and_faces_the_sensor_with_the_right_side_at_positive_x(name):
+    joint = {key: path[0] for key, path in paths(clean(name)).items()}
+    for part in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot"):
+        right, left = joint[f"{part}_right"], joint[f"{part}_left"]
+        assert right[0] > 0.05
+        np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
+    for side in ("left", "right"):
+        assert joint[f"foot_{side}"][2] < joint[f"ankle_{side}"][2]
+        assert -1.0 < joint[f"foot_{side}"][1] < -0.95
+        assert 0.05 < abs(joint[f"hand_{side}"][0]) - abs(joint[f"hip_{side}"][0]) < 0.25
+        assert joint[f"hand_{side}"][1] < joint["hip_center"][1]
+    assert 1.55 < joint["head"][1] + 1.0 < 1.70
+    assert joint["head"][0] == 0.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_standing_feet_do_not_move_and_one_always_stands(name):
+    clip = clean(name)
+    joint = paths(clip)
+    stands = []
+    for side in ("left", "right"):
+        ankle, foot = joint[f"ankle_{side}"], joint[f"foot_{side}"]
+        on_floor = np.abs(ankle[:, 1] - ankle[0, 1]) < 1e-9
+        still = on_floor[1:] & on_floor[:-1]
+        for path in (ankle, foot):
+            assert np.abs(np.diff(path, axis=0)[still]).max() < 1e-9
+        assert ankle[:, 1].min() > ankle[0, 1] - 1e-9
+        stands.append(on_floor)
+    assert np.all(stands[0] | stands[1])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_moves_no_faster_than_a_human(name):
+    positions = clean(name).positions
+    assert np.linalg.norm(np.diff(positions, axis=0), axis=2).max() * RATE < 12.0
+    assert np.linalg.norm(np.diff(positions, 2, axis=0), axis=2).max() * RATE**2 < 150.0
+
+
+@pytest.mark.parametrize(("hand", "other", "start", "end"), [("right", "left", 1.9, 2.3), ("left", "right", 2.9, 3.3)])
+def test_a_punch_goes_towards_the_sensor(hand, other, start, end):
+    clip = clean("kung_fu")
+    joint, during = paths(clip), between(clip, start, end)
+    fist, guard = (joint[f"hand_{side}"][during] for side in (hand, other))
+    assert fist[-1, 2] < fist[0, 2] - 0.2
+    assert guard[-1, 2] > guard[0, 2] + 0.15
+    shoulder = joint[f"shoulder_{hand}"][during][-1]
+    arm = (fist[-1] - shoulder) / np.linalg.norm(fist[-1] - shoulder)
+    assert arm[2] < -0.95
+    assert abs(fist[-1, 1] - shoulder[1]) < 0.15
+
+
+def test_kung_fu_kicks_high_with_the_right_leg_sweeps_the_arms_and_bows():
+    clip = clean("kung_fu")
+    joint = paths(clip)
+    peak = int(np.argmax(joint["foot_right"][:, 1]))
+    assert 4.5 < clip.times[peak] < 5.0
+    assert joint["foot_right"][peak, 1] > joint["hip_center"][peak, 1] + 0.1
+    assert joint["foot_right"][peak, 2] < joint["hip_center"][peak, 2] - 0.7
+    wide = joint["hand_right"][:, 0] - joint["hand_left"][:, 0]
+    assert wide[between(clip, 6.5, 7.0)].max() > 1.3
+    assert joint["hand_left"][between(clip, 7.0, 7.4), 1].max() > joint["head"][0, 1] + 0.2
+    palms = between(clip, 8.2, 9.2)
+    assert np.linalg.norm(joint["hand_right"] - joint["hand_left"], axis=1)[palms].max() < 0.12
+    assert (joint["head"] - joint["hip_center"])[palms, 2].min() < -0.35
+
+
+def test_lean_goes_forward_and_to_both_sides():
+    joint = paths(clean("lean"))
+    head = joint["head"] - joint["hip_center"]
+    assert head[:, 2].min() < -0.4
+    assert head[:, 0].max() > 0.25
+    assert head[:, 0].min() < -0.25
+    assert np.argmin(head[:, 2]) < np.argmax(head[:, 0]) < np.argmin(head[:, 0])
+
+
+def test_bow_lowers_the_left_hand_from_the_shoulder_to_the_knee_and_raises_it_again():
+    clip = clean("bow")
+    joint = paths(clip)
+    height, shoulder = joint["hand_left"][:, 1], joint["shoulder_left"][:, 1]
+    raised, low, again = (round(second * RATE) for second in (1.6, 3.3, 5.0))
+    for frame in (raised, again):
+        assert height[frame] == pytest.approx(shoulder[frame], abs=0.05)
+    assert height[low] == pytest.approx(joint["knee_left"][low, 1], abs=0.08)
+    assert np.all(np.diff(height[between(clip, 1.75, 3.15)]) < 0)
+    assert np.abs(np.diff(height[between(clip, 1.75, 3.15)])).max() * RATE < 1.5
+
+
+def test_bow_swishes_the_right_hand_and_then_paws_right_and_left():
+    clip = clean("bow")
+    joint = paths(clip)
+    aside = joint["hand_right"][between(clip, 4.55, 6.1), 0]
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(aside))))
+    assert len(turns) == 4
+    assert np.abs(np.diff(aside[turns + 1])).min() > 0.3
+    assert joint["hand_right"][between(clip, 6.0, 6.6), 1].max() > joint["shoulder_right"][0, 1] + 0.2
+
+    lifted = {side: joint[f"ankle_{side}"][:, 1] > joint[f"ankle_{side}"][0, 1] + 0.1 for side in ("left", "right")}
+    starts = sorted(
+        (frame, side) for side, up in lifted.items() for frame in np.flatnonzero(np.diff(up.astype(int)) == 1)
+    )
+    assert [side for _, side in starts] == ["right", "left", "right", "left"]
+
+
+def test_bark_opens_the_jaw_and_jerks_the_head_in_two_bursts_of_three():
+    clip = clean("bark")
+    joint = paths(clip)
+    jaw = np.linalg.norm(joint["hand_right"] - joint["hand_left"], axis=1)
+    barking = between(clip, 1.5, 6.4)
+    opens = clip.times[1:][barking[1:] & (np.diff((jaw > 0.3).astype(int)) == 1)]
+    assert len(opens) == 6
+    assert np.diff(opens)[[0, 1, 3, 4]] == pytest.approx(0.45, abs=0.04)
+    assert opens[3] - opens[2] > 2.0
+    for second in opens:
+        before, after = (round((second + step) * RATE) for step in (-0.1, 0.07))
+        rise = joint["head"][after] - joint["head"][before]
+        assert rise[1] > 0.05
+        assert joint["shoulder_center"][after, 2] < joint["shoulder_center"][before, 2] - 0.08
+    wag = joint["foot_right"][between(clip, 3.4, 4.5), 0]
+    assert np.count_nonzero(np.diff(np.sign(np.diff(wag)))) >= 4
+    assert np.ptp(wag) > 0.15
+
+
+def test_walk_comes_three_steps_nearer_waves_and_steps_aside():
+    clip = clean("walk")
+    joint = paths(clip)
+    assert joint["hip_center"][0, 2] - joint["hip_center"][-1, 2] == pytest.approx(0.96)
+    assert joint["hip_center"][:, 0].max() == pytest.approx(0.36, abs=0.01)
+    wave = between(clip, 3.9, 5.2)
+    assert np.all(joint["hand_right"][wave, 1] > joint["shoulder_center"][wave, 1])
+    assert np.count_nonzero(np.diff(np.sign(np.diff(joint["hand_right"][wave, 0])))) >= 4
+    assert np.all(joint["hand_left"][wave, 1] < joint["hip_center"][wave, 1])
+
+
+# --- the sensor -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_two_builds_are_the_same(name):
+    first, second = PERFORMANCES[name](), PERFORMANCES[name]()
+    for field in ("times", "positions", "confidence"):
+        np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
+    assert first.user == 1
+
+
+def test_another_seed_gives_other_noise():
+    clip = standing(30)
+    assert not np.array_equal(with_kinect_noise(clip, 1).positions, with_kinect_noise(clip, 2).positions)
+
+
+def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred():
+    clip = standing(3000)
+    times = with_kinect_noise(clip, 1).times
+    assert 0.005 < 1 - len(times) / 3000 < 0.02
+    ticks = np.round(times * RATE)
+    assert np.std(times - ticks / RATE) == pytest.approx(TICK_JITTER, rel=0.05)
+    assert np.all(np.diff(ticks) >= 1)
+    assert np.diff(ticks).max() in (2, 3)
+
+
+def test_errors_of_a_standing_performer_have_the_documented_size():
+    clip = standing(6000)
+    noisy = with_kinect_noise(clip, 1)
+    error = 1000 * errors(noisy, clip)
+    error[np.abs(error).max(axis=2) > 60] = np.nan  # strays
+    spread = np.sqrt(np.nanmean(error**2, axis=0)) / [1.0, 1.0, DEPTH_FACTOR]
+    expected = {
+        "head": 3.0,
+        "elbow_left": 4.6,
+        "wrist_right": 5.1,
+        "hand_right": 6.2,
+        "ankle_left": 4.1,
+        "foot_right": 4.9,
+    }
+    for joint, size in expected.items():
+        depth = (clip.positions[0, JOINT_INDEX[joint], 2] / 2.5) ** 2
+        assert spread[JOINT_INDEX[joint]] == pytest.approx(size * depth, rel=0.15), joint
+
+
+def test_slow_errors_wander_and_hardly_jitter():
+    clip = standing(6000)
+    head = 1000 * errors(with_kinect_noise(clip, 1), clip)[:, JOINT_INDEX["head"], 0]
+    assert np.std(np.diff(head)) < 1.0 < 2.5 < np.std(head)
+
+
+def test_errors_grow_with_the_square_of_the_distance():
+    near, far = standing(300, 2.0), standing(300, 4.0)
+    noisy_near, noisy_far = with_kinect_noise(near, 1), with_kinect_noise(far, 1)
+    growth = errors(noisy_far, far)[:, TRUNK] / errors(noisy_near, near)[:, TRUNK]
+    depth = (far.positions[0, TRUNK, 2] / near.positions[0, TRUNK, 2]) ** 2
+    np.testing.assert_allclose(growth, np.broadcast_to(depth[:, None], growth.shape), rtol=1e-6)
+
+
+def test_only_joints_of_the_limbs_are_lost_alone_and_for_3_to_15_frames():
+    noisy = with_kinect_noise(standing(6000), 1)
+    lost = noisy.confidence == LOST
+    assert not lost[:, TRUNK].any()
+    lengths = [length for joint in LIMBS for length in runs(lost[:, joint])]
+    assert min(lengths) == 3
+    assert np.percentile(lengths, 95) <= 15  # two may meet
+    assert 0.005 < lost.mean() < 0.011
+
+
+def test_strays_are_unannounced_and_short_and_on_the_limbs():
+    clip = standing(6000)
+    noisy = with_kinect_noise(clip, 1)
+    off = np.nan_to_num(np.linalg.norm(errors(noisy, clip), axis=2)) > 0.08
+    assert not off[:, TRUNK].any()
+    assert 0.0003 < off.mean() < 0.0015
+    assert np.all(noisy.confidence[off] == TRACKED)
+    assert {length for joint in LIMBS for length in runs(off[:, joint])} == {1, 2}
+
+
+def test_nothing_is_guessed_while_nothing_is_fast_or_hidden():
+    assert not np.any(with_kinect_noise(standing(3000), 1).confidence == INFERRED)
+
+
+def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors():
+    clip = standing(6000)
+    clip.positions[:, JOINT_INDEX["hand_left"]] = [0.0, 0.3, 2.2]
+    seconds = clip.times
+    clip.positions[:, JOINT_INDEX["foot_right"], 0] += 0.2 * np.sin(10.0 * seconds)
+    noisy = with_kinect_noise(clip, 1)
+    guessed = noisy.confidence == INFERRED
+    assert set(np.flatnonzero(guessed.any(axis=0))) == {JOINT_INDEX["hand_left"], JOINT_INDEX["foot_right"]}
+    speed = np.abs(2.0 * np.cos(10.0 * noisy.times))
+    begins = np.flatnonzero(np.diff(guessed[:, JOINT_INDEX["foot_right"]].astype(int)) == 1) + 1
+    assert np.all(speed[begins] > FAST - 0.01)
+
+    hand = guessed[:, JOINT_INDEX["hand_left"]]
+    off = np.linalg.norm(errors(noisy, clip)[:, JOINT_INDEX["hand_left"]], axis=1)
+    assert 0.15 < hand.mean() < 0.3
+    assert np.nanmedian(off[hand]) == pytest.approx(4 * np.nanmedian(off[~hand]), rel=0.15)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_single_joints_drop_out_and_some_are_guessed(name):
+    confidence = PERFORMANCES[name]().confidence
+    somebody = (confidence > LOST).any(axis=1)
+    assert 0.003 < np.mean(confidence[somebody] == LOST) < 0.015
+    assert 0.001 < np.mean(confidence[somebody] == INFERRED) < 0.10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_calibration_pose_is_seen_whole(name):
+    clip = PERFORMANCES[name]()
+    begin = clip.times <= 0.6
+    assert np.all(clip.confidence[begin] == TRACKED)
+    assert np.abs(clip.positions[begin] - clean(name).positions[0]).max() < 0.04
+
+
+def test_the_sensor_loses_the_whole_body_once_in_the_walk():
+    clip = PERFORMANCES["walk"]()
+    seen = clip.times[(clip.confidence > LOST).any(axis=1)]
+    gaps = np.diff(seen)
+    assert gaps.max() == pytest.approx(AWAY, abs=0.08)
+    assert np.count_nonzero(gaps > 0.25) == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_recording_reads_back_to_its_rounding(name, tmp_path):
+    clip = PERFORMANCES[name]()
+    path = tmp_path / "take"
+    with Recorder(path) as recorder:
+        for frame in clip.frames():
+            recorder.write(frame)
+    (read,) = read_log(path)
+    assert (read.format, read.user, read.notes) == ("puppetline", 1, ())
+    np.testing.assert_array_equal(read.times, clip.times)
+    np.testing.assert_array_equal(read.positions, np.round(clip.positions, DECIMALS))
+    np.testing.assert_array_equal(read.confidence, clip.confidence)
+
+
+def test_bones_vary_and_the_clock_jitters_as_on_a_real_kinect(real_logs):
+    (real,) = read_log(real_logs / "msrc12" / "P1_1_1_p19.csv")
+    ours = [PERFORMANCES[name]() for name in NAMES]
+    variation = np.mean([bone_variation(clip.positions).mean() for clip in ours])
+    assert variation == pytest.approx(bone_variation(real.positions).mean(), rel=0.4)
+
+    def spread(clip):
+        steps = np.diff(clip.times)
+        return np.std(steps[steps < 0.05])
+
+    assert np.mean([spread(clip) for clip in ours]) == pytest.approx(spread(real), rel=0.2)

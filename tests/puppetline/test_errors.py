@@ -1,0 +1,43 @@
+from pathlib import Path
+
+import pytest
+
+from puppetline import errors
+from puppetline.errors import MeshError, OutputError, PuppetError, PuppetlineError, SkeletonLogError, at
+
+FAMILY = [SkeletonLogError, MeshError, PuppetError, OutputError]
+
+
+@pytest.mark.parametrize("kind", [PuppetlineError, *FAMILY])
+def test_the_message_says_where_what_was_found_what_was_expected_and_what_to_do(kind):
+    error = kind(at("take.csv", line=7), found="19 numbers", expected="61 numbers", fix="Record it again.")
+    assert str(error) == "take.csv, line 7: found 19 numbers; expected 61 numbers. Record it again."
+    assert (error.where, error.found, error.expected) == ("take.csv, line 7", "19 numbers", "61 numbers")
+    assert error.fix == "Record it again."
+
+
+def test_one_clause_catches_the_whole_family():
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, Exception)]
+    assert set(kinds) == {PuppetlineError, *FAMILY}
+    assert all(issubclass(kind, PuppetlineError) for kind in kinds)
+    assert not any(issubclass(a, b) for a in FAMILY for b in FAMILY if a is not b)
+
+
+def test_a_path_may_stand_for_where():
+    error = MeshError(Path("models") / "dragon.glb", found="a", expected="b", fix="C.")
+    assert error.where == str(Path("models") / "dragon.glb")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        (("take.csv",), "take.csv"),
+        (("take.csv", 7), "take.csv, line 7"),
+        (("take.csv", 0), "take.csv, line 0"),
+        (("dog.toml", None, "handle[2].joint"), "dog.toml, handle[2].joint"),
+        (("dog.toml", 3, "smoothing"), "dog.toml, line 3, smoothing"),
+        ((Path("dog.toml"),), "dog.toml"),
+    ],
+)
+def test_places_in_a_file(arguments, place):
+    assert at(*arguments) == place

@@ -1,0 +1,169 @@
+"""Small characters, and plain loops that say what the vectorised code must give."""
+
+import igl
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver import reduced_model
+from solver.mesh import SolverMesh, weld
+
+LIMBS = {
+    "hand": ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18),
+    "foot": ((0.0, 0.0, 0.0), (0.6, -1.5, 0.1), 0.20),
+}
+"""Capsules (from, to, radius) that a figure has on both sides."""
+TRUNK = {"trunk": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.35), "head": ((0.0, 1.2, 0.0), (0.0, 1.9, 0.2), 0.22)}
+
+
+def distance_to_capsule(points, start, end, radius):
+    start, along = np.array(start), np.array(end) - np.array(start)
+    share = np.clip((points - start) @ along / (along @ along), 0, 1)
+    return np.linalg.norm(points - start - share[:, None] * along, axis=1) - radius
+
+
+def march(capsules, low, high, step):
+    """Triangulate the union of capsules."""
+    low = np.array(low)
+    counts = np.ceil((np.array(high) - low) / step).astype(int) + 1
+    grid = igl.grid(counts) * ((counts - 1) * step) + low
+    distance = np.min([distance_to_capsule(grid, *capsule) for capsule in capsules], axis=0)
+    v, f, _ = igl.marching_cubes(distance, grid, *map(int, counts), 0.0)
+    return v, f
+
+
+def make_figure(step):
+    """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
+    capsules = [*TRUNK.values(), *LIMBS.values()]
+    v, f = march(capsules, (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), step)
+    image = np.where(v[:, :1] == 0, v, v * [-1, 1, 1])
+    return weld(np.concatenate([v, image]), np.concatenate([f, f[:, ::-1] + len(v)]))
+
+
+@pytest.fixture(scope="session")
+def figure():
+    """A symmetric figure of 766 vertices."""
+    return make_figure(0.14)
+
+
+@pytest.fixture(scope="session")
+def figure_model(figure):
+    return reduced_model.build(figure)
+
+
+@pytest.fixture(scope="session")
+def creature():
+    """A bent, lopsided tube with a horn and a leg: no symmetry, so that no two eigenvalues are equal."""
+    capsules = [
+        ((-1.2, 0.0, 0.0), (0.0, 0.2, 0.0), 0.30),
+        ((0.0, 0.2, 0.0), (0.9, 0.9, 0.2), 0.25),
+        ((-0.9, 0.1, 0.0), (-1.0, 0.9, -0.4), 0.16),
+        ((0.0, 0.1, 0.0), (0.2, -1.1, 0.3), 0.18),
+    ]
+    return weld(*march(capsules, (-1.7, -1.5, -0.8), (1.4, 1.4, 0.8), 0.13))
+
+
+@pytest.fixture(scope="session")
+def creature_model(creature):
+    return reduced_model.build(creature)
+
+
+@pytest.fixture(scope="session")
+def creature_handles():
+    """Near the two ends of the tube, the horn's tip, the foot and the belly."""
+    return np.array([[-1.5, 0.0, 0.0], [1.05, 1.05, 0.25], [-1.0, 1.05, -0.45], [0.2, -1.28, 0.33], [0.0, 0.0, 0.3]])
+
+
+@pytest.fixture(scope="session")
+def real_mesh(real_data):
+    """Load an .obj of the real data by name."""
+    return lambda name: weld(*igl.read_triangle_mesh(str(real_data / "mesh" / name)))
+
+
+@pytest.fixture(scope="session")
+def turn():
+    """A rotation for row vectors, x' = x · turn(seed, degrees), about a random axis."""
+
+    def make(seed, degrees):
+        axis = np.random.default_rng(seed).normal(size=3)
+        return Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis)).as_matrix().T
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def two_parts(figure):
+    """The figure and, a little beside its right hand, a small cube of its own."""
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * 0.3 + [1.7, 1.2, -0.1]
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    cube = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    return SolverMesh(
+        np.concatenate([figure.vertices, corners]),
+        np.concatenate([figure.faces, cube + len(figure.vertices)]),
+        np.arange(len(figure.vertices) + 8),
+    )
+
+
+@pytest.fixture(scope="session")
+def naive_operator():
+    """The cotangent Laplacian and the mixed Voronoi areas of a mesh of one part as dense arrays, face by face."""
+
+    def build(vertices, faces):
+        n = len(vertices)
+        L, mass = np.zeros((n, n)), np.zeros(n)
+        for face in faces:
+            points = vertices[face]
+            area = np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0])) / 2
+            cosines = []
+            for corner in range(3):
+                u, v = points[corner - 2] - points[corner], points[corner - 1] - points[corner]
+                cosines.append(u @ v)
+                cotangent = u @ v / (2 * area)
+                a, b = face[corner - 2], face[corner - 1]
+                L[a, b] += cotangent / 2
+                L[b, a] += cotangent / 2
+                L[a, a] -= cotangent / 2
+                L[b, b] -= cotangent / 2
+            for corner in range(3):
+                if min(cosines) < 0:
+                    mass[face[corner]] += area / 2 if cosines[corner] < 0 else area / 4
+                    continue
+                for other in (corner - 1, corner - 2):
+                    opposite = ({0, 1, 2} - {corner % 3, other % 3}).pop()
+                    edge = points[corner] - points[other]
+                    mass[face[corner]] += cosines[opposite] / (2 * area) * (edge @ edge) / 8
+        return L, mass
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def naive_interpolation():
+    """W of X = W R and W_δ, entry by entry: w_i φ_ik(v) [x y z 1]_c and w_i φ_ik(v) δ_c."""
+
+    def build(rest, ladder, weights, isolines, delta):
+        m = len(weights) * isolines
+        W, W_delta = np.zeros((len(rest), 4 * m)), np.zeros((len(rest), 3 * m))
+        for v in range(len(rest)):
+            for i, weight in enumerate(weights):
+                for k in range(isolines):
+                    phi = weight * max(0.0, 1.0 - abs(float(ladder[v, i]) - k))
+                    column = i * isolines + k
+                    W[v, 4 * column : 4 * column + 4] = phi * np.array([*rest[v], 1.0])
+                    W_delta[v, 3 * column : 3 * column + 3] = phi * delta[v]
+        return W, W_delta
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def surface():
+    """All vertices of a mesh in float64 for control variables R in model units: X = W R, in the mesh's coordinates."""
+
+    def of(model, mesh, R):
+        W = reduced_model.position_matrix(
+            model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+        )
+        return (W @ R) * model.diagonal + model.center
+
+    return of

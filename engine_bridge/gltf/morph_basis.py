@@ -49,8 +49,8 @@ class MorphBasis:
     def targets(self, model: ReducedModel, binding: Binding) -> NDArray[np.float32]:
         """Return the (K, n, 3) float32 displacements of bound vertices, mesh file's coordinates."""
         targets = np.empty((len(self.directions), *binding.rest.shape), dtype=np.float32)
-        for target, controls in zip(targets, displacement_to_file_units(self.directions, model), strict=True):
-            target[:] = binding.vertices(controls)
+        for target, direction in zip(targets, self.directions, strict=True):
+            target[:] = binding.vertices(displacement_to_file_units(direction, model))
         return targets
 
 
@@ -173,7 +173,7 @@ def _measure(
     size = np.abs(weights).max(axis=0, initial=0)
     size[size == 0] = 1
     scaled = MorphBasis(directions * size[:, None, None], (weights / size).astype(np.float32), 0.0)
-    targets = scaled.targets(model, binding).reshape(len(size), -1)
+    targets = scaled.targets(model, binding).reshape(len(size), binding.rest.size)
     worst, worst_frame, worst_vertex = -1.0, 0, 0
     for start in range(0, len(frames), CHUNK):
         chunk = slice(start, start + CHUNK)
@@ -217,4 +217,4 @@ def normal_targets(
     for column, frame in zip(solve.T, frames[chosen], strict=True):
         turned = binding.normals(to_file_units(frame, model)) - binding.rest_normals
         fitted += column[:, None] * turned.ravel()
-    return fitted.reshape(count, -1, 3)
+    return fitted.reshape(count, *binding.rest.shape)

@@ -111,7 +111,7 @@ def distance_to_limb(points, start, end, radius):
 def make_shape():
     """Triangulate a union of limbs, float32 positions as a file holds them."""
 
-    def make(limbs, step=0.115):
+    def make(limbs, step=0.097):
         ends = np.array([end for limb in limbs for end in limb[:2]])
         radius = max(limb[2] for limb in limbs)
         low = ends.min(axis=0) - radius - 2 * step + 0.013  # no vertex of the grid on a limb's axis

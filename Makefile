@@ -20,7 +20,8 @@ setup: .venv/.installed ## Make .venv from the pinned requirements (the other ta
 demo: setup ## Animate the example characters into out/
 	$(BIN)/puppetline demo --output $(OUT)
 
-test: export OPENBLAS_NUM_THREADS = 1 # matrices here are small, and threads that wait for each other only cost time
+# matrices here are small: threads that wait for each other only cost time
+test: export OPENBLAS_NUM_THREADS = 1
 test: setup ## Run every test (PYTEST="-m 'not slow'" for a quick round)
 	$(BIN)/pytest $(PYTEST)
 

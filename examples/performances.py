@@ -1,10 +1,7 @@
 """Performances made by code: a performer before a Kinect acts each of the paper's poses (Section 4.1).
 
-A performance is a score, a list of moves for each part of the body (`_SCORES`). It is played by a body of constant
-bones (`clean`) and then seen through a Kinect (`with_kinect_noise`). Nothing here is random that a seed does not fix.
-
-The numbers in a score are metres as (out, up, forward), *out* away from the middle of the body on either side, or
-degrees as (forward, right, turn): bending forward, leaning to the performer's right, turning to the right.
+A performance is a score, a list of moves for each part of the body (`_SCORES`), in the units of `performer.REST`. It is
+played by a body of constant bones (`clean`) and then seen through a Kinect (`PERFORMANCES`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,146 +9,14 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.interpolate import BPoly, CubicSpline, PchipInterpolator
-from scipy.signal import lfilter
-from scipy.spatial.transform import Rotation
 
-from capture.body import typical
 from capture.clip import SkeletonClip
-from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, TRACKED
+from capture.skeleton import TRACKED
 
-Array = NDArray[np.float64]
-Move = tuple[float, float, tuple[float, ...]]
-"""From which second to which second a part moves, and where to. Between its moves it holds still."""
+from .kinect_noise import FRAME_RATE, with_kinect_noise
+from .performer import REST, Move, played, posed
 
-FRAME_RATE = 30.0
 USER = 1
-
-# --- The body -------------------------------------------------------------------------------------------------------
-
-SIDES = {"left": -1.0, "right": 1.0}
-"""Which way is *out* along the sensor's x axis."""
-
-FLOOR = -1.0
-"""Height of the floor below a sensor on a table, metres."""
-ANKLE_REST = (0.115, 0.09, 0.0)
-"""(out, up, forward) of a standing ankle from the point on the floor between the feet."""
-HIPS_REST = 1.0
-"""Height of `hip_center` above the floor: the knees not quite straight, so that the weight can be shifted."""
-
-SHOULDER = (0.82, -0.57, -0.03)
-HIP = (0.74, -0.67, 0.0)
-FOOT = (0.15, -0.68, 0.72)
-"""Directions, (out, up, forward), of the bones to the shoulders, the hips and the feet, as a Kinect places them."""
-NECK = (0.0, 0.99, 0.1)
-"""Direction of the bone from between the shoulders to the head."""
-ELBOW = (0.3, -0.8, -0.45)
-"""To which side an elbow bends, as seen from the chest."""
-KNEE_HINGE = (1.0, 0.0, 0.15)
-"""Axis of a knee that points a little outward, as seen from the pelvis."""
-
-_REST: dict[str, tuple[float, ...]] = {
-    "hips": (0.0, 0.0, 0.0),
-    "pelvis": (0.0, 0.0, 0.0),
-    "trunk": (0.0, 0.0, 0.0),
-    "head": (0.0, 0.0, 0.0),
-    "hand_left": (0.11, -0.575, 0.07),
-    "hand_right": (0.11, -0.575, 0.07),
-    "ankle_left": (0.0, 0.0, 0.0),
-    "ankle_right": (0.0, 0.0, 0.0),
-    "foot_left": (0.0, 0.0, 0.0),
-    "foot_right": (0.0, 0.0, 0.0),
-}
-"""The parts that a score moves, and the neutral pose in which every performance begins and ends.
-
-hips : metres (right, up, forward) from where the hips stand at rest.
-pelvis, trunk, head : degrees (forward, right, turn), the trunk on the pelvis and the head on the trunk.
-hand_… : metres (out, up, forward) from its own shoulder, turning with the trunk.
-ankle_… : metres (out, up, forward) from where it stands at rest.
-foot_… : degrees (forward, right, turn); forward is toes down.
-"""
-
-
-def _played(moves: Sequence[Move], rest: tuple[float, ...], times: Array) -> Array:
-    """Return one part's values (T, 3): C², exactly still between moves, with no stop where one move meets the next."""
-    keys = [(0.0, rest)]
-    for start, end, target in moves:
-        if start > keys[-1][0]:
-            keys.append((start, keys[-1][1]))
-        keys.append((end, target))
-    keys.append((float(times[-1]) + 1.0, keys[-1][1]))
-    at = np.array([time for time, _ in keys])
-    values = np.array([value for _, value in keys])
-    # The slopes of a monotone interpolation keep a move from overshooting its end.
-    slopes = PchipInterpolator(at, values)(at, 1)
-    return BPoly.from_derivatives(at, np.stack([values, slopes, np.zeros_like(values)], axis=1))(times)
-
-
-def _turned(degrees: Array) -> Rotation:
-    """Return the rotations for (T, 3) degrees (forward, right, turn) of a performer who faces the sensor."""
-    return Rotation.from_euler("YXZ", -degrees[:, [2, 0, 1]], degrees=True)
-
-
-def _bone(direction: tuple[float, ...], joint: str) -> Array:
-    """Return the bone to a joint, (out, up, forward)."""
-    return np.array(direction) / np.linalg.norm(direction) * typical(joint)
-
-
-def _bent(root: Array, end: Array, upper: float, lower: float, toward: Array) -> Array:
-    """Return the joint (T, 3) between two bones from root to end, bent to the side that `toward` points to."""
-    along = end - root
-    distance = np.linalg.norm(along, axis=1, keepdims=True)
-    if np.any(distance >= upper + lower):
-        worst = int(np.argmax(distance))
-        raise ValueError(f"out of reach by {float(distance[worst, 0]) - upper - lower:.3f} m in frame {worst}")
-    along = along / distance
-    aside = toward - np.sum(toward * along, axis=1, keepdims=True) * along
-    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
-    forward = (distance**2 + upper**2 - lower**2) / (2 * distance)
-    return root + forward * along + np.sqrt(upper**2 - forward**2) * aside
-
-
-def _within_reach(wish: Array, length: float) -> Array:
-    """Draw hand positions (T, 3) from the shoulder smoothly in, so that the elbow never locks."""
-    distance = np.linalg.norm(wish, axis=1, keepdims=True)
-    return wish / (1 + (distance / length) ** 20) ** (1 / 20)
-
-
-def _posed(parts: Mapping[str, Array], distance: float) -> Array:
-    """Return the joints (T, 20, 3), sensor frame, of a performer who stands `distance` metres from the sensor."""
-    spot = np.array([0.0, FLOOR, distance])
-    ahead = np.array([1.0, 1.0, -1.0])
-    pelvis = _turned(parts["pelvis"])
-    chest = pelvis * _turned(parts["trunk"])
-    skull = chest * _turned(parts["head"])
-    up = (0.0, 1.0, 0.0)
-
-    joints = {"hip_center": spot + (parts["hips"] + np.array([0.0, HIPS_REST, 0.0])) * ahead}
-    joints["spine"] = joints["hip_center"] + pelvis.apply(_bone(up, "spine"))
-    joints["shoulder_center"] = joints["spine"] + chest.apply(_bone(up, "shoulder_center"))
-    joints["head"] = joints["shoulder_center"] + skull.apply(_bone(NECK, "head") * ahead)
-    for side, sign in SIDES.items():
-        out = np.array([sign, 1.0, -1.0])
-
-        shoulder = joints["shoulder_center"] + chest.apply(_bone(SHOULDER, "shoulder") * out)
-        forearm = typical("wrist") + typical("hand")
-        wish = _within_reach(parts[f"hand_{side}"], typical("elbow") + forearm)
-        hand = shoulder + chest.apply(wish * out)
-        elbow = _bent(shoulder, hand, typical("elbow"), forearm, chest.apply(np.array(ELBOW) * out))
-        joints |= {f"shoulder_{side}": shoulder, f"elbow_{side}": elbow, f"hand_{side}": hand}
-        joints[f"wrist_{side}"] = elbow + (hand - elbow) * (typical("wrist") / forearm)
-
-        hip = joints["hip_center"] + pelvis.apply(_bone(HIP, "hip") * out)
-        ankle = spot + (parts[f"ankle_{side}"] + np.array(ANKLE_REST)) * out
-        hinge = pelvis.apply(np.array(KNEE_HINGE) * [1.0, 1.0, sign])
-        knee = _bent(hip, ankle, typical("knee"), typical("ankle"), np.cross(hinge, ankle - hip))
-        foot = ankle + _turned(parts[f"foot_{side}"]).apply(_bone(FOOT, "foot") * out)
-        joints |= {f"hip_{side}": hip, f"knee_{side}": knee, f"ankle_{side}": ankle, f"foot_{side}": foot}
-    return np.stack([joints[name] for name in JOINTS], axis=1)
-
-
-# --- The scores -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -163,7 +28,7 @@ class _Score:
     duration : float
         Seconds.
     moves : mapping
-        The moves of the parts of `_REST` in the order of time; parts that are left out rest.
+        The moves of the parts of `REST` in the order of time; parts that are left out rest.
     distance : float
         Metres from the sensor at which the performer begins.
     seed : int
@@ -179,7 +44,7 @@ class _Score:
     away: float | None = None
 
 
-_HANG = _REST["hand_left"]
+_HANG = REST["hand_left"]
 _STILL = (0.0, 0.0, 0.0)
 
 
@@ -559,148 +424,9 @@ def clean(name: str) -> SkeletonClip:
     """
     score = _SCORES[name]()
     times = np.arange(round(score.duration * FRAME_RATE) + 1) / FRAME_RATE
-    parts = {part: _played(score.moves.get(part, ()), rest, times) for part, rest in _REST.items()}
-    positions = _posed(parts, score.distance)
+    parts = {part: played(score.moves.get(part, ()), rest, times) for part, rest in REST.items()}
+    positions = posed(parts, score.distance)
     return SkeletonClip("demo", USER, times, positions, np.full(positions.shape[:2], TRACKED, dtype=np.float32))
-
-
-# --- The sensor -----------------------------------------------------------------------------------------------------
-
-TICK_JITTER = 0.0025
-"""Seconds, standard deviation of a frame's time about the even clock."""
-SKIPPED = 0.01
-"""Share of frames that never arrive."""
-
-_ERRORS = {  # millimetres at NOMINAL_DEPTH, standard deviations across the line of sight: from frame to frame; slow
-    "elbow": (0.8, 4.5),
-    "wrist": (1.0, 5.0),
-    "hand": (1.4, 6.0),
-    "knee": (0.7, 4.0),
-    "ankle": (0.9, 4.0),
-    "foot": (2.0, 4.5),
-}
-_TRUNK_ERRORS = (0.4, 3.0)
-NOMINAL_DEPTH = 2.5
-DEPTH_FACTOR = 1.6
-"""How much larger errors are along the line of sight."""
-DRIFT_TIME = 0.35
-"""Time constant, seconds, of the slow error."""
-SLUR = 0.004
-"""Seconds: a moving joint's error from frame to frame grows by its speed times this."""
-
-FAST = 1.5
-"""Metres a second from which the sensor begins to guess."""
-GUESSED_HIDDEN, GUESSED_FAST = 0.05, 0.15
-"""Chance in each frame that a joint before the torso, or a fast one, is guessed from then on for 3 to 8 frames."""
-GUESS_FACTOR = 4.0
-"""How much larger a guess's error is."""
-STRAY, STRAY_DISTANCE = 0.001, 0.08
-"""Chance in each frame that a limb's joint strays for 1 or 2 frames; metres, standard deviation on each axis."""
-DROPPED = 0.0015
-"""Chance in each frame that a limb's joint is lost for 3 to 15 frames."""
-AWAY = 0.6
-"""Seconds for which the whole body is lost, where it is."""
-
-
-def with_kinect_noise(clip: SkeletonClip, seed: int, away: float | None = None) -> SkeletonClip:
-    """Return a clip as a Kinect would have recorded it.
-
-    - Clock: 30 Hz with jitter (`TICK_JITTER`); about one frame in a hundred is missing.
-    - Error of each joint: white noise that grows with its speed, and a slow drift (white noise, low-passed twice). Both
-      grow with the square of the distance, are larger in depth and largest at hands and feet.
-    - A hand or wrist before the torso and any fast joint is now and then guessed: confidence 0.5, four times the error.
-    - Single joints of the limbs stray for a frame or two, unannounced, or are lost for 3 to 15 frames.
-
-    The magnitudes were measured on real Kinect v1 clips (two of MSRC-12, 2,307 frames at 2.3-3.2 m, and one longer
-    recording, 2,419 frames at 2.4-4.0 m) and keep to the middle of their range. Against a cubic fitted to 9 frames,
-    joints slower than 0.15 m/s jitter by a robust σ of 0.2-0.3 mm (trunk), 0.4-1.3 mm (elbows, wrists), 0.6-1.8 mm
-    (hands), 0.1-1.7 mm (knees, ankles) and 0.3-4.0 mm (feet, depth 1.5 to 1.7 times x); faster than 0.8 m/s, elbows,
-    wrists and hands by 3-15 mm. Standing feet and ankles wander by 1.3-5.8 mm in half a second. Up to 3.4 % of a hand's
-    positions lie over 60 mm off that cubic. Intervals between frames spread by 3.2-3.8 ms, 0.3-1.2 % of them are longer
-    than 50 ms. Bone lengths vary by 6-13 % of their mean. The SDK's guesses are not marked in these logs; in two
-    frontal Kinect v2 clips 0.4 % of the joints are.
-
-    Parameters
-    ----------
-    clip : SkeletonClip
-        With every joint known, at an even frame rate.
-    seed : int
-        The same seed gives the same clip.
-    away : float, optional
-        Second from which the whole body is lost for `AWAY` seconds.
-
-    Returns
-    -------
-    SkeletonClip
-    """
-    rng = np.random.default_rng(seed)
-    times = _ticks(clip.times, rng)
-    path = CubicSpline(clip.times, clip.positions)
-    true = path(times)
-    speed = np.linalg.norm(path(times, 1), axis=2)
-    limbs = np.array([_kind(joint) in _ERRORS for joint in JOINTS])
-
-    guessed = _episodes(GUESSED_HIDDEN * _before_torso(true) + GUESSED_FAST * (speed > FAST), 3, 8, rng)
-    stray = _episodes(np.full(speed.shape, STRAY) * limbs, 1, 2, rng)
-    lost = _episodes(np.full(speed.shape, DROPPED) * limbs, 3, 15, rng)
-    if away is not None:
-        lost[(times >= away) & (times < away + AWAY)] = True
-
-    error = _error(true, speed, rng) * np.where(guessed, GUESS_FACTOR, 1.0)[..., None]
-    error += rng.normal(0.0, STRAY_DISTANCE, true.shape) * stray[..., None]
-    positions = np.where(lost[..., None], np.nan, true + error)
-    confidence = np.where(lost, LOST, np.where(guessed, INFERRED, TRACKED)).astype(np.float32)
-    return SkeletonClip(clip.format, clip.user, times, positions, confidence)
-
-
-def _kind(joint: str) -> str:
-    return joint.removesuffix("_left").removesuffix("_right")
-
-
-def _ticks(even: Array, rng: np.random.Generator) -> Array:
-    """Return the times at which a sensor with this clock delivers frames; the first one always."""
-    limit = 3 * TICK_JITTER  # far less than half an interval, so that the order stays
-    times = even + np.clip(rng.normal(0.0, TICK_JITTER, len(even)), -limit, limit)
-    arrives = rng.random(len(even)) >= SKIPPED
-    arrives[0] = True
-    return np.clip(times[arrives], even[0], even[-1])
-
-
-def _episodes(chance: Array, shortest: int, longest: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Return when (T, 20) something is on that begins with this chance in a frame and lasts so many frames."""
-    frame = np.arange(len(chance))[:, None]
-    begins = rng.random(chance.shape) < chance
-    ends = frame + rng.integers(shortest, longest, chance.shape, endpoint=True)
-    return np.maximum.accumulate(np.where(begins, ends, 0), axis=0) > frame
-
-
-def _before_torso(positions: Array) -> NDArray[np.bool_]:
-    """Return which joints (T, 20) are wrists or hands between the sensor and the torso."""
-    x, y, z = np.moveaxis(positions, 2, 0)
-
-    def of(values: Array, joint: str) -> Array:
-        return values[:, JOINT_INDEX[joint], None]
-
-    before = (
-        (x > of(x, "shoulder_left"))
-        & (x < of(x, "shoulder_right"))
-        & (y > of(y, "hip_center"))
-        & (y < of(y, "shoulder_center"))
-        & (z < of(z, "shoulder_center"))
-    )
-    return before & np.array([_kind(joint) in ("wrist", "hand") for joint in JOINTS])
-
-
-def _error(true: Array, speed: Array, rng: np.random.Generator) -> Array:
-    """Return the errors (T, 20, 3) of joints that the sensor sees."""
-    jitter, drift = np.array([_ERRORS.get(_kind(joint), _TRUNK_ERRORS) for joint in JOINTS]).T / 1000
-    white = rng.standard_normal(true.shape) * (jitter + SLUR * speed)[..., None]
-    keep = np.exp(-1 / (FRAME_RATE * DRIFT_TIME))
-    settle = round(10 * DRIFT_TIME * FRAME_RATE)
-    steps = rng.standard_normal((settle + len(true), *true.shape[1:]))
-    unit_variance = np.sqrt((1 - keep**2) ** 3 / (1 + keep**2))
-    slow = lfilter([unit_variance], [1.0, -2 * keep, keep**2], steps, axis=0)[settle:] * drift[:, None]
-    return (white + slow) * (true[..., 2:] / NOMINAL_DEPTH) ** 2 * np.array([1.0, 1.0, DEPTH_FACTOR])
 
 
 def _recorded(name: str) -> SkeletonClip:

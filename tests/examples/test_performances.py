@@ -1,28 +1,16 @@
 import numpy as np
 import pytest
-from puppetline.examples.performances import (
-    AWAY,
-    DEPTH_FACTOR,
-    FAST,
-    PERFORMANCES,
-    TICK_JITTER,
-    clean,
-    with_kinect_noise,
-)
-from scipy.interpolate import CubicSpline
+from puppetline.examples.kinect_noise import AWAY
+from puppetline.examples.performances import PERFORMANCES, clean
+from puppetline.examples.performer import REST, posed
 
 from capture.body import typical
-from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.recording import DECIMALS, Recorder
-from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS, TRACKED
+from capture.skeleton import INFERRED, JOINT_INDEX, LOST, PARENTS, TRACKED
 
 NAMES = list(PERFORMANCES)
 RATE = 30.0
-LIMBS = [
-    j for j, name in enumerate(JOINTS) if name.split("_")[0] in {"elbow", "wrist", "hand", "knee", "ankle", "foot"}
-]
-TRUNK = [j for j in range(len(JOINTS)) if j not in LIMBS]
 
 
 def paths(clip):
@@ -32,24 +20,6 @@ def paths(clip):
 
 def between(clip, start, end):
     return (clip.times >= start) & (clip.times <= end)
-
-
-def standing(frames, distance=2.5):
-    """The performer doing nothing for long."""
-    pose = clean("lean").positions[:1] + np.array([0.0, 0.0, distance - 2.5])
-    confidence = np.ones((frames, len(JOINTS)), dtype=np.float32)
-    return SkeletonClip("test", 1, np.arange(frames) / RATE, np.repeat(pose, frames, axis=0), confidence)
-
-
-def errors(noisy, true):
-    return noisy.positions - CubicSpline(true.times, true.positions)(noisy.times)
-
-
-def runs(flags):
-    """Lengths of the runs of True in a one-dimensional array that neither begin nor end with it."""
-    edges = np.flatnonzero(np.diff(flags.astype(int)))
-    begins = edges[~flags[edges]]
-    return [int(end - begin) for begin in begins for end in edges[edges > begin][:1]]
 
 
 def bone_variation(positions):
@@ -86,23 +56,9 @@ def test_begins_and_ends_in_the_neutral_pose(name):
     np.testing.assert_allclose(start, np.broadcast_to(start[0], start.shape), rtol=0, atol=1e-12)
     end = clip.positions[clip.times >= clip.times[-1] - 0.3]
     np.testing.assert_allclose(end, np.broadcast_to(end[-1], end.shape), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(end[-1] - end[-1, 0], start[0] - start[0, 0], rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_stands_upright_on_the_floor_and_faces_the_sensor_with_the_right_side_at_positive_x(name):
-    joint = {key: path[0] for key, path in paths(clean(name)).items()}
-    for part in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot"):
-        right, left = joint[f"{part}_right"], joint[f"{part}_left"]
-        assert right[0] > 0.05
-        np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
-    for side in ("left", "right"):
-        assert joint[f"foot_{side}"][2] < joint[f"ankle_{side}"][2]
-        assert -1.0 < joint[f"foot_{side}"][1] < -0.95
-        assert 0.05 < abs(joint[f"hand_{side}"][0]) - abs(joint[f"hip_{side}"][0]) < 0.25
-        assert joint[f"hand_{side}"][1] < joint["hip_center"][1]
-    assert 1.55 < joint["head"][1] + 1.0 < 1.70
-    assert joint["head"][0] == 0.0
+    (neutral,) = posed({part: np.array([rest]) for part, rest in REST.items()}, distance=2.5)
+    for pose in (start[0], end[-1]):
+        np.testing.assert_allclose(pose - pose[0], neutral - neutral[0], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -223,7 +179,7 @@ def test_walk_comes_three_steps_nearer_waves_and_steps_aside():
     assert np.all(joint["hand_left"][wave, 1] < joint["hip_center"][wave, 1])
 
 
-# --- the sensor -----------------------------------------------------------------------------------------------------
+# --- as recorded ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -232,96 +188,6 @@ def test_two_builds_are_the_same(name):
     for field in ("times", "positions", "confidence"):
         np.testing.assert_array_equal(getattr(first, field), getattr(second, field))
     assert first.user == 1
-
-
-def test_another_seed_gives_other_noise():
-    clip = standing(30)
-    assert not np.array_equal(with_kinect_noise(clip, 1).positions, with_kinect_noise(clip, 2).positions)
-
-
-def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred():
-    clip = standing(3000)
-    times = with_kinect_noise(clip, 1).times
-    assert 0.005 < 1 - len(times) / 3000 < 0.02
-    ticks = np.round(times * RATE)
-    assert np.std(times - ticks / RATE) == pytest.approx(TICK_JITTER, rel=0.05)
-    assert np.all(np.diff(ticks) >= 1)
-    assert np.diff(ticks).max() in (2, 3)
-
-
-def test_errors_of_a_standing_performer_have_the_documented_size():
-    clip = standing(6000)
-    noisy = with_kinect_noise(clip, 1)
-    error = 1000 * errors(noisy, clip)
-    error[np.abs(error).max(axis=2) > 60] = np.nan  # strays
-    spread = np.sqrt(np.nanmean(error**2, axis=0)) / [1.0, 1.0, DEPTH_FACTOR]
-    expected = {
-        "head": 3.0,
-        "elbow_left": 4.6,
-        "wrist_right": 5.1,
-        "hand_right": 6.2,
-        "ankle_left": 4.1,
-        "foot_right": 4.9,
-    }
-    for joint, size in expected.items():
-        depth = (clip.positions[0, JOINT_INDEX[joint], 2] / 2.5) ** 2
-        assert spread[JOINT_INDEX[joint]] == pytest.approx(size * depth, rel=0.15), joint
-
-
-def test_slow_errors_wander_and_hardly_jitter():
-    clip = standing(6000)
-    head = 1000 * errors(with_kinect_noise(clip, 1), clip)[:, JOINT_INDEX["head"], 0]
-    assert np.std(np.diff(head)) < 1.0 < 2.5 < np.std(head)
-
-
-def test_errors_grow_with_the_square_of_the_distance():
-    near, far = standing(300, 2.0), standing(300, 4.0)
-    noisy_near, noisy_far = with_kinect_noise(near, 1), with_kinect_noise(far, 1)
-    growth = errors(noisy_far, far)[:, TRUNK] / errors(noisy_near, near)[:, TRUNK]
-    depth = (far.positions[0, TRUNK, 2] / near.positions[0, TRUNK, 2]) ** 2
-    np.testing.assert_allclose(growth, np.broadcast_to(depth[:, None], growth.shape), rtol=1e-6)
-
-
-def test_only_joints_of_the_limbs_are_lost_alone_and_for_3_to_15_frames():
-    noisy = with_kinect_noise(standing(6000), 1)
-    lost = noisy.confidence == LOST
-    assert not lost[:, TRUNK].any()
-    lengths = [length for joint in LIMBS for length in runs(lost[:, joint])]
-    assert min(lengths) == 3
-    assert np.percentile(lengths, 95) <= 15  # two may meet
-    assert 0.005 < lost.mean() < 0.011
-
-
-def test_strays_are_unannounced_and_short_and_on_the_limbs():
-    clip = standing(6000)
-    noisy = with_kinect_noise(clip, 1)
-    off = np.nan_to_num(np.linalg.norm(errors(noisy, clip), axis=2)) > 0.08
-    assert not off[:, TRUNK].any()
-    assert 0.0003 < off.mean() < 0.0015
-    assert np.all(noisy.confidence[off] == TRACKED)
-    assert {length for joint in LIMBS for length in runs(off[:, joint])} == {1, 2}
-
-
-def test_nothing_is_guessed_while_nothing_is_fast_or_hidden():
-    assert not np.any(with_kinect_noise(standing(3000), 1).confidence == INFERRED)
-
-
-def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors():
-    clip = standing(6000)
-    clip.positions[:, JOINT_INDEX["hand_left"]] = [0.0, 0.3, 2.2]
-    seconds = clip.times
-    clip.positions[:, JOINT_INDEX["foot_right"], 0] += 0.2 * np.sin(10.0 * seconds)
-    noisy = with_kinect_noise(clip, 1)
-    guessed = noisy.confidence == INFERRED
-    assert set(np.flatnonzero(guessed.any(axis=0))) == {JOINT_INDEX["hand_left"], JOINT_INDEX["foot_right"]}
-    speed = np.abs(2.0 * np.cos(10.0 * noisy.times))
-    begins = np.flatnonzero(np.diff(guessed[:, JOINT_INDEX["foot_right"]].astype(int)) == 1) + 1
-    assert np.all(speed[begins] > FAST - 0.01)
-
-    hand = guessed[:, JOINT_INDEX["hand_left"]]
-    off = np.linalg.norm(errors(noisy, clip)[:, JOINT_INDEX["hand_left"]], axis=1)
-    assert 0.15 < hand.mean() < 0.3
-    assert np.nanmedian(off[hand]) == pytest.approx(4 * np.nanmedian(off[~hand]), rel=0.15)
 
 
 @pytest.mark.parametrize("name", NAMES)

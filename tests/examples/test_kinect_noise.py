@@ -1,0 +1,147 @@
+import numpy as np
+import pytest
+from puppetline.examples.kinect_noise import (
+    AWAY,
+    DEPTH_FACTOR,
+    FAST,
+    FRAME_RATE,
+    GUESS_FACTOR,
+    NOMINAL_DEPTH,
+    TICK_JITTER,
+    with_kinect_noise,
+)
+from puppetline.examples.performer import REST, posed
+from scipy.interpolate import CubicSpline
+
+from capture.clip import SkeletonClip
+from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, TRACKED
+
+LIMBS = [
+    j for j, name in enumerate(JOINTS) if name.split("_")[0] in {"elbow", "wrist", "hand", "knee", "ankle", "foot"}
+]
+TRUNK = [j for j in range(len(JOINTS)) if j not in LIMBS]
+
+
+def standing(frames, distance=NOMINAL_DEPTH):
+    """The performer doing nothing for long."""
+    pose = posed({part: np.array([rest]) for part, rest in REST.items()}, distance)
+    confidence = np.ones((frames, len(JOINTS)), dtype=np.float32)
+    return SkeletonClip("test", 1, np.arange(frames) / FRAME_RATE, np.repeat(pose, frames, axis=0), confidence)
+
+
+def errors(noisy, true):
+    return noisy.positions - CubicSpline(true.times, true.positions)(noisy.times)
+
+
+def runs(flags):
+    """Lengths of the runs of True in a one-dimensional array that neither begin nor end with it."""
+    edges = np.flatnonzero(np.diff(flags.astype(int)))
+    begins = edges[~flags[edges]]
+    return [int(end - begin) for begin in begins for end in edges[edges > begin][:1]]
+
+
+def test_another_seed_gives_other_noise():
+    clip = standing(30)
+    assert not np.array_equal(with_kinect_noise(clip, 1).positions, with_kinect_noise(clip, 2).positions)
+
+
+def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred():
+    clip = standing(3000)
+    times = with_kinect_noise(clip, 1).times
+    assert 0.005 < 1 - len(times) / 3000 < 0.02
+    ticks = np.round(times * FRAME_RATE)
+    assert np.std(times - ticks / FRAME_RATE) == pytest.approx(TICK_JITTER, rel=0.05)
+    assert np.all(np.diff(ticks) >= 1)
+    assert np.diff(ticks).max() in (2, 3)
+
+
+def test_errors_of_a_standing_performer_have_the_documented_size():
+    clip = standing(6000)
+    noisy = with_kinect_noise(clip, 1)
+    error = 1000 * errors(noisy, clip)
+    error[np.abs(error).max(axis=2) > 60] = np.nan  # strays
+    spread = np.sqrt(np.nanmean(error**2, axis=0)) / [1.0, 1.0, DEPTH_FACTOR]
+    expected = {
+        "head": 3.0,
+        "elbow_left": 4.6,
+        "wrist_right": 5.1,
+        "hand_right": 6.2,
+        "ankle_left": 4.1,
+        "foot_right": 4.9,
+    }
+    for joint, size in expected.items():
+        depth = (clip.positions[0, JOINT_INDEX[joint], 2] / NOMINAL_DEPTH) ** 2
+        assert spread[JOINT_INDEX[joint]] == pytest.approx(size * depth, rel=0.15), joint
+
+
+def test_slow_errors_wander_and_hardly_jitter():
+    clip = standing(6000)
+    head = 1000 * errors(with_kinect_noise(clip, 1), clip)[:, JOINT_INDEX["head"], 0]
+    assert np.std(np.diff(head)) < 1.0 < 2.5 < np.std(head)
+
+
+def test_errors_grow_with_the_square_of_the_distance():
+    near, far = standing(300, 2.0), standing(300, 4.0)
+    noisy_near, noisy_far = with_kinect_noise(near, 1), with_kinect_noise(far, 1)
+    growth = errors(noisy_far, far)[:, TRUNK] / errors(noisy_near, near)[:, TRUNK]
+    depth = (far.positions[0, TRUNK, 2] / near.positions[0, TRUNK, 2]) ** 2
+    np.testing.assert_allclose(growth, np.broadcast_to(depth[:, None], growth.shape), rtol=1e-6)
+
+
+def test_only_joints_of_the_limbs_are_lost_alone_and_for_3_to_15_frames():
+    noisy = with_kinect_noise(standing(6000), 1)
+    lost = noisy.confidence == LOST
+    assert not lost[:, TRUNK].any()
+    lengths = [length for joint in LIMBS for length in runs(lost[:, joint])]
+    assert min(lengths) == 3
+    assert np.percentile(lengths, 95) <= 15  # two may meet
+    assert 0.005 < lost.mean() < 0.011
+
+
+def test_strays_are_unannounced_and_short_and_on_the_limbs():
+    clip = standing(6000)
+    noisy = with_kinect_noise(clip, 1)
+    off = np.nan_to_num(np.linalg.norm(errors(noisy, clip), axis=2)) > 0.08
+    assert not off[:, TRUNK].any()
+    assert 0.0003 < off.mean() < 0.0015
+    assert np.all(noisy.confidence[off] == TRACKED)
+    assert {length for joint in LIMBS for length in runs(off[:, joint])} == {1, 2}
+
+
+def test_nothing_is_guessed_while_nothing_is_fast_or_hidden():
+    assert not np.any(with_kinect_noise(standing(3000), 1).confidence == INFERRED)
+
+
+def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors():
+    clip = standing(6000)
+    clip.positions[:, JOINT_INDEX["hand_left"]] = [0.0, 0.3, 2.2]
+    seconds = clip.times
+    clip.positions[:, JOINT_INDEX["foot_right"], 0] += 0.2 * np.sin(10.0 * seconds)
+    noisy = with_kinect_noise(clip, 1)
+    guessed = noisy.confidence == INFERRED
+    assert set(np.flatnonzero(guessed.any(axis=0))) == {JOINT_INDEX["hand_left"], JOINT_INDEX["foot_right"]}
+    speed = np.abs(2.0 * np.cos(10.0 * noisy.times))
+    begins = np.flatnonzero(np.diff(guessed[:, JOINT_INDEX["foot_right"]].astype(int)) == 1) + 1
+    assert np.all(speed[begins] > FAST - 0.01)
+
+    hand = guessed[:, JOINT_INDEX["hand_left"]]
+    off = np.linalg.norm(errors(noisy, clip)[:, JOINT_INDEX["hand_left"]], axis=1)
+    assert 0.15 < hand.mean() < 0.3
+    assert np.nanmedian(off[hand]) == pytest.approx(GUESS_FACTOR * np.nanmedian(off[~hand]), rel=0.15)
+
+
+def test_the_whole_body_is_lost_for_a_while_where_it_is_away_and_nothing_else_changes():
+    clip = standing(300)
+    here, away = with_kinect_noise(clip, 1), with_kinect_noise(clip, 1, away=4.0)
+    gone = (here.times >= 4.0) & (here.times < 4.0 + AWAY)
+    np.testing.assert_array_equal(away.times, here.times)
+    np.testing.assert_array_equal(away.confidence, np.where(gone[:, None], LOST, here.confidence))
+    np.testing.assert_array_equal(away.positions, np.where(gone[:, None, None], np.nan, here.positions))
+
+
+def test_the_clip_it_is_given_stays_as_it_is():
+    clip = standing(30)
+    before = clip.positions.copy()
+    noisy = with_kinect_noise(clip, 1)
+    np.testing.assert_array_equal(clip.positions, before)
+    assert (noisy.format, noisy.user) == (clip.format, clip.user)

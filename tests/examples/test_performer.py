@@ -1,0 +1,202 @@
+import numpy as np
+import pytest
+from puppetline.examples.performer import ANKLE_REST, FLOOR, REST, SIDES, played, posed
+
+from capture.body import typical
+from capture.skeleton import JOINT_INDEX, OPPOSITE, PARENTS
+
+TIMES = np.linspace(0.0, 4.0, 401)
+MOVES = [(1.0, 1.5, (1.0, 0.0, -2.0)), (1.5, 2.0, (3.0, 0.0, -1.0)), (2.5, 3.0, (0.0, 0.0, -1.0))]
+START = (0.0, 0.5, 0.0)
+
+SWAY = {  # how far each part may go from rest with the ankles in reach: metres, degrees
+    "hips": 0.04,
+    "pelvis": 20.0,
+    "trunk": 30.0,
+    "head": 30.0,
+    "hand_left": 0.25,
+    "hand_right": 0.25,
+    "ankle_left": 0.03,
+    "ankle_right": 0.03,
+    "foot_left": 30.0,
+    "foot_right": 30.0,
+}
+
+
+def parts(frames, **changed):
+    """Every part at rest but for those that are given."""
+    return {part: np.tile(changed.get(part, rest), (frames, 1)) for part, rest in REST.items()}
+
+
+def swaying(frames, seed=1):
+    """Each part somewhere about its place at rest; the hips only downwards, for the knees are nearly straight."""
+    rng = np.random.default_rng(seed)
+    poses = {part: rest + rng.uniform(-SWAY[part], SWAY[part], (frames, 3)) for part, rest in REST.items()}
+    poses["hips"][:, 1] -= 0.12
+    return poses
+
+
+def mirrored(poses):
+    """The same with left and right exchanged: out stays out, but the hips' right and all turns change sides."""
+    swap = {"left": "right", "right": "left"}
+    named = {
+        "_".join([part.split("_")[0], *(swap[s] for s in part.split("_")[1:])]): path for part, path in poses.items()
+    }
+    signs = {"hips": [-1, 1, 1], "hand": [1, 1, 1], "ankle": [1, 1, 1]}
+    return {part: path * signs.get(part.split("_")[0], [1, -1, -1]) for part, path in named.items()}
+
+
+def within(start, end):
+    return (start - 1e-9 <= TIMES) & (end + 1e-9 >= TIMES)
+
+
+def paths(positions):
+    """Each joint's path by name."""
+    return {name: positions[:, j] for name, j in JOINT_INDEX.items()}
+
+
+# --- playing moves --------------------------------------------------------------------------------------------------
+
+
+def test_a_part_without_moves_rests():
+    np.testing.assert_allclose(played([], START, TIMES), np.tile(START, (len(TIMES), 1)), rtol=0, atol=1e-15)
+
+
+def test_a_move_ends_where_and_when_it_says_and_holds_still_until_the_next():
+    values = played(MOVES, START, TIMES)
+    for begin, end, expected in ((0.0, 1.0, START), (2.0, 2.5, MOVES[1][2]), (3.0, 4.0, MOVES[2][2])):
+        during = values[within(begin, end)]
+        np.testing.assert_allclose(during, np.tile(expected, (len(during), 1)), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(played(MOVES, START, np.array([1.5, 5.0])), [MOVES[0][2], MOVES[2][2]], atol=1e-14)
+
+
+def test_a_lone_move_is_the_smoothest_step():
+    s = np.linspace(0.0, 1.0, 51)
+    values = played([(1.0, 1.5, (2.0, 0.0, 0.0))], (0.0, 0.0, 0.0), 1.0 + 0.5 * s)
+    np.testing.assert_allclose(values[:, 0], 2.0 * (10 * s**3 - 15 * s**4 + 6 * s**5), rtol=0, atol=1e-14)
+
+
+def test_there_is_no_stop_where_a_move_goes_on_and_one_where_it_turns():
+    step = 1e-4
+    before, after, _ = played(MOVES, START, np.array([1.5 - step, 1.5 + step, 4.0]))
+    speed = (after - before) / (2 * step)
+    assert speed[0] == pytest.approx(2 / (1 / 2 + 1 / 4), rel=1e-4)  # harmonic mean of 2 and 4 a second
+    assert speed[2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_moves_have_no_jump_in_value_speed_or_acceleration():
+    step = 1e-4
+    for key in (1.0, 1.5, 2.0, 2.5, 3.0):
+        values = played(MOVES, START, np.array([*(key + step * np.arange(-3, 4)), 4.0]))[:-1]
+        acceleration = np.diff(values, 2, axis=0) / step**2
+        assert np.abs(np.diff(values, axis=0)).max() < 10.0 * step
+        assert np.abs(acceleration).max() < 0.5  # none at a key, up to 69 in between
+
+
+def test_a_move_does_not_leave_the_range_between_its_ends():
+    values = played(MOVES, START, TIMES)
+    for (start, end, target), origin in zip(MOVES, [START, MOVES[0][2], MOVES[1][2]], strict=True):
+        during = values[within(start, end)]
+        assert np.all(during >= np.minimum(origin, target) - 1e-12)
+        assert np.all(during <= np.maximum(origin, target) + 1e-12)
+
+
+def test_a_move_that_would_begin_too_early_begins_where_the_one_before_ends():
+    early = [(1.0, 1.5, (1.0, 0.0, 0.0)), (1.2, 2.0, (3.0, 0.0, 0.0))]
+    late = [early[0], (1.5, *early[1][1:])]
+    np.testing.assert_array_equal(played(early, START, TIMES), played(late, START, TIMES))
+
+
+# --- posing ---------------------------------------------------------------------------------------------------------
+
+
+def test_stands_upright_on_the_floor_and_faces_the_sensor_with_the_right_side_at_positive_x():
+    joint = {key: path[0] for key, path in paths(posed(parts(1), 2.5)).items()}
+    for part in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot"):
+        right, left = joint[f"{part}_right"], joint[f"{part}_left"]
+        assert right[0] > 0.05
+        np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
+    for side in ("left", "right"):
+        assert joint[f"foot_{side}"][2] < joint[f"ankle_{side}"][2]
+        assert -1.0 < joint[f"foot_{side}"][1] < -0.95
+        assert 0.05 < abs(joint[f"hand_{side}"][0]) - abs(joint[f"hip_{side}"][0]) < 0.25
+        assert joint[f"hand_{side}"][1] < joint["hip_center"][1]
+    assert 1.55 < joint["head"][1] + 1.0 < 1.70
+    assert joint["head"][0] == 0.0
+
+
+def test_bones_keep_their_length_in_every_pose():
+    joint = paths(posed(swaying(200), 2.5))
+    for child, parent in PARENTS.items():
+        lengths = np.linalg.norm(joint[child] - joint[parent], axis=1)
+        np.testing.assert_allclose(lengths, typical(child), rtol=0, atol=1e-9, err_msg=child)
+
+
+def test_a_mirrored_pose_is_the_pose_in_a_mirror():
+    poses = swaying(200)
+    np.testing.assert_allclose(
+        posed(mirrored(poses), 2.5), posed(poses, 2.5)[:, OPPOSITE] * [-1, 1, 1], rtol=0, atol=1e-12
+    )
+
+
+def test_the_distance_moves_the_whole_body():
+    poses = swaying(10)
+    moved = posed(poses, 3.25) - posed(poses, 2.5)
+    np.testing.assert_allclose(moved, np.broadcast_to([0.0, 0.0, 0.75], moved.shape), rtol=0, atol=1e-12)
+
+
+def test_ankles_stand_where_they_are_put_whatever_the_body_does():
+    poses = swaying(200) | {f"ankle_{side}": np.tile([0.05, 0.0, 0.1], (200, 1)) for side in SIDES}
+    joint = paths(posed(poses, 2.5))
+    for side, sign in SIDES.items():
+        expected = [sign * (ANKLE_REST[0] + 0.05), FLOOR + ANKLE_REST[1], 2.5 - ANKLE_REST[2] - 0.1]
+        np.testing.assert_allclose(joint[f"ankle_{side}"], np.tile(expected, (200, 1)), rtol=0, atol=1e-12)
+
+
+def test_bending_forward_leaning_right_and_turning_right():
+    head = {
+        way: np.subtract(*(paths(posed(parts(1, trunk=degrees), 2.5))[joint][0] for joint in ("head", "spine")))
+        for way, degrees in {"forward": (90, 0, 0), "right": (0, 90, 0), "upright": (0, 0, 0)}.items()
+    }
+    right, up, back = head["upright"]
+    np.testing.assert_allclose(head["forward"], [right, back, -up], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(head["right"], [up, -right, back], rtol=0, atol=1e-12)
+    joint = paths(posed(parts(1, trunk=(0, 0, 90)), 2.5))
+    assert joint["shoulder_left"][0, 2] < joint["shoulder_center"][0, 2] < joint["shoulder_right"][0, 2]
+
+
+def test_the_pelvis_carries_the_whole_upper_body():
+    pose = {"hips": (0.0, -0.15, 0.0), "trunk": (10, 20, 30), "head": (-20, 10, 5), "hand_left": (0.2, 0.1, 0.3)}
+    upright, bent = (paths(posed(parts(1, **pose, pelvis=(degrees, 0, 0)), 2.5)) for degrees in (0, 30))
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    forward = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+    for joint in ("spine", "shoulder_center", "head", "elbow_left", "hand_left", "wrist_right", "hip_left"):
+        carried = (upright[joint] - upright["hip_center"]) @ forward.T
+        np.testing.assert_allclose(bent[joint] - bent["hip_center"], carried, rtol=0, atol=1e-12, err_msg=joint)
+
+
+def test_a_hand_within_reach_is_placed_and_one_beyond_is_drawn_in_on_its_line():
+    arm = typical("elbow") + typical("wrist") + typical("hand")
+    for wish in ([0.1, 0.1, 0.3], [0.5, -0.5, 1.0]):
+        joint = paths(posed(parts(1, hand_right=wish), 2.5))
+        hand = (joint["hand_right"] - joint["shoulder_right"])[0] * [1, 1, -1]
+        length = np.linalg.norm(wish)
+        np.testing.assert_allclose(hand / np.linalg.norm(hand), wish / length, rtol=0, atol=1e-12)
+        if length < 0.6 * arm:
+            np.testing.assert_allclose(hand, wish, rtol=0, atol=1e-5)
+        else:
+            assert 0.99 * arm < np.linalg.norm(hand) < arm
+
+
+def test_elbows_and_knees_bend_the_human_way():
+    joint = {name: path[0] for name, path in paths(posed(parts(1, hips=(0.0, -0.2, 0.0)), 2.5)).items()}
+    for side in SIDES:
+        assert joint[f"knee_{side}"][2] < min(joint[f"hip_{side}"][2], joint[f"ankle_{side}"][2]) - 0.1
+        assert joint[f"elbow_{side}"][2] > max(joint[f"shoulder_{side}"][2], joint[f"hand_{side}"][2])
+
+
+def test_an_ankle_out_of_reach_is_refused():
+    poses = parts(3)
+    poses["ankle_left"][1] = [0.5, 0.0, 0.0]
+    with pytest.raises(ValueError, match=r"out of reach by 0\.\d{3} m in frame 1"):
+        posed(poses, 2.5)

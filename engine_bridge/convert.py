@@ -276,11 +276,10 @@ def _displacements(
     start = sum(len(part.vertices) for part in rig.character.parts[:number])
     part = rig.character.parts[number]
     follows = rig.mesh.of_render[start : start + len(part.vertices)]
-    binding = Binding(rig.model, part.vertices, follows, part.normals)
-    positions = basis.targets(rig.model, binding)
+    positions = basis.targets(rig.model, Binding(rig.model, part.vertices, follows))
     if part.normals is None:
         return positions, None
-    return positions, morph_basis.normal_targets(rig.model, binding, clip.frames, basis.weights)
+    return positions, morph_basis.normal_targets(rig.model, rig.mesh, follows, part.normals, clip.frames, basis.weights)
 
 
 def convert(

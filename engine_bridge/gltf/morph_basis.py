@@ -9,11 +9,13 @@ the least-squares sense, and the targets are W times that basis. The number of t
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.binding import Binding
 from solver.deformer import displacement_to_file_units, to_file_units
+from solver.mesh import SolverMesh
 from solver.reduced_model import NULL_SPACE, ReducedModel
 
 CHUNK = 32
@@ -189,18 +191,27 @@ def _measure(
 
 
 def normal_targets(
-    model: ReducedModel, binding: Binding, frames: NDArray[np.float32], weights: NDArray[np.float32]
+    model: ReducedModel,
+    mesh: SolverMesh,
+    follows: NDArray[np.int64],
+    normals: NDArray[np.float64],
+    frames: NDArray[np.float32],
+    weights: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Fit normal displacements to a clip's weights by least squares.
 
+    A rest normal turns as the smooth normal of the solver mesh does at its vertex, so that hard edges stay hard.
     Normals are not linear in the weights as positions are, so no basis is exact; this one is the best on the frames
     that are looked at, whose number depends on the number of targets only.
 
     Parameters
     ----------
     model : ReducedModel
-    binding : Binding
-        Vertices with normals.
+    mesh : SolverMesh
+    follows : (n,) int64
+        The solver vertex of each normal.
+    normals : (n, 3) float64
+        Unit rest normals.
     frames : (F, 4m, 3) float32
     weights : (F, K) float32
 
@@ -209,12 +220,23 @@ def normal_targets(
     (K, n, 3) float32
     """
     count = weights.shape[1]
-    chosen = np.unique(
-        np.linspace(0, len(frames) - 1, min(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))).astype(int)
-    )
+    looked_at = min(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
+    chosen = np.unique(np.linspace(0, len(frames) - 1, looked_at).astype(int))
     solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).astype(np.float32)
-    fitted = np.zeros((count, binding.rest.size), dtype=np.float32)
+    binding = Binding.of_solver_mesh(model, mesh)
+    smooth = igl.per_vertex_normals(mesh.vertices, mesh.faces)
+    fitted = np.zeros((count, normals.size), dtype=np.float32)
     for column, frame in zip(solve.T, frames[chosen], strict=True):
-        turned = binding.normals(to_file_units(frame, model)) - binding.rest_normals
-        fitted += column[:, None] * turned.ravel()
-    return fitted.reshape(count, *binding.rest.shape)
+        now = igl.per_vertex_normals(binding.vertices(to_file_units(frame, model)).astype(np.float64), mesh.faces)
+        turned = _turn(normals, smooth[follows], now[follows])
+        fitted += column[:, None] * (turned - normals).astype(np.float32).ravel()
+    return fitted.reshape(count, *normals.shape)
+
+
+def _turn(vectors: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn each vector by the smallest rotation that takes one unit vector to another (Rodrigues); all (n, 3)."""
+    axis = np.cross(before, after)
+    cosine = np.einsum("nc,nc->n", before, after)[:, None]
+    once = np.cross(axis, vectors)
+    turned = vectors + once + np.cross(axis, once) / np.maximum(1 + cosine, 1e-6)
+    return np.where(np.isfinite(turned), turned, vectors)

@@ -20,7 +20,7 @@ from engine_bridge.gltf import morph_basis
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.character import Character, load_character
 from engine_bridge.gltf.morph_basis import MorphBasis
-from engine_bridge.performance import Performance
+from engine_bridge.performance import Performance, check_handles
 from engine_bridge.puppet import Puppet
 from puppetline.errors import PuppetError, SkeletonLogError, at
 from solver.binding import Binding
@@ -149,7 +149,9 @@ def load_rig(path: Path) -> Rig:
             expected="a mesh file, its path relative to the puppet file",
             fix="Correct the path, or put the mesh there.",
         )
-    return make_rig(puppet, load_character(file))
+    rig = make_rig(puppet, load_character(file))
+    check_handles(puppet.handle, rig.mesh, path)
+    return rig
 
 
 def make_rig(puppet: Puppet, character: Character) -> Rig:
@@ -252,6 +254,8 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     )
     document = animate(rig.character, take, lambda part: _displacements(clip, basis, part))
     document.save(output)
+    own = len(rig.character.document.gltf.animations)
+    left_out = (f"The character's own animations ({own}) are left out.",) if own else ()
     p1, p50, p99 = clip.stretch
     return Summary(
         output=str(output),
@@ -264,7 +268,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p50=p50,
         stretch_p99=p99,
         bytes=output.stat().st_size,
-        notes=(*rig.character.notes, *clip.notes),
+        notes=(*rig.character.notes, *left_out, *clip.notes),
     )
 
 

@@ -6,6 +6,7 @@ root's own motion, retargeted to handles and solved for.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,11 +54,6 @@ class Performance:
         Of that mesh.
     rest : (20, 3) float64
         The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
-
-    Raises
-    ------
-    PuppetError
-        A handle off the mesh.
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> None:
@@ -70,7 +66,6 @@ class Performance:
             iterations=puppet.solver.iterations,
             mode=puppet.solver.rotations,
         )
-        check_handles(puppet.handle, mesh)
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, mesh, model, rest)
@@ -100,7 +95,7 @@ class Performance:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
 
 
-def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh) -> None:
+def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str | Path) -> None:
     """Refuse handles that are too far from the surface to have been meant.
 
     Raises
@@ -114,7 +109,7 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh) -> None:
         if distance > OFF_THE_MESH * mesh.diagonal:
             low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
             raise PuppetError(
-                at("puppet", field=f"[[handle]] {number} {handle.name!r}, position"),
+                at(where, field=f"[[handle]] {number} {handle.name!r}, position"),
                 found=f"{_numbers(np.array(handle.position))}, which is {distance:.4g} away from the surface",
                 expected=f"a point on the mesh, which spans {_numbers(low)} to {_numbers(high)}",
                 fix=f"The nearest surface point is {_numbers(nearest)}.",

@@ -121,7 +121,7 @@ def new_puppet(
         several = joints.split(",")
         handle.update({"joints": several} if len(several) > 1 else {"joint": joints})
     puppet = check(values, where)
-    check_handles(puppet.handle, surface)
+    check_handles(puppet.handle, surface, where)
     return puppet
 
 

@@ -57,6 +57,8 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
         Ready to be saved.
     """
     document = Document(deepcopy(character.document.gltf), bytes(character.document.blob), character.document.name)
+    if not document.gltf.scenes:  # such a file is a library, of which viewers show nothing
+        document.gltf.scenes, document.gltf.scene = [Scene(nodes=top_nodes(document.gltf))], 0
     animation = Animation(name=take.name)
     clock = document.add(take.times, bounds=True)
     for node in dict.fromkeys(part.node for part in character.parts):
@@ -100,10 +102,14 @@ def _add_targets(
     primitive.targets = list(primitive.targets or [])
     linear = part.to_world[:3, :3]
     to_local = np.linalg.pinv(linear).T.astype(np.float32)
+    if part.normals is not None:
+        # a node's scale changes the length of the unit normals in the file: displacements must keep their share of it
+        length = np.linalg.norm(part.normals @ linear, axis=1, keepdims=True).astype(np.float32)
     for k, displacement in enumerate(positions):
         target = Attributes(POSITION=document.add(displacement @ to_local, pygltflib.ARRAY_BUFFER, bounds=True))
         if normals is not None:
-            target.NORMAL = document.add(normals[k] @ linear.astype(np.float32), pygltflib.ARRAY_BUFFER)
+            turned = normals[k] @ linear.astype(np.float32) / np.maximum(length, np.float32(1e-30))
+            target.NORMAL = document.add(turned, pygltflib.ARRAY_BUFFER)
         primitive.targets.append(target)
 
 
@@ -136,11 +142,9 @@ def _channel(
 
 
 def _add_root(document: Document) -> int:
-    """Put one node above all others of the scene, in a scene of its own where there is none."""
+    """Put one node above all others of the scene."""
     gltf = document.gltf
-    gltf.nodes.append(Node(name="puppetline_root", children=top_nodes(gltf)))
-    root = len(gltf.nodes) - 1
-    if not gltf.scenes:
-        gltf.scenes, gltf.scene = [Scene()], 0
-    gltf.scenes[gltf.scene or 0].nodes = [root]
-    return root
+    scene = gltf.scenes[gltf.scene or 0]
+    gltf.nodes.append(Node(name="puppetline_root", children=scene.nodes))
+    scene.nodes = [len(gltf.nodes) - 1]
+    return scene.nodes[0]

@@ -274,6 +274,8 @@ def _parts(document: Document, node: int, to_world: NDArray[np.float64], notes: 
             notes.append(f"{title}: points or lines stay where they are")
             continue
         linear, offset = to_world[:3, :3], to_world[:3, 3]
+        if np.linalg.det(linear) < 0:  # a mirror turns triangles over
+            triangles = triangles[:, ::-1]
         normals, colors = primitive.attributes.NORMAL, primitive.attributes.COLOR_0
         yield Part(
             node=node,
@@ -301,9 +303,7 @@ def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[
     return None
 
 
-def _colors(
-    document: Document, primitive: Primitive, accessor: int | None, count: int
-) -> NDArray[np.float64] | None:
+def _colors(document: Document, primitive: Primitive, accessor: int | None, count: int) -> NDArray[np.float64] | None:
     """Return what a picture can show of a primitive's look: vertex colours times the material's base colour."""
     material = document.gltf.materials[primitive.material] if primitive.material is not None else None
     surface = material.pbrMetallicRoughness if material else None

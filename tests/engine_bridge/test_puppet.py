@@ -69,7 +69,7 @@ puppets = st.builds(
 
 
 @given(made=puppets)
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_puppet_that_is_written_and_read_again_is_the_same(made, tmp_path):
     puppet.dump(made, tmp_path / "made.toml")
     assert puppet.load(tmp_path / "made.toml") == made
@@ -288,7 +288,13 @@ MISTAKES = {
         "a list",
         "Change the value of that key.",
     ),
-    "texts for tables": ('handle = ["a"]\n' + CHARACTER, "[[handle]] 1", "'a'", "a table", "Change the value of that key."),
+    "texts for tables": (
+        'handle = ["a"]\n' + CHARACTER,
+        "[[handle]] 1",
+        "'a'",
+        "a table",
+        "Change the value of that key.",
+    ),
     "yes for true": (
         PUPPET + '[retarget]\nmirror = "yes"\n',
         "[retarget], mirror",

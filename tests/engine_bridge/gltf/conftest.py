@@ -126,9 +126,9 @@ def node_transforms(glb, shape):
 
 def shared_mesh(glb, shape):
     """One half for both sides: a node shows it as it is, another mirrored."""
-    points = np.where(np.abs(shape.vertices) < 0.06, 0, shape.vertices) * [1, 1, 1]
     used, faces = part_of(shape, (shape.vertices[shape.faces][:, :, 0] > -0.06).all(axis=1))
-    half = np.where(np.abs(points[used, :1]) < 0.06, points[used] * [0, 1, 1], points[used]).astype(np.float32)
+    half = shape.vertices[used]
+    half[np.abs(half[:, 0]) < 0.06, 0] = 0
     mesh = glb.mesh(glb.primitive(half, faces, NORMAL=shape.normals[used]), name="half")
     glb.node(mesh, name="left")
     glb.node(mesh, name="right", scale=[-1, 1, 1])

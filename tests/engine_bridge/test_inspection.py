@@ -1,0 +1,84 @@
+import json
+
+import igl
+import numpy as np
+import pytest
+
+from capture.skeleton import JOINT_INDEX
+from engine_bridge.convert import Settings, convert
+from engine_bridge.inspection import inspect
+from puppetline.errors import MeshError, PuppetlineError
+
+
+def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet):
+    facts = inspect(blob_puppet)
+    assert facts["kind"] == "puppet"
+    assert facts["character"] == "blob.glb"
+    assert list(facts["handles"]) == ["left hand", "right hand", "head", "left foot", "right foot"]
+    assert facts["handles"]["head"] == {"position": [0.0, 2.1, 0.3], "joints": ["head"], "axes": "xz", "gain": 0.8}
+    assert facts["handles"]["right hand"]["joints"] == ["hand_right", "wrist_right"]
+    assert facts["handles"]["left foot"]["joints"] == []
+    assert facts["root"] == {"joint": "hip_center", "axes": "xz"}
+    assert facts["retarget"] == {"mirror": False, "scale": 1.3}
+    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": "covariance"}
+    assert json.loads(json.dumps(facts)) == facts
+
+
+def test_a_log_is_told_with_its_performers_rates_gaps_and_losses(record, dance, tmp_path):
+    positions = dance(40)
+    positions[:10, JOINT_INDEX["foot_left"]] = np.nan
+    positions[20:25] = np.nan
+    facts = inspect(record(tmp_path / "a.log", positions))
+    assert (facts["kind"], facts["format"]) == ("log", "Puppetline's own recordings")
+    user = facts["users"]["1"]
+    assert user["tracked_frames"] == 35
+    assert user["frames"] == 40
+    assert user["seconds"] == pytest.approx(39 / 30)
+    assert user["frames_a_second"] == pytest.approx(30, rel=1e-3)
+    assert user["longest_gap_seconds"] == pytest.approx(1 / 30, abs=1e-4)
+    assert user["joints_lost"] == pytest.approx((10 + 5 * 20) / 800)
+    assert user["joints_tracked"] == pytest.approx(1 - (10 + 5 * 20) / 800)
+    assert json.loads(json.dumps(facts)) == facts
+
+
+def test_a_character_is_told_with_what_is_drawn_and_what_is_solved_for(blob, blob_file):
+    facts = inspect(blob_file)
+    assert facts["kind"] == "character"
+    assert (facts["vertices"], facts["triangles"], facts["primitives"]) == (len(blob.vertices), len(blob.faces), 1)
+    assert (facts["solver_vertices"], facts["solver_triangles"]) == (len(blob.vertices), len(blob.faces))
+    assert (facts["connected_parts"], facts["dropped_triangles"]) == (1, 0)
+    assert facts["diagonal"] == pytest.approx(blob.diagonal)
+    np.testing.assert_allclose(facts["bounds"], [blob.vertices.min(axis=0), blob.vertices.max(axis=0)])
+    assert facts["animations"] == []
+    assert json.loads(json.dumps(facts)) == facts
+
+
+def test_a_surface_of_two_parts_with_a_doubled_triangle_is_told_as_such(blob, tmp_path):
+    apart = np.concatenate([blob.vertices, blob.vertices + np.float32([10, 0, 0])]).astype(float)
+    faces = np.concatenate([blob.faces, blob.faces + len(blob.vertices), blob.faces[:3]])
+    igl.writeOFF(str(tmp_path / "two.off"), apart, faces)
+    facts = inspect(tmp_path / "two.off")
+    assert facts["connected_parts"] == 2
+    assert facts["dropped_triangles"] == 3
+
+
+def test_an_exported_file_is_told_with_its_animation(take, blob_puppet, tmp_path):
+    _, summary = convert(take, blob_puppet, tmp_path / "out.glb", Settings())
+    (animation,) = inspect(tmp_path / "out.glb")["animations"]
+    assert animation == {
+        "name": "dance",
+        "keyframes": 58,
+        "seconds": pytest.approx(57 / 30),
+        "morph_targets": summary.targets,
+        "moves_nodes": True,
+    }
+
+
+def test_what_is_nothing_known_is_refused(tmp_path):
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(PuppetlineError) as error:
+        inspect(tmp_path / "none")
+    assert error.value.found == "no such file"
+    with pytest.raises(MeshError) as error:
+        inspect(tmp_path / "notes.txt")
+    assert error.value.found == "a file of kind '.txt'"

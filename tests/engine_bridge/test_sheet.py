@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from engine_bridge import sheet
+from engine_bridge.convert import Settings, load_rig, load_timeline, perform
+from puppetline.errors import OutputError
+from solver.binding import Binding
+from solver.deformer import to_file_units
+
+
+@pytest.fixture(scope="module")
+def clip_of(take, record, tmp_path_factory):
+    def make(puppet, log=take):
+        rig = load_rig(puppet)
+        timeline, notes = load_timeline(log, Settings())
+        return perform(rig, timeline, Settings(), notes, lambda _stage, _share: None)
+
+    return make
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """What the sheet gives to the renderer: the poses and colours, and the labels."""
+    seen = {"poses": [], "colors": []}
+
+    def render(vertices, faces, view, size, colors):
+        seen["poses"].append(vertices)
+        seen["colors"].append(colors)
+        return np.zeros((*size, 3), np.uint8)
+
+    monkeypatch.setattr(sheet, "render", render)
+    monkeypatch.setattr(sheet, "contact_sheet", lambda _images, labels, *_rest: seen.update(labels=labels))
+    return seen
+
+
+@pytest.fixture
+def solved_pose():
+    """The solver's vertices in one frame, without the root's motion."""
+
+    def pose(clip, index):
+        binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+        return binding.vertices(to_file_units(clip.frames[index], clip.rig.model))
+
+    return pose
+
+
+def test_it_shows_twelve_moments_from_the_first_to_the_last_with_their_seconds(
+    clip_of, blob_puppet, drawn, solved_pose, tmp_path
+):
+    clip = clip_of(blob_puppet)
+    sheet.draw(clip, tmp_path / "a.png", "title")
+    chosen = [0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]
+    assert drawn["labels"] == [f"{index / 30:.2f} s" for index in chosen]
+    for index, pose in zip(chosen, drawn["poses"], strict=True):
+        np.testing.assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
+
+
+def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
+    clip_of, blob_file, write_puppet, record, dance, drawn, solved_pose, tmp_path
+):
+    puppet = write_puppet(blob_file.with_name("rootless.toml"), blob_file.name, root=False)
+    clip = clip_of(puppet, record(tmp_path / "short.log", dance(3)))
+    shares = []
+    sheet.draw(clip, tmp_path / "a.png", "title", shares.append)
+    assert shares == [1 / 3, 2 / 3, 1]
+    for index, pose in enumerate(drawn["poses"]):
+        np.testing.assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
+
+
+def test_a_character_that_lies_in_its_file_is_shown_upright(
+    clip_of, blob_file, write_puppet, drawn, solved_pose, tmp_path
+):
+    puppet = write_puppet(blob_file.with_name("lying.toml"), blob_file.name, character='up = "z"\nfront = "-y"\n')
+    clip = clip_of(puppet)
+    sheet.draw(clip, tmp_path / "a.png", "title")
+    left, up, front = drawn["poses"][0].T
+    np.testing.assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.root[0], atol=1e-5)
+
+
+def test_vertex_colours_are_those_of_the_solver_vertices(clip_of, blob, new_glb, write_puppet, drawn, tmp_path):
+    glb = new_glb()
+    corners = blob.faces.ravel()
+    glb.node(glb.mesh(glb.primitive(blob.vertices[corners], COLOR_0=blob.colors[corners])))
+    glb.save(tmp_path / "painted.glb")
+    clip = clip_of(write_puppet(tmp_path / "a.toml", "painted.glb"))
+    sheet.draw(clip, tmp_path / "a.png", "title")
+    shown = {tuple(place): tuple(color) for place, color in zip(blob.vertices, blob.colors, strict=True)}
+    expected = [shown[tuple(np.float32(place))] for place in clip.rig.mesh.vertices]
+    np.testing.assert_allclose(drawn["colors"][0], expected, atol=1e-6)
+
+
+def test_the_picture_is_written_whole_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
+    monkeypatch.setattr(sheet, "TILE_SIZE", (50, 40))
+    clip = clip_of(blob_puppet)
+    sheet.draw(clip, tmp_path / "a.png", "title")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size[0] >= 4 * 50
+        assert image.size[1] >= 3 * 40
+    with pytest.raises(OutputError):
+        sheet.draw(clip, tmp_path / "no" / "a.png", "title")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]

@@ -2,12 +2,13 @@
 
 import json
 import logging
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -21,6 +22,17 @@ FILE = click.Path(path_type=Path)
 Reporter = Callable[[str, float], None]
 
 
+class Finite(click.FloatRange):
+    """A number in a range, which "nan" and "inf" are not."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a number, or say what is wrong with it."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
 class _Commands(click.Group):
     """Turns the one error family into a line on standard error and exit code 1."""
 
@@ -30,9 +42,13 @@ class _Commands(click.Group):
         except PuppetlineError as error:
             click.echo(f"puppetline: {error}", err=True)
             ctx.exit(1)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
+        except (click.ClickException, click.exceptions.Exit):
             raise
+        except KeyboardInterrupt:
+            _stopped(ctx)
         except Exception as error:
+            if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):  # from inside a compiled loop
+                _stopped(ctx)
             if os.environ.get("PUPPETLINE_DEBUG"):
                 raise
             click.echo(
@@ -41,6 +57,11 @@ class _Commands(click.Group):
                 err=True,
             )
             ctx.exit(1)
+
+
+def _stopped(ctx: click.Context) -> NoReturn:
+    click.echo("puppetline: stopped", err=True)
+    ctx.exit(1)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -77,16 +98,16 @@ def demo(characters: tuple[str, ...], output: Path) -> None:
     "--rest-at",
     default=0.0,
     show_default=True,
-    type=click.FloatRange(0),
+    type=Finite(0),
     metavar="SECONDS",
     help="When the performer stands as the character does at rest.",
 )
-@click.option("--fps", default=30.0, show_default=True, type=click.FloatRange(1, 240), help="Keyframes a second.")
+@click.option("--fps", default=30.0, show_default=True, type=Finite(1, 240), help="Keyframes a second.")
 @click.option(
     "--max-gap",
     default=0.4,
     show_default=True,
-    type=click.FloatRange(0),
+    type=Finite(0),
     metavar="SECONDS",
     help="Bridge joints that are lost for no longer than this; hold them over longer gaps.",
 )
@@ -94,16 +115,14 @@ def demo(characters: tuple[str, ...], output: Path) -> None:
     "--tolerance",
     default=0.0005,
     show_default=True,
-    type=click.FloatRange(0, 1, min_open=True),
+    type=Finite(0, 1, min_open=True),
     help="Largest error of a vertex, as a fraction of the character's diagonal.",
 )
 @click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip as well.")
-@click.option("--log-fps", type=click.FloatRange(0, min_open=True), metavar="FPS", help="For logs without a clock.")
+@click.option("--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="For logs without a clock.")
 @click.option("--log-up", type=click.Choice(["y", "z"]), help="For BVH. [default: detected]")
-@click.option(
-    "--log-unit", type=click.FloatRange(0, min_open=True), metavar="METRES", help="For BVH. [default: detected]"
-)
+@click.option("--log-unit", type=Finite(0, min_open=True), metavar="METRES", help="For BVH. [default: detected]")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json: bool, **choices: Any) -> None:
     """Turn a recorded skeleton LOG into an animated .glb."""
@@ -115,7 +134,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 
     options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
     if preview is not None:
-        check_writable(preview)
+        check_writable(preview, ".png", inputs=(log, puppet))
     with _progress() as report:
         clip, summary = run(log, puppet, output, Settings(log=options, **choices), report)
         if preview is not None:
@@ -176,7 +195,7 @@ def new(
     from engine_bridge import proposal, puppet
     from engine_bridge.files import check_writable
 
-    check_writable(output)
+    check_writable(output, ".toml", inputs=(mesh,))
     if output.exists() and not force:
         raise click.UsageError(f"{output} exists already; give --force to replace it.")
     made = proposal.new_puppet(
@@ -186,15 +205,16 @@ def new(
     click.echo(f"{output}: {len(made.handle)} handles")
     for handle in made.handle:
         place = ", ".join(f"{value:.4g}" for value in handle.position)
-        click.echo(f"  {handle.name:16} ({place})  ←  {' + '.join(handle.driven_by) or 'stays'}")
+        gain = f" × {handle.gain:g}" if handle.gain != 1 else ""
+        click.echo(f"  {handle.name:16} ({place})  ←  {' + '.join(handle.driven_by) or 'stays'}{gain}")
     click.echo(f"Play it:  puppetline convert LOG --puppet {output} -o OUT.glb")
 
 
 def _pairs(option: str, values: tuple[str, ...]) -> dict[str, str]:
     """Split NAME=VALUE options."""
     pairs = dict(value.rpartition("=")[::2] for value in values)
-    if not all(name and value for name, value in pairs.items()):
-        raise click.UsageError(f"{option} wants NAME=VALUE.")
+    if len(pairs) < len(values) or not all(name and value for name, value in pairs.items()):
+        raise click.UsageError(f"{option} wants NAME=VALUE, each name once.")
     return pairs
 
 

@@ -188,6 +188,13 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
             expected=f"at least {SHORTEST_CLIP}",
             fix="Take a longer recording.",
         )
+    if settings.rest_at > timeline.times[-1]:
+        raise SkeletonLogError(
+            log,
+            found=f"a clip of {timeline.times[-1]:.2f} s",
+            expected=f"one that reaches second {settings.rest_at:g}, where the rest pose is to be",
+            fix="Choose an earlier moment with --rest-at.",
+        )
     others = (chosen,) if len(clips) > 1 else ()
     return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
 
@@ -202,7 +209,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
     rest = body.resting_pose(
         timeline.positions,
         timeline.confidence,
-        first=min(int(settings.rest_at * timeline.fps), len(timeline.positions) - 1),
+        first=int(settings.rest_at * timeline.fps),
         count=max(1, round(REST_SECONDS * timeline.fps)),
     )
     performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
@@ -308,10 +315,11 @@ def convert(
     PuppetlineError
         Before anything is written.
     """
-    check_writable(output)
+    check_writable(output, ".glb", inputs=(log, puppet))
     timeline, notes = load_timeline(log, settings)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
+    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
     clip = perform(rig, timeline, settings, notes, progress)
     return clip, write(clip, output, log.stem, settings, progress)

@@ -13,6 +13,7 @@ from engine_bridge import sheet
 from engine_bridge.convert import Settings, Summary, convert
 from engine_bridge.files import check_writable
 from engine_bridge.gltf.character import make_character
+from puppetline.errors import OutputError
 
 CASTING: dict[str, str] = {
     "dinosaur": "lean",
@@ -50,10 +51,18 @@ def play(
     ------
     PuppetlineError
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            folder,
+            found=f"that it cannot be made ({error.strerror})",
+            expected="a folder to write to",
+            fix="Choose another one with -o.",
+        ) from error
     title = f"{name}_{CASTING[name]}"
     output, picture = folder / f"{title}.glb", folder / f"{title}.png"
-    check_writable(output)
+    check_writable(output, ".glb")
     progress("Making the character", 0.0)
     made = CHARACTERS[name]()
     make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")

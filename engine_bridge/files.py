@@ -1,27 +1,45 @@
 """Results that are there whole or not at all."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from puppetline.errors import OutputError
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None:
     """Find out before the work, not after it, whether a result can be written.
+
+    Parameters
+    ----------
+    path : Path
+    ending : str
+        What the file's name must end in, as ``".glb"``.
+    inputs : iterable of Path
+        Files that the result must not replace.
 
     Raises
     ------
     OutputError
     """
-    folder = path.parent
+    if path.suffix.lower() != ending:
+        raise OutputError(
+            path, found=f"the ending {path.suffix!r}", expected=repr(ending), fix=f"Call it {path.stem}{ending}."
+        )
     try:
-        if path.is_dir():
-            raise OutputError(path, found="a folder", expected="a file name", fix="Add a file name to the path.")
-        if not folder.is_dir():
+        if path.exists() and not path.is_file():
+            raise OutputError(path, found="a folder or device", expected="a file's name", fix="Choose another name.")
+        if not path.parent.is_dir():
             raise OutputError(
-                path, found=f"no folder {folder}", expected="an existing folder", fix=f"Make it: mkdir -p {folder}"
+                path,
+                found=f"no folder {path.parent}",
+                expected="an existing folder",
+                fix="Make it, or choose another.",
+            )
+        if any(path.resolve() == other.resolve() for other in inputs):
+            raise OutputError(
+                path, found="a file that is read from", expected="another one", fix="Choose another name with -o."
             )
         beside = _beside(path)
         beside.touch()

@@ -8,7 +8,7 @@ import numpy as np
 from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge import puppet as puppet_file
-from engine_bridge.gltf.character import Character, load_character
+from engine_bridge.gltf.character import SURFACE_FILES, Character, load_character
 from puppetline.errors import PuppetlineError
 
 
@@ -25,12 +25,20 @@ def inspect(path: Path) -> dict[str, Any]:
     PuppetlineError
     """
     if not path.is_file():
-        raise PuppetlineError(path, found="no such file", expected="a file", fix="Check the path.")
+        found = "a folder" if path.is_dir() else "no such file"
+        raise PuppetlineError(path, found=found, expected="a file", fix="Check the path.")
     if path.suffix.lower() == ".toml":
         return _puppet(path)
     if recognize(path) is not None:
         return _log(path)
-    return _character(path)
+    if path.suffix.lower() in (".glb", ".gltf", *SURFACE_FILES):
+        return _character(path)
+    raise PuppetlineError(
+        path,
+        found="nothing that is known here" if path.stat().st_size else "an empty file",
+        expected=f"a puppet file (.toml), a skeleton log, or a mesh (.glb, .gltf, {', '.join(SURFACE_FILES)})",
+        fix="Check which file was given; docs/recordings.md lists the skeleton logs.",
+    )
 
 
 def _puppet(path: Path) -> dict[str, Any]:

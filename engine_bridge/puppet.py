@@ -43,6 +43,7 @@ EXPECTED = {
     "too_long": "three numbers",
     "string_too_short": "a text that is not empty",
     "int_type": "a whole number",
+    "bool_type": "true or false, without quotes",
 }
 """What pydantic's errors want, in TOML's words; the others speak for themselves."""
 
@@ -268,7 +269,8 @@ def check(values: dict[str, Any], where: str | Path) -> Puppet:
 
 def _puppet_error(errors: list[ErrorDetails], values: dict[str, Any], where: str | Path) -> PuppetError:
     """Say the first of pydantic's errors in the words of the puppet file."""
-    error = errors[0]
+    # an unknown table first: it is likely the one that is said to be missing
+    error = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
     location = _location(error)
     if error["type"] == "mistake":
         told = error["ctx"]

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial.transform import Rotation
 
 from solver import rotations
 from solver.mesh import SolverMesh
@@ -11,6 +12,9 @@ from solver.rotations import RotationMode
 
 HANDLE_STIFFNESS = 1.0
 """λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): at 1 handles are met to about 1e-5 of the diagonal."""
+
+ON_A_LINE = 0.02
+"""Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
 
 Controls = NDArray[np.float32]
 """(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
@@ -70,6 +74,8 @@ class Deformer:
         self._read_turns = reader @ self._from_turns
         self._read_handles = reader @ self._from_handles
         self._read_constant = reader @ self._constant
+        spread = np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False)
+        self._on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
         self._turns: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
@@ -77,11 +83,22 @@ class Deformer:
         self._turns = None
 
     def _rigid_start(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Give every isoline the rotation nearest to the handles' motion, the identity where they say nothing."""
+        """Return the (3, 3) rotation nearest to the handles' motion, the least where they leave it open."""
         rest, now = (points - points.mean(axis=0) for points in (self.handles, targets))
         S = rest.T @ now
-        turn = rotations.from_covariance(S + 1e-9 * (np.linalg.norm(S) + 1e-300) * np.eye(3))[0]
-        return np.tile(turn, (self.model.B.shape[1] // 3, 1))
+        return rotations.from_covariance(S + 1e-9 * (np.linalg.norm(S) + 1e-300) * np.eye(3))[0]
+
+    def _without_roll(self, turns: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Take back the mean turn about the line through the handles, which they leave open.
+
+        One handle, or several on a line, hold neither the deformation energy nor themselves against a rotation about
+        them; without this the character would roll a little with every motion and never come back.
+        """
+        mean = rotations.from_covariance(turns.reshape(-1, 3, 3).sum(axis=0))[0]
+        x, y, z, w = Rotation.from_matrix(mean.T @ self._rigid_start(targets)).as_quat()
+        direction = np.linalg.svd(targets - targets.mean(axis=0))[2][0]
+        about = (np.array([x, y, z]) @ direction) * direction if len(targets) > 1 else np.array([x, y, z])
+        return turns @ Rotation.from_quat([*about, w]).as_matrix()
 
     def solve(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the control variables R that bring the handles to their targets.
@@ -98,7 +115,7 @@ class Deformer:
         """
         wanted = self.model.to_model(targets)
         if self._turns is None:
-            self._turns = self._rigid_start(targets)
+            self._turns = np.tile(self._rigid_start(targets), (self.model.B.shape[1] // 3, 1))
         fixed = self._read_handles @ wanted + self._read_constant
         for _ in range(self.iterations):
             seen = self._read_turns @ self._turns + fixed
@@ -108,6 +125,8 @@ class Deformer:
                 else rotations.from_edges(seen, self._rest_frames)
             )
             self._turns = turns.reshape(-1, 3)
+        if self._on_a_line:
+            self._turns = self._without_roll(self._turns, targets)
         return self._from_turns @ self._turns + self._from_handles @ wanted + self._constant
 
     def step(self, targets: NDArray[np.float64]) -> Controls:

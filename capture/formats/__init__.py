@@ -12,9 +12,12 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
+
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
-from puppetline.errors import SkeletonLogError
+from capture.skeleton import JOINTS
+from puppetline.errors import SkeletonLogError, at
 
 FORMATS: dict[str, str] = {
     "puppetline_log": "Puppetline's own recordings",
@@ -31,6 +34,9 @@ FORMATS: dict[str, str] = {
     "msr_action3d": "MSR Action3D, 20 rows a frame",
 }
 """Module names, in the order in which they are asked, and what users call them."""
+
+FARTHEST = 1000.0
+"""Metres from the origin beyond which a position is a fault of the log."""
 
 HEAD_SIZE = 65536
 """Bytes from which a format is recognised."""
@@ -85,4 +91,20 @@ def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonCli
             expected="; ".join(FORMATS.values()),
             fix="Record it again." if empty else "Check that this is the log, or export it to one of these formats.",
         )
-    return module.read(path, options or ReadOptions())
+    clips = module.read(path, options or ReadOptions())
+    for clip in clips:
+        _check_distances(path, clip)
+    return clips
+
+
+def _check_distances(path: Path, clip: SkeletonClip) -> None:
+    """Refuse positions that are no performer's, whatever the format."""
+    far = np.argwhere(np.abs(clip.positions) > FARTHEST)
+    if len(far):
+        frame, joint, axis = map(int, far[0])
+        raise SkeletonLogError(
+            at(path, field=f"frame {frame} (second {clip.times[frame]:g}), {JOINTS[joint]}"),
+            found=f"{clip.positions[frame, joint, axis]:.4g} m",
+            expected=f"a place within {FARTHEST:g} m of the sensor",
+            fix="Mend or delete that frame; for BVH, --log-unit says what one unit is in metres.",
+        )

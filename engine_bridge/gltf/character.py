@@ -107,7 +107,8 @@ def load_character(path: Path) -> Character:
     MeshError
     """
     if not path.is_file():
-        raise MeshError(path, found="no such file", expected="a mesh", fix="Check the path to the character's mesh.")
+        found = "a folder" if path.is_dir() else "no such file"
+        raise MeshError(path, found=found, expected="a mesh", fix="Check the path to the character's mesh.")
     with path.open("rb") as file:
         head = file.read(4096)
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):

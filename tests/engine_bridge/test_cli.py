@@ -132,7 +132,11 @@ def test_a_log_without_a_tracked_frame_is_one_line_and_leaves_nothing(run, stage
 BAD_PUPPETS = {
     "a typo": ("gain = 0.8", "gian = 0.8", ["blob.toml, [[handle]] 3 'head', gian", "Did you mean 'gain'?"]),
     "an unknown joint": ('"hand_left"', '"hand_lef"', ["[[handle]] 1 'left hand', joint", "Did you mean 'hand_left'?"]),
-    "a handle off the mesh": ("[1.55,", "[15.5,", [".toml, [[handle]] 1 'left hand', position", "nearest surface point"]),
+    "a handle off the mesh": (
+        "[1.55,",
+        "[15.5,",
+        [".toml, [[handle]] 1 'left hand', position", "nearest surface point"],
+    ),
     "a missing mesh": ('"blob.glb"', '"blub.glb"', ["blob.toml, [character], mesh", "blub.glb"]),
     "a syntax error": ('"blob.glb"', '"blob.glb', ["blob.toml", "at line 2"]),
 }

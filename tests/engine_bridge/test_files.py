@@ -69,10 +69,10 @@ def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path):
 
 def test_a_good_place_is_left_as_it_was(tmp_path):
     path = tmp_path / "out.glb"
-    check_writable(path)
+    check_writable(path, ".glb")
     assert names(tmp_path) == []
     path.write_text("old")
-    check_writable(path)
+    check_writable(path, ".glb")
     assert (path.read_text(), names(tmp_path)) == ("old", ["out.glb"])
 
 
@@ -80,20 +80,24 @@ def test_each_bad_place_says_what_to_do(tmp_path):
     file = tmp_path / "file"
     file.write_text("")
     folder = tmp_path / "no" / "such"
+    taken = tmp_path / "folder.glb"
+    taken.mkdir()
     for path, found, fix in (
-        (tmp_path, "a folder", "Add a file name to the path."),
-        (folder / "out.glb", f"no folder {folder}", f"Make it: mkdir -p {folder}"),
-        (file / "out.glb", f"no folder {file}", f"Make it: mkdir -p {file}"),
+        (tmp_path, "the ending ''", f"Call it {tmp_path.name}.glb."),
+        (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
+        (taken, "a folder or device", "Choose another name."),
+        (folder / "out.glb", f"no folder {folder}", "Make it, or choose another."),
+        (file / "out.glb", f"no folder {file}", "Make it, or choose another."),
     ):
         with pytest.raises(OutputError) as error:
-            check_writable(path)
+            check_writable(path, ".glb")
         assert (error.value.where, error.value.found, error.value.fix) == (str(path), found, fix)
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses files to everyone")
 def test_a_folder_that_takes_no_files_is_found_out_before_the_work():
     with pytest.raises(OutputError, match="that it cannot be written") as error:
-        check_writable(Path("/proc/out.glb"))
+        check_writable(Path("/proc/out.glb"), ".glb")
     assert error.value.where == "/proc/out.glb"
 
 
@@ -101,9 +105,27 @@ def test_a_folder_that_takes_no_files_is_found_out_before_the_work():
 def test_a_folder_without_permission_is_found_out_before_the_work(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="Permission denied"):
-        check_writable(tmp_path / "out.glb")
+        check_writable(tmp_path / "out.glb", ".glb")
 
 
 def test_a_name_that_is_too_long_for_the_file_system_is_an_output_error(tmp_path):
     with pytest.raises(OutputError, match="that it cannot be written"):
-        check_writable(tmp_path / ("a" * 300 + ".glb"))
+        check_writable(tmp_path / ("a" * 300 + ".glb"), ".glb")
+
+
+def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_path):
+    source = tmp_path / "dog.glb"
+    source.write_text("the only copy")
+    other_name = tmp_path / "link.glb"
+    other_name.symlink_to(source)
+    for output in (source, other_name, tmp_path / ".." / tmp_path.name / "dog.glb"):
+        with pytest.raises(OutputError, match="a file that is read from"):
+            check_writable(output, ".glb", inputs=(tmp_path / "take.log", source))
+    assert source.read_text() == "the only copy"
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="no device files here")
+def test_a_device_is_not_replaced(tmp_path):
+    (tmp_path / "device.glb").symlink_to("/dev/null")
+    with pytest.raises(OutputError, match="a folder or device"):
+        check_writable(tmp_path / "device.glb", ".glb")

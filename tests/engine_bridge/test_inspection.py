@@ -79,6 +79,10 @@ def test_what_is_nothing_known_is_refused(tmp_path):
     with pytest.raises(PuppetlineError) as error:
         inspect(tmp_path / "none")
     assert error.value.found == "no such file"
-    with pytest.raises(MeshError) as error:
+    with pytest.raises(PuppetlineError) as error:
+        inspect(tmp_path)
+    assert error.value.found == "a folder"
+    with pytest.raises(PuppetlineError) as error:
         inspect(tmp_path / "notes.txt")
-    assert error.value.found == "a file of kind '.txt'"
+    assert error.value.found == "nothing that is known here"
+    assert all(kind in error.value.expected for kind in ("puppet", "skeleton log", ".glb", ".obj"))

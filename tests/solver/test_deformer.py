@@ -393,3 +393,21 @@ def test_dinosaur_at_rest_and_turned(real_mesh, surface, turn, mode):
     deformer.reset()
     found = surface(model, mesh, deformer.solve(deformer.handles @ turn(9, 120)))
     np.testing.assert_allclose(found, mesh.vertices @ turn(9, 120), rtol=0, atol=1e-3 * mesh.diagonal)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_handles_on_a_line_do_not_let_the_character_roll_away(bound, creature, creature_handles, count):
+    """After many loops of the handles, the pose is that of one quiet step and not of all the motion before."""
+    handles = creature_handles[:count]
+    looping, quiet = bound(handles), bound(handles, iterations=60)
+    rest = looping.handles
+    for angle in np.linspace(0, 8 * np.pi, 160):
+        around = np.outer(np.cos(angle + np.arange(count)), [1, 0, 0]) + np.outer(
+            np.sin(angle + np.arange(count)), [0, 1, 0]
+        )
+        looping.solve(rest + 0.1 * looping.model.diagonal * around)
+    for _ in range(40):
+        R = looping.solve(rest)
+    moved = np.linalg.norm(looping.model.rest_controls - R, axis=1).max()
+    assert moved < 0.02
+    assert np.linalg.norm(quiet.solve(rest) - quiet.model.rest_controls, axis=1).max() < 1e-6

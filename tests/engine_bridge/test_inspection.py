@@ -7,7 +7,7 @@ import pytest
 from capture.skeleton import JOINT_INDEX
 from engine_bridge.convert import Settings, convert
 from engine_bridge.inspection import inspect
-from puppetline.errors import MeshError, PuppetlineError
+from puppetline.errors import PuppetlineError
 
 
 def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet):

@@ -6,6 +6,19 @@ from numpy.typing import NDArray
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
+def _blend(position, transforms, isolines, t):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Blend the transforms of the two isolines that a vertex lies between, summed over the fields, into t (12,)."""
+    t[:] = 0
+    for i in range(len(position)):
+        below = min(int(position[i]), isolines - 2)
+        upper = position[i] - np.float32(below)
+        lower = np.float32(1) - upper
+        row = i * isolines + below
+        for c in range(12):
+            t[c] += lower * transforms[row, c] + upper * transforms[row + 1, c]
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def blend_vertices(rest, ladder, transforms, isolines, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """X = W R without W: blend two isolines a field and apply the sum to the rest position.
 
@@ -17,18 +30,9 @@ def blend_vertices(rest, ladder, transforms, isolines, out):  # type: ignore[no-
         Rows of the 3 × 4 transforms, field weights multiplied in.
     isolines : int
     """
-    n, fields = ladder.shape
     t = np.empty(12, dtype=np.float32)
-    for v in range(n):
-        t[:] = 0
-        for i in range(fields):
-            position = ladder[v, i]
-            below = min(int(position), isolines - 2)
-            upper = position - np.float32(below)
-            lower = np.float32(1) - upper
-            row = i * isolines + below
-            for c in range(12):
-                t[c] += lower * transforms[row, c] + upper * transforms[row + 1, c]
+    for v in range(len(ladder)):
+        _blend(ladder[v], transforms, isolines, t)
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         for axis in range(3):
             out[v, axis] = t[4 * axis] * x + t[4 * axis + 1] * y + t[4 * axis + 2] * z + t[4 * axis + 3]
@@ -45,18 +49,9 @@ def blend_normals(normals, ladder, transforms, isolines, out):  # type: ignore[n
     ladder, transforms, isolines
         As in `blend_vertices`.
     """
-    n, fields = ladder.shape
     t = np.empty(12, dtype=np.float32)
-    for v in range(n):
-        t[:] = 0
-        for i in range(fields):
-            position = ladder[v, i]
-            below = min(int(position), isolines - 2)
-            upper = position - np.float32(below)
-            lower = np.float32(1) - upper
-            row = i * isolines + below
-            for c in range(12):
-                t[c] += lower * transforms[row, c] + upper * transforms[row + 1, c]
+    for v in range(len(ladder)):
+        _blend(ladder[v], transforms, isolines, t)
         a, b, c0 = t[0], t[1], t[2]
         d, e, f = t[4], t[5], t[6]
         g, h, k = t[8], t[9], t[10]

@@ -23,19 +23,21 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
     ------
     OutputError
     """
-    if path.suffix.lower() != ending:
-        raise OutputError(
-            path, found=f"the ending {path.suffix!r}", expected=repr(ending), fix=f"Call it {path.stem}{ending}."
-        )
     try:
         if path.exists() and not path.is_file():
-            raise OutputError(path, found="a folder or device", expected="a file's name", fix="Choose another name.")
+            raise OutputError(
+                path, found="a folder or device", expected="a file name", fix="Add a file name to the path."
+            )
+        if path.suffix.lower() != ending:
+            raise OutputError(
+                path, found=f"the ending {path.suffix!r}", expected=repr(ending), fix=f"Call it {path.stem}{ending}."
+            )
         if not path.parent.is_dir():
             raise OutputError(
                 path,
                 found=f"no folder {path.parent}",
                 expected="an existing folder",
-                fix="Make it, or choose another.",
+                fix="Choose another." if path.parent.exists() else f"Make it: mkdir -p {path.parent}",
             )
         if any(path.resolve() == other.resolve() for other in inputs):
             raise OutputError(

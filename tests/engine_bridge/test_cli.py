@@ -13,6 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+
+from engine_bridge.cli import main
 
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 ALSO = pytest.mark.slow
@@ -297,3 +300,34 @@ def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, record, dan
     assert "Traceback" not in shown
     assert names(tmp_path) == before
     assert (tmp_path / "out.glb").read_text() == "old"
+
+
+@pytest.mark.parametrize("option", ["--fps", "--rest-at", "--max-gap", "--tolerance"])
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_number_that_is_none_is_wrong_use(option, value):
+    arguments = ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", option, value]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert option in result.output
+
+
+def test_a_result_never_replaces_what_it_is_made_from(run, stage, tmp_path):
+    mesh = tmp_path / "blob.glb"
+    before = mesh.read_bytes()
+    result = run("convert", "take.log", "--puppet", stage, "-o", mesh.name)
+    assert result.returncode == 1
+    assert_one_line(result, "blob.glb", "a file that is read from")
+    assert mesh.read_bytes() == before
+
+
+def test_a_rest_pose_after_the_end_of_the_log_is_refused(run, stage):
+    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--rest-at", "100")
+    assert result.returncode == 1
+    assert_one_line(result, "take.log", "reaches second 100", "--rest-at")
+
+
+def test_handles_given_twice_are_wrong_use(tmp_path):
+    twice = ["--handle", "nose=0,0,0", "--handle", "nose=1,0,0"]
+    result = CliRunner().invoke(main, ["new", "blob.glb", "-o", str(tmp_path / "x.toml"), *twice])
+    assert result.exit_code == 2
+    assert "each name once" in result.output

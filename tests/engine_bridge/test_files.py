@@ -83,11 +83,11 @@ def test_each_bad_place_says_what_to_do(tmp_path):
     taken = tmp_path / "folder.glb"
     taken.mkdir()
     for path, found, fix in (
-        (tmp_path, "the ending ''", f"Call it {tmp_path.name}.glb."),
+        (tmp_path, "a folder or device", "Add a file name to the path."),
         (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
-        (taken, "a folder or device", "Choose another name."),
-        (folder / "out.glb", f"no folder {folder}", "Make it, or choose another."),
-        (file / "out.glb", f"no folder {file}", "Make it, or choose another."),
+        (taken, "a folder or device", "Add a file name to the path."),
+        (folder / "out.glb", f"no folder {folder}", f"Make it: mkdir -p {folder}"),
+        (file / "out.glb", f"no folder {file}", "Choose another."),
     ):
         with pytest.raises(OutputError) as error:
             check_writable(path, ".glb")

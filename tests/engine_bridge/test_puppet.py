@@ -299,7 +299,7 @@ MISTAKES = {
         PUPPET + '[retarget]\nmirror = "yes"\n',
         "[retarget], mirror",
         "'yes'",
-        "a boolean",
+        "true or false, without quotes",
         "Change the value of that key.",
     ),
     "no scale": (

@@ -46,4 +46,4 @@ lock: setup ## Pin the newest versions of all dependencies (needs uv)
 		--no-emit-index-url --extra dev --upgrade pyproject.toml -o requirements.txt
 
 clean: ## Remove the environment and everything made
-	rm -rf .venv out build *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -39,17 +39,13 @@ LIMBS: dict[str, tuple[str, ...]] = {
 }
 """Joints that move together; each joint belongs to one limb."""
 
-HEAD_TOP = 0.11
-"""Metres from the head joint to the top of the head."""
+HEAD_TOP, ANKLE_HEIGHT = 0.11, 0.09
+"""Metres from the head joint to the top of the head, and from the sole to the ankle."""
 
 
 def typical(joint: str) -> float:
     """Return the typical length of the bone between a joint and its parent, metres."""
-    return (
-        TYPICAL_BONES[joint.removesuffix("_left").removesuffix("_right")]
-        if joint not in TYPICAL_BONES
-        else TYPICAL_BONES[joint]
-    )
+    return TYPICAL_BONES[joint.removesuffix("_left").removesuffix("_right")]
 
 
 def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
@@ -104,7 +100,7 @@ def height(pose: NDArray[np.float64]) -> float:
     """Return a performer's height standing upright, metres, from the bones of the legs, the trunk and the head."""
     bones = bone_lengths(pose)
     legs = np.mean([bones[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")]) * 2
-    return float(legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP)
+    return float(legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP + ANKLE_HEIGHT)
 
 
 def resting_pose(

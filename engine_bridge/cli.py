@@ -46,6 +46,8 @@ class _Commands(click.Group):
             raise
         except KeyboardInterrupt:
             _stopped(ctx)
+        except BrokenPipeError:  # whoever read the output has gone; click ends quietly
+            raise
         except Exception as error:
             if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):  # from inside a compiled loop
                 _stopped(ctx)
@@ -147,7 +149,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 
 def _describe(summary: "Summary") -> str:
     """Put a conversion's summary into a few lines."""
-    over = "" if summary.error <= summary.tolerance else " — more targets would be closer"
+    over = "" if summary.error <= summary.tolerance else ": as close as this number of targets comes"
     return "\n".join(
         [
             f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",

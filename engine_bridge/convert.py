@@ -78,7 +78,6 @@ class Rig:
     character: Character
     mesh: SolverMesh
     model: ReducedModel
-    from_cache: bool
 
 
 @dataclass(frozen=True)
@@ -157,8 +156,8 @@ def load_rig(path: Path) -> Rig:
 def make_rig(puppet: Puppet, character: Character) -> Rig:
     """Prepare a character for a puppet."""
     mesh = character.solver_mesh()
-    model, from_cache = load_or_build(mesh, puppet.solver.parameters, cache_folder())
-    return Rig(puppet, character, mesh, model, from_cache)
+    model, _ = load_or_build(mesh, puppet.solver.parameters, cache_folder())
+    return Rig(puppet, character, mesh, model)
 
 
 def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
@@ -184,9 +183,9 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     if len(timeline.positions) < SHORTEST_CLIP:
         raise SkeletonLogError(
             log,
-            found="a single tracked frame",
-            expected=f"at least {SHORTEST_CLIP}",
-            fix="Take a longer recording.",
+            found=f"a clip that gives a single frame at {settings.fps:g} a second",
+            expected=f"at least {SHORTEST_CLIP} frames",
+            fix="Take a longer recording, or raise --fps.",
         )
     if settings.rest_at > timeline.times[-1]:
         raise SkeletonLogError(
@@ -200,12 +199,7 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
 
 
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
-    """Run the performance over a whole timeline.
-
-    Raises
-    ------
-    PuppetlineError
-    """
+    """Run the performance over a whole timeline."""
     rest = body.resting_pose(
         timeline.positions,
         timeline.confidence,

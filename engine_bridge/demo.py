@@ -11,7 +11,7 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.recording import Recorder
 from engine_bridge import sheet
 from engine_bridge.convert import Settings, Summary, convert
-from engine_bridge.files import check_writable
+from engine_bridge.files import check_writable, written_whole
 from engine_bridge.gltf.character import make_character
 from puppetline.errors import OutputError
 
@@ -30,7 +30,8 @@ def play(
 ) -> tuple[Summary, Path]:
     """Make one character, its puppet and its performance, and convert them.
 
-    Everything is written to the folder, so that it can be edited and converted again.
+    Everything is written to the folder, so that it can be converted again with changes; an edited puppet wants another
+    name, since the next call writes it anew.
 
     Parameters
     ----------
@@ -68,11 +69,10 @@ def play(
     make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
     progress("Making the character", 1.0)
     puppet = folder / f"{name}.toml"
-    with as_file(files("puppetline.examples") / "puppets" / puppet.name) as example:
-        shutil.copyfile(example, puppet)
+    with as_file(files("puppetline.examples") / "puppets" / puppet.name) as example, written_whole(puppet) as beside:
+        shutil.copyfile(example, beside)
     log = folder / f"{CASTING[name]}.log"
-    log.unlink(missing_ok=True)  # a recording is only ever added to
-    with Recorder(log) as recorder:
+    with written_whole(log) as beside, Recorder(beside) as recorder:
         for frame in PERFORMANCES[CASTING[name]]().frames():
             recorder.write(frame)
     clip, summary = convert(log, puppet, output, Settings(), progress)

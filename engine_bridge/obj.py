@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from puppetline.errors import MeshError, at
 
+CONTINUED = "\t \t"
+"""Stands for the end of a line that goes on in the next."""
+
 
 def read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64] | None]:
     """Read an OBJ file; polygons are split into fans.
@@ -28,8 +31,9 @@ def read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np
     """
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
-    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\r\n", " " * 3).replace("\\\n", " " * 2)
-    for number, line in enumerate(text.split("\n"), 1):
+    text = path.read_text(encoding="utf-8", errors="replace").replace("\\\n", CONTINUED)
+    number = 1
+    for line in text.split("\n"):
         kind, *fields = line.split() or [""]
         try:
             if kind == "v":
@@ -44,6 +48,7 @@ def read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np
                 expected="'v x y z' with numbers, or 'f a b c' with vertex indices from 1",
                 fix="Export the mesh again, or remove that line.",
             ) from error
+        number += 1 + line.count(CONTINUED)
     table = _table(path, vertices)
     colors = table[:, 3:6] if table.shape[1] >= 6 else None
     return table[:, :3], np.array(triangles, dtype=np.int64).reshape(-1, 3), colors

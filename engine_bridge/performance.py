@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
-from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
+from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet import HandleTable, Puppet, axis_mask
 from puppetline.errors import PuppetError, at
@@ -20,7 +20,7 @@ from solver.deformer import Deformer
 from solver.mesh import SolverMesh, snap
 from solver.reach import limb_reach
 from solver.reduced_model import ReducedModel
-from solver.retarget import Fit, Retargeter
+from solver.retarget import Fit, Retargeter, SmoothReturn
 
 OFF_THE_MESH = 0.1
 """A handle farther than this from the surface, as a fraction of the diagonal, is taken for a mistake."""
@@ -71,7 +71,8 @@ class Performance:
         self.fit = fit_sizes(puppet, mesh, model, rest)
         self.root_scale = _root_scale(puppet, mesh, rest)
         self._retargeter = Retargeter(self.deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
-        self._root_moved = np.zeros(3)
+        self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
+        self._root_return = SmoothReturn(1)
 
     def step(self, frame: SkeletonFrame) -> Pose:
         """Take the next frame.
@@ -83,13 +84,13 @@ class Performance:
         """
         positions = self._to_character(self._filter.step(frame.time, frame.positions, frame.confidence))
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
+        moved = np.zeros(3)
         if self._puppet.root is not None:
-            joint = JOINT_INDEX[self._puppet.root.joint]
-            if np.isfinite(positions[joint] - self._rest[joint]).all():
-                self._root_moved = (positions[joint] - self._rest[joint]) * axis_mask(self._puppet.root.axes)
-            positions = positions - self._root_moved
-        R = self.deformer.solve(self._retargeter.step(frame.time, positions, confidence))
-        return Pose(R, self.root_scale * self._root_moved @ self._basis)
+            root = slice(self._root, self._root + 1)
+            displacement = (positions - self._rest)[root] * axis_mask(self._puppet.root.axes)
+            moved = self._root_return.step(frame.time, displacement, confidence[root] > LOST)[0]
+        R = self.deformer.solve(self._retargeter.step(frame.time, positions - moved, confidence))
+        return Pose(R, self.root_scale * moved @ self._basis)
 
     def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)

@@ -34,6 +34,8 @@ from solver.rotations import RotationMode
 Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
 AxisSet = Literal["", "x", "y", "z", "xy", "xz", "yz", "xyz"]
 DEFAULT_SMOOTHING = Smoothing()
+MOST_ISOLINES = 640
+"""Memory grows with the square of this; eight times the default take half a gigabyte."""
 
 
 EXPECTED = {
@@ -63,7 +65,7 @@ def _known_joint(name: str) -> str:
 
 JointName = Annotated[str, AfterValidator(_known_joint)]
 # strict: TOML has types, and true is not 1.0
-Number = Annotated[FiniteFloat, Field(strict=True)]
+Number = Annotated[FiniteFloat, Field(strict=True, ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(strict=True)]
 
 
@@ -156,6 +158,17 @@ class SolverTable(_Table):
     isolines: Annotated[Count, Field(ge=2, le=64)] = 10
     iterations: Annotated[Count, Field(ge=1, le=1000)] = 4
     rotations: RotationMode = "covariance"
+
+    @model_validator(mode="after")
+    def _fits_in_memory(self) -> Self:
+        if self.fields * self.isolines > MOST_ISOLINES:
+            raise _mistake(
+                "isolines",
+                found=f"{self.fields} fields with {self.isolines} isolines each",
+                expected=f"no more than {MOST_ISOLINES} isolines together",
+                fix="Lower one of the two; 8 and 10 are a sound choice.",
+            )
+        return self
 
     @property
     def parameters(self) -> ModelParameters:

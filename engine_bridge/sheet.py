@@ -33,9 +33,11 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     rig, basis = clip.rig, clip.rig.puppet.character.basis
     chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILES, len(clip.frames))).astype(int))
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    root = clip.root if rig.puppet.root is not None else np.zeros_like(clip.root)
     poses = np.array(
-        [(binding.vertices(to_file_units(clip.frames[index], rig.model)) + root[index]) @ basis.T for index in chosen]
+        [
+            (binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index]) @ basis.T
+            for index in chosen
+        ]
     )
     colors = rig.character.colors
     if colors is not None:

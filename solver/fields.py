@@ -14,6 +14,9 @@ from scipy.spatial import cKDTree
 
 from solver.mesh import SolverMesh
 
+LEAST_SLACK = 1e-4
+"""By how much, in mean edge lengths, two sides of a triangle are at least longer than the third."""
+
 BRIDGE_PAIRS = 30
 """Nearest point pairs that tie a separate part to the rest of the character."""
 
@@ -28,7 +31,7 @@ def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     mass : (n,) float64
         Voronoi area of each vertex.
     """
-    L = csr_matrix(igl.cotmatrix(mesh.vertices, mesh.faces))
+    L = _cotangents(mesh)
     mass = np.asarray(igl.massmatrix(mesh.vertices, mesh.faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
     bridges = bridge(mesh)
     if len(bridges):
@@ -38,6 +41,29 @@ def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
         graph = csr_matrix(one_way + one_way.T)
         L = L + graph - diags(np.asarray(graph.sum(axis=1)).ravel())
     return csr_matrix(L), np.maximum(mass, 1e-12 * mass.max())
+
+
+def _cotangents(mesh: SolverMesh) -> csr_matrix:
+    """Build the cotangent Laplacian, its edges made a trifle longer where a mesh has needles.
+
+    A triangle whose corners are nearly on a line has cotangents without bound, and one of them spoils the whole system.
+    The same length is added to every edge, as little as lifts the flattest triangle off its line (Sharp and Crane, *A
+    Laplacian for Nonmanifold Triangle Meshes*, 2020); a mesh without needles stays exactly as it is.
+    """
+    points = mesh.vertices[mesh.faces]
+    lengths = np.linalg.norm(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), axis=2)  # opposite each corner
+    slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
+    lengths = lengths + max(0.0, LEAST_SLACK * float(lengths.mean()) - float(slack.min()))
+    squares, half = lengths**2, lengths.sum(axis=1) / 2
+    area = np.sqrt(half * (half[:, None] - lengths).prod(axis=1))
+    weights = (squares.sum(axis=1, keepdims=True) - 2 * squares) / (
+        8 * area[:, None]
+    )  # half the cotangent of each corner
+    n = len(mesh.vertices)
+    a, b = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
+    one_way = coo_matrix((weights.ravel(), (a, b)), shape=(n, n))
+    adjacency = csr_matrix(one_way + one_way.T)
+    return csr_matrix(adjacency - diags(np.asarray(adjacency.sum(axis=1)).ravel()))
 
 
 def bridge(mesh: SolverMesh) -> NDArray[np.int64]:
@@ -92,7 +118,7 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     """
     n = L.shape[0]
     M = diags(mass)
-    shift = -1e-6 * float(np.mean(-L.diagonal()) / np.mean(mass))
+    shift = -1e-6 * float(np.median(-L.diagonal()) / np.median(mass))
     factor = splu(csc_matrix(-L - shift * M), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
     start = np.cos(np.arange(n, dtype=np.float64))

@@ -84,7 +84,7 @@ def add_to_histogram(positions, edges, rest_lengths, width, histogram):  # type:
         y = positions[a, 1] - positions[b, 1]
         z = positions[a, 2] - positions[b, 2]
         stretch = np.sqrt(x * x + y * y + z * z) / rest_lengths[j]
-        histogram[min(int(stretch / width), last)] += 1
+        histogram[int(stretch / width) if stretch < last * width else last] += 1
 
 
 def weighted(controls: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -43,12 +43,15 @@ def limb_reach(
     Returns
     -------
     (l, 3, 2) float64
-        Along −x, +x, −y, +y, −z, +z; mesh units, from the smallest probe to the largest.
+        Along −x, +x, −y, +y, −z, +z; mesh units, from the smallest probe to the largest, which is also what a limb
+        without handles gets.
     """
     deformer = Deformer(model, mesh, handles, iterations=SETTLE)
     strain = _EdgeStrain(model, mesh)
-    reach = np.empty((len(limbs), 3, 2))
+    reach = np.full((len(limbs), 3, 2), PROBES[-1])
     for limb, along in enumerate(limbs):
+        if not along.any():
+            continue
         for axis in range(3):
             for side, sign in enumerate((-1.0, 1.0)):
                 reach[limb, axis, side] = _probe(deformer, strain, np.outer(along, sign * np.eye(3)[axis]))

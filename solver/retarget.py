@@ -81,7 +81,7 @@ class Retargeter:
         self.fit = fit
         self.calibration = calibration
         self.basis = np.eye(3) if basis is None else basis
-        self._return = _SmoothReturn(len(calibration))
+        self._return = SmoothReturn(len(calibration))
 
     def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the handle targets of one frame.
@@ -120,8 +120,13 @@ class Retargeter:
         return self.handles + self.mapping.gain[:, None] * soft_limit(moved @ self.basis, self.fit.reach)
 
 
-class _SmoothReturn:
-    """Holds lost joints and lets an offset fade when they come back."""
+class SmoothReturn:
+    """Holds joints where they are lost, and closes the distance smoothly when they come back.
+
+    Parameters
+    ----------
+    joints : int
+    """
 
     def __init__(self, joints: int) -> None:
         self._last = np.zeros((joints, 3))
@@ -130,6 +135,21 @@ class _SmoothReturn:
         self._time = -np.inf
 
     def step(self, time: float, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the displacements to use.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, increasing from call to call.
+        displacement : (j, 3) float64
+        known : (j,) bool
+            A displacement that is not finite is not known either.
+
+        Returns
+        -------
+        (j, 3) float64
+            Zero for a joint that was never known.
+        """
         known = known & np.isfinite(displacement).all(axis=1)
         self._offset *= np.exp(-(time - self._time) / RETURN_TIME)
         back = known & ~self._known & np.isfinite(self._time)

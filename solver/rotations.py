@@ -95,7 +95,7 @@ def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[
 
 
 def edge_map(mesh: SolverMesh, sampled: NDArray[np.int64], W: csr_matrix) -> NDArray[np.float64]:
-    """Build T: T R stacks the first two edges of every sampled triangle.
+    """Build T: T R stacks the two edges from the first corner of every sampled triangle.
 
     Returns
     -------

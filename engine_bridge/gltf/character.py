@@ -7,6 +7,7 @@ glTF already keeps its materials, textures and nodes.
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import igl
 import numpy as np
@@ -109,8 +110,16 @@ def load_character(path: Path) -> Character:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
         raise MeshError(path, found=found, expected="a mesh", fix="Check the path to the character's mesh.")
-    with path.open("rb") as file:
-        head = file.read(4096)
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise MeshError(
+            path,
+            found=f"that it cannot be read ({error.strerror})",
+            expected="a mesh",
+            fix="Check the file's permissions.",
+        ) from error
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
         document = Document.load(path)
         try:
@@ -274,19 +283,36 @@ def _parts(document: Document, node: int, to_world: NDArray[np.float64], notes: 
         if triangles is None:
             notes.append(f"{title}: points or lines stay where they are")
             continue
+        normals = _values(document, primitive, "NORMAL", len(positions))
+        colors = _values(document, primitive, "COLOR_0", len(positions))
+        if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(positions):
+            raise damaged(
+                at(document.name, field=f"meshes[{shown.mesh}].primitives[{index}].indices"),
+                f"vertex {int(triangles.max())} of {len(positions)}",
+            )
         linear, offset = to_world[:3, :3], to_world[:3, 3]
         if np.linalg.det(linear) < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
-        normals, colors = primitive.attributes.NORMAL, primitive.attributes.COLOR_0
         yield Part(
             node=node,
             primitive=index,
             to_world=to_world,
             vertices=positions @ linear.T + offset,
             triangles=triangles,
-            normals=None if normals is None else _unit(document.array(normals) @ np.linalg.pinv(linear)),
+            normals=None if normals is None else _unit(normals @ np.linalg.pinv(linear)),
             colors=_colors(document, primitive, colors, len(positions)),
         )
+
+
+def _values(document: Document, primitive: Primitive, name: str, count: int) -> NDArray[Any] | None:
+    """Return an attribute's values, one for each of the primitive's vertices, or None where it has no such."""
+    accessor = getattr(primitive.attributes, name)
+    if accessor is None:
+        return None
+    values = document.array(accessor)
+    if len(values) != count:
+        raise damaged(at(document.name, field=f"accessors[{accessor}]"), f"{len(values)} values for {count} vertices")
+    return values
 
 
 def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[np.int64] | None:
@@ -304,15 +330,16 @@ def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[
     return None
 
 
-def _colors(document: Document, primitive: Primitive, accessor: int | None, count: int) -> NDArray[np.float64] | None:
+def _colors(
+    document: Document, primitive: Primitive, own: NDArray[Any] | None, count: int
+) -> NDArray[np.float64] | None:
     """Return what a picture can show of a primitive's look: vertex colours times the material's base colour."""
     material = document.gltf.materials[primitive.material] if primitive.material is not None else None
     surface = material.pbrMetallicRoughness if material else None
-    if accessor is None and surface is None:
+    if own is None and surface is None:
         return None
     base = np.array((surface.baseColorFactor if surface else None) or [1.0] * 4, dtype=np.float64)[:3]
-    own = np.ones((count, 3)) if accessor is None else document.array(accessor)[:, :3]
-    return own * base
+    return base * (np.ones((count, 3)) if own is None else own[:, :3])
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

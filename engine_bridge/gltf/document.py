@@ -10,7 +10,7 @@ from urllib.parse import unquote
 import numpy as np
 import pygltflib
 from numpy.typing import NDArray
-from pygltflib import GLTF2, Accessor, Buffer, BufferView
+from pygltflib import GLTF2, Accessor, Buffer, BufferView, Image
 
 from engine_bridge.files import written_whole
 from puppetline.errors import MeshError, at
@@ -82,7 +82,21 @@ class Document:
                 view.buffer = 0
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             raise damaged(at(path, field="bufferViews"), "a part of a buffer that is not there") from error
+        document._take_in_images(path)
         return document
+
+    def _take_in_images(self, path: Path) -> None:
+        """Bring pictures that lie beside the file into the buffer: the result may be written elsewhere."""
+        for index, image in enumerate(self.gltf.images):
+            if image.uri is None or image.uri.startswith("data:"):
+                continue
+            content = _file_beside(path, image.uri)
+            start = self._pad()
+            self.blob += content
+            self.gltf.bufferViews.append(BufferView(buffer=0, byteOffset=start, byteLength=len(content)))
+            kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+            name = image.name or Path(unquote(image.uri)).stem
+            self.gltf.images[index] = Image(bufferView=len(self.gltf.bufferViews) - 1, mimeType=kind, name=name)
 
     def array(self, index: int) -> NDArray[Any]:
         """Return an accessor's values, normalised integers as floats.
@@ -198,21 +212,26 @@ def _buffer_bytes(path: Path, buffer: Buffer, size: int, binary: bytes) -> bytes
         except binascii.Error as error:
             raise damaged(path, f"a data URI that is not base64 ({error})") from error
     else:
-        try:
-            file = (path.parent / unquote(uri)).resolve(strict=True)
-            if not file.is_relative_to(path.parent.resolve()):
-                raise ValueError(uri)
-            found = file.read_bytes()
-        except (OSError, ValueError) as error:  # ValueError for a zero byte in the name, too
-            raise MeshError(
-                path,
-                found=f"a reference to {uri!r}, which is not a file beside it",
-                expected="all buffers in the file's own folder",
-                fix="Copy the .bin files beside it, or export as .glb.",
-            ) from error
+        found = _file_beside(path, uri)
     if len(found) < size:
         raise damaged(path, f"{len(found):,} bytes of data of {size:,} announced")
     return found[:size]
+
+
+def _file_beside(path: Path, uri: str) -> bytes:
+    """Read a file that a glTF names, which must lie in its folder or below."""
+    try:
+        file = (path.parent / unquote(uri)).resolve(strict=True)
+        if not file.is_relative_to(path.parent.resolve()):
+            raise ValueError(uri)
+        return file.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError for a zero byte in the name, too
+        raise MeshError(
+            path,
+            found=f"a reference to {uri!r}, which is not a file beside it",
+            expected="all buffers and pictures in the file's own folder",
+            fix="Copy those files beside it, or export as .glb.",
+        ) from error
 
 
 def damaged(where: str | Path, found: str) -> MeshError:

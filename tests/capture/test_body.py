@@ -3,7 +3,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from capture.body import HEAD_TOP, LIMBS, TYPICAL_BONES, bone_lengths, height, reach, resting_pose, typical
+from capture.body import (
+    ANKLE_HEIGHT,
+    HEAD_TOP,
+    LIMBS,
+    TYPICAL_BONES,
+    bone_lengths,
+    height,
+    reach,
+    resting_pose,
+    typical,
+)
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, PARENTS, TRACKED
 
 CHAINS = [
@@ -142,12 +152,12 @@ def test_reach_is_known_for_every_joint_of_any_pose():
 
 
 def test_height_is_legs_trunk_and_head():
-    assert height(simple_pose()) == pytest.approx(2 * (0.45 + 0.35) / 2 + 0.1 + 0.4 + 0.3 + HEAD_TOP)
+    assert height(simple_pose()) == pytest.approx(2 * (0.45 + 0.35) / 2 + 0.1 + 0.4 + 0.3 + HEAD_TOP + ANKLE_HEIGHT)
 
 
 def test_a_typical_body_is_as_tall_as_a_person():
     nobody = np.full((20, 3), np.nan)
-    assert height(nobody) == pytest.approx(0.481 + 0.378 + 0.069 + 0.339 + 0.202 + HEAD_TOP)
+    assert height(nobody) == pytest.approx(0.481 + 0.378 + 0.069 + 0.339 + 0.202 + HEAD_TOP + ANKLE_HEIGHT)
     assert 1.4 < height(nobody) < 1.9
 
 

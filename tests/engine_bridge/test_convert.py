@@ -62,9 +62,11 @@ def test_the_same_input_gives_the_same_bytes(take, blob_puppet, converted, tmp_p
 
 def test_the_model_is_taken_from_the_cache_the_second_time(blob_puppet, own_cache):
     first = load_rig(blob_puppet)
-    second = load_rig(blob_puppet)
-    assert second.from_cache
     assert cache_folder().is_relative_to(own_cache)
+    kept = {path: path.stat().st_mtime_ns for path in cache_folder().iterdir()}
+    second = load_rig(blob_puppet)
+    assert kept
+    assert {path: path.stat().st_mtime_ns for path in cache_folder().iterdir()} == kept
     np.testing.assert_array_equal(first.model.A, second.model.A)
 
 
@@ -120,7 +122,10 @@ def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
 def test_a_log_of_one_frame_or_of_none_tracked_is_refused(record, dance, standing, tmp_path):
     with pytest.raises(SkeletonLogError) as error:
         load_timeline(record(tmp_path / "one.log", standing[None]), Settings())
-    assert (error.value.where, error.value.found) == (str(tmp_path / "one.log"), "a single tracked frame")
+    assert (error.value.where, error.value.found) == (
+        str(tmp_path / "one.log"),
+        "a clip that gives a single frame at 30 a second",
+    )
     with pytest.raises(SkeletonLogError) as error:
         load_timeline(record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan)), Settings())
     assert str(tmp_path / "lost.log") in error.value.where

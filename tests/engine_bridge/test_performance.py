@@ -83,7 +83,7 @@ def test_the_root_moves_as_the_hips_do_times_the_scale(rig, puppet, frames, danc
     takes = dance(20)
     _, root = play(rig, moving, frames(takes), standing)
     hips = takes[:, JOINT_INDEX["hip_center"]] - standing[JOINT_INDEX["hip_center"]]
-    if scale == "auto":  # the character's height to the performer's: legs, trunk and the top of the head
+    if scale == "auto":  # the character's height to the performer's: soles, legs, trunk and the top of the head
         bone = lambda a, b: np.linalg.norm(standing[JOINT_INDEX[a]] - standing[JOINT_INDEX[b]])  # noqa: E731
         legs = [
             bone(f"{upper}_{side}", f"{lower}_{side}")
@@ -91,7 +91,7 @@ def test_the_root_moves_as_the_hips_do_times_the_scale(rig, puppet, frames, danc
             for upper, lower in (("hip", "knee"), ("knee", "ankle"))
         ]
         trunk = bone("hip_center", "spine") + bone("spine", "shoulder_center") + bone("shoulder_center", "head")
-        scale = np.ptp(rig.mesh.vertices[:, 1]) / (sum(legs) / 2 + trunk + 0.11)
+        scale = np.ptp(rig.mesh.vertices[:, 1]) / (0.09 + sum(legs) / 2 + trunk + 0.11)
     expected = scale * hips * [-1, 1, -1] * [axis in axes for axis in "xyz"]
     np.testing.assert_allclose(root, expected, atol=1e-9)
 
@@ -205,3 +205,20 @@ def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(rig, pupp
     nearest = np.array([float(number) for number in told.fix.split("[")[1].split("]")[0].split(",")])
     assert np.linalg.norm(rig.mesh.vertices - nearest, axis=1).min() < 0.05
     assert nearest[0] > 1.4
+
+
+def test_a_root_that_is_lost_and_found_carries_the_character_on_without_a_jump(rig, puppet, frames, standing):
+    """The performer walks; while the hips are lost the root stands, and afterwards it catches up."""
+    walking = changed(puppet, retarget=RetargetTable(scale=1.0), root=RootTable(axes="xz"))
+    takes = np.tile(standing, (90, 1, 1))
+    takes[:, :, 0] += 0.02 * np.arange(90)[:, None]
+    sequence = frames(takes)
+    lost = JOINT_INDEX["hip_center"]
+    for frame in sequence[20:40]:
+        frame.positions[lost], frame.confidence[lost] = np.nan, 0.0
+    performance = Performance(walking, rig.mesh, rig.model, standing)
+    root = np.array([performance.step(frame).root[0] for frame in sequence])
+    np.testing.assert_allclose(root[20:40], root[19], atol=1e-12)
+    steps = -np.diff(root)
+    assert steps[39:].max() < 0.12  # 0.42 m behind when it returns
+    np.testing.assert_allclose(root[-1], -0.02 * 89, atol=1e-3)

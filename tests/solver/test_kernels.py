@@ -183,3 +183,11 @@ def test_prominences_of_random_graphs_are_those_of_falling_water(seed):
     edges = [*path(30), *map(tuple, rng.integers(0, 30, (15, 2)))]
     edges = [(a, b) for a, b in edges if a != b]
     np.testing.assert_allclose(prominence(values, edges), naive_prominence(values, edges))
+
+
+def test_a_stretch_that_is_no_number_falls_into_the_last_bin():
+    positions = np.array([[np.nan, 0, 0], [0, 0, 0], [np.inf, 0, 0]], dtype=np.float32)
+    edges, rest = np.array([[0, 1], [1, 2]], dtype=np.int32), np.ones(2, dtype=np.float32)
+    whole = np.zeros(12, dtype=np.int64)
+    kernels.add_to_histogram(positions, edges, rest, 0.4, whole[:10])
+    assert whole.tolist() == [0] * 9 + [2, 0, 0]

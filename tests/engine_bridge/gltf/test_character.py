@@ -166,3 +166,18 @@ def test_a_file_is_known_by_its_content_whatever_its_ending(variants, tmp_path):
     path = tmp_path / "renamed.obj"
     path.write_bytes(variants["textured"].path.read_bytes())
     assert len(load_character(path).parts) == 1
+
+
+def test_an_index_beyond_its_own_primitive_is_refused_though_another_has_more_vertices(glb, tmp_path):
+    wrong = SIDES.copy()
+    wrong[0, 0] = 5
+    glb.node(glb.mesh(glb.primitive(CORNERS, wrong), glb.primitive(CORNERS + 2, SIDES)))
+    with pytest.raises(MeshError, match="vertex 5 of 4"):
+        load_character(glb.save(tmp_path / "a.glb"))
+
+
+@pytest.mark.parametrize("name", ["NORMAL", "COLOR_0"])
+def test_an_attribute_with_another_count_than_the_positions_is_refused(glb, tmp_path, name):
+    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES, **{name: np.ones((3, 3), np.float32)})))
+    with pytest.raises(MeshError, match="3 values for 4 vertices"):
+        load_character(glb.save(tmp_path / "a.glb"))

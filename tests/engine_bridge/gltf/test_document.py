@@ -294,3 +294,26 @@ def test_a_sparse_accessor_is_refused_with_the_remedy(glb, tmp_path):
     glb.file.accessors[0].bufferView = None
     error = refused(glb.save(tmp_path / "sparse.glb"))
     assert (error.found, error.fix) == ("a sparse accessor", "Export the file without sparse accessors.")
+
+
+def test_a_picture_beside_the_file_is_taken_in(tmp_path):
+    picture = b"\x89PNG\r\n\x1a\n and the rest of it"
+    (tmp_path / "my skin.png").write_bytes(picture)
+    file = {"asset": {"version": "2.0"}, "images": [{"uri": "my%20skin.png"}]}
+    (tmp_path / "a.gltf").write_text(json.dumps(file))
+    document = Document.load(tmp_path / "a.gltf")
+    (image,) = document.gltf.images
+    view = document.gltf.bufferViews[image.bufferView]
+    assert (image.uri, image.mimeType, image.name) == (None, "image/png", "my skin")
+    assert bytes(document.blob[view.byteOffset : view.byteOffset + view.byteLength]) == picture
+
+
+@pytest.mark.parametrize("uri", ["../secret.png", "none.png"])
+def test_a_picture_elsewhere_is_refused(tmp_path, uri):
+    folder = tmp_path / "inner"
+    folder.mkdir()
+    (tmp_path / "secret.png").write_bytes(b"\x89PNG")
+    (folder / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": uri}]}))
+    with pytest.raises(MeshError) as error:
+        Document.load(folder / "a.gltf")
+    assert repr(uri) in error.value.found

@@ -73,6 +73,7 @@ class Performance:
         self._retargeter = Retargeter(self.deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
         self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
         self._root_return = SmoothReturn(1)
+        self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
 
     def step(self, frame: SkeletonFrame) -> Pose:
         """Take the next frame.
@@ -86,11 +87,24 @@ class Performance:
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
         moved = np.zeros(3)
         if self._puppet.root is not None:
-            root = slice(self._root, self._root + 1)
-            displacement = (positions - self._rest)[root] * axis_mask(self._puppet.root.axes)
-            moved = self._root_return.step(frame.time, displacement, confidence[root] > LOST)[0]
+            displacement = self._root_displacement(positions - self._rest, confidence > LOST)
+            moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
+            moved = moved * axis_mask(self._puppet.root.axes)
         R = self.deformer.solve(self._retargeter.step(frame.time, positions - moved, confidence))
         return Pose(R, self.root_scale * moved @ self._basis)
+
+    def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return where the root has moved to (3,); while its joint is lost it goes on with the median of the others.
+
+        NaN where nothing is known.
+        """
+        known = known & np.isfinite(displacement).all(axis=1)
+        if known[self._root]:
+            self._with_root = np.where(known[:, None], displacement, np.nan)
+            return displacement[self._root]
+        since = (displacement - self._with_root)[known]
+        since = since[np.isfinite(since).all(axis=1)]
+        return self._with_root[self._root] + (np.median(since, axis=0) if len(since) else np.nan)
 
     def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)

@@ -1,7 +1,7 @@
 """Text logs as lines of numbers, with errors that name the line and the column."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,6 +119,49 @@ def head_lines(head: bytes, count: int | None = None) -> list[str]:
     """Return the first lines of a file's head, or all, that are not blank; undecodable bytes show as U+FFFD."""
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
     return [line for line in lines if line.strip()][:count]
+
+
+class LineSource:
+    """A file's lines, taken one after the other.
+
+    Parameters
+    ----------
+    path : Path
+        What error messages name.
+    lines : iterable of Line
+    """
+
+    def __init__(self, path: Path, lines: Iterable[Line]) -> None:
+        self.path = path
+        self._lines = iter(lines)
+        self._last = 0
+
+    def __iter__(self) -> Iterator[Line]:
+        return self._lines
+
+    def take(self, expected: str) -> Line:
+        """Return the next line.
+
+        Parameters
+        ----------
+        expected : str
+            What an error message says should stand there.
+
+        Raises
+        ------
+        SkeletonLogError
+            No line is left.
+        """
+        line = next(self._lines, None)
+        if line is None:
+            raise SkeletonLogError(
+                at(self.path, self._last),
+                found="the end of the file after this line",
+                expected=expected,
+                fix="The file seems cut off: copy it again from its source.",
+            )
+        self._last = line[0]
+        return line
 
 
 def bad_line(path: Path, line: Line, found: str, expected: str, frame: str = THIS_LINE) -> SkeletonLogError:

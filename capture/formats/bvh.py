@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of
-from capture.formats._rows import Line, RowLayout, bad_line, read_lines
+from capture.formats._rows import Line, LineSource, RowLayout, bad_line, read_lines
 from capture.formats.bvh_names import kinect_points
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED
@@ -285,16 +285,11 @@ def parse(path: Path) -> tuple[list[Node], NDArray[np.float64], float]:
     return nodes, motion, frame_time
 
 
-class _Lines:
+class _Lines(LineSource):
     """The lines that are not blank, with each opening brace on a line of its own."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lines = self._split(read_lines(path))
-        self._last = 0
-
-    def __iter__(self) -> Iterator[Line]:
-        return self._lines
+        super().__init__(path, self._split(read_lines(path)))
 
     @staticmethod
     def _split(lines: list[Line]) -> Iterator[Line]:
@@ -307,16 +302,9 @@ class _Lines:
                 yield number, text
 
     def take(self, expected: str) -> Line:
-        line = next(self._lines, None)
-        if line is None:
-            raise SkeletonLogError(
-                at(self.path, self._last),
-                found="the end of the file after this line",
-                expected=expected,
-                fix="The file seems cut off: copy it again from its source.",
-            )
-        self._last = line[0]
-        return line[0], line[1].strip()
+        """Return the next line without the space around it."""
+        number, text = super().take(expected)
+        return number, text.strip()
 
 
 def _hierarchy(lines: _Lines) -> list[Node]:

@@ -6,13 +6,12 @@ sensor frame, four pixel coordinates, a quaternion, and the state 0 lost, 1 infe
 clock; the sensor ran at 30 frames a second.
 """
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import frame_rate
 from capture.formats._performers import clips_by_performer
-from capture.formats._rows import Line, RowLayout, bad_line, confidence_of, head_lines, read_lines
+from capture.formats._rows import LineSource, RowLayout, bad_line, confidence_of, head_lines, read_lines
 from capture.formats.layouts import K25, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, LOST, TRACKED, SkeletonFrame
@@ -55,7 +54,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         A line does not fit, the counts disagree with what is there, or nobody is tracked.
     """
     fps, notes = frame_rate(options, FPS)
-    lines = _Lines(path)
+    lines = _Lines(path, read_lines(path))
     frames: list[SkeletonFrame] = []
     for frame in range(lines.count("the number of frames")):
         bodies = lines.count(f"the number of bodies in frame {frame}")
@@ -64,25 +63,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     return clips_by_performer(path, "ntu", frames, notes)
 
 
-class _Lines:
-    """The file's lines, taken one after the other."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lines: Iterator[Line] = iter(read_lines(path))
-        self._last = 0
-
-    def take(self, expected: str) -> Line:
-        line = next(self._lines, None)
-        if line is None:
-            raise SkeletonLogError(
-                at(self.path, self._last),
-                found="the end of the file after this line",
-                expected=expected,
-                fix="The file seems cut off: copy it again from its source.",
-            )
-        self._last = line[0]
-        return line
+class _Lines(LineSource):
+    """A file whose counts say how much follows."""
 
     def count(self, meaning: str) -> int:
         line = self.take(meaning)

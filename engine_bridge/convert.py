@@ -255,8 +255,6 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     )
     document = animate(rig.character, take, lambda part: _displacements(clip, basis, part))
     document.save(output)
-    own = len(rig.character.document.gltf.animations)
-    left_out = (f"The character's own animations ({own}) are left out.",) if own else ()
     p1, p50, p99 = clip.stretch
     return Summary(
         output=str(output),
@@ -269,7 +267,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p50=p50,
         stretch_p99=p99,
         bytes=output.stat().st_size,
-        notes=(*rig.character.notes, *left_out, *clip.notes),
+        notes=(*rig.character.document.notes, *clip.notes),
     )
 
 

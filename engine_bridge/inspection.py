@@ -8,7 +8,7 @@ import numpy as np
 from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge import puppet as puppet_file
-from engine_bridge.gltf.character import SURFACE_FILES, Character, load_character
+from engine_bridge.gltf.character import SURFACE_FILES, Character, load_character, rest_weights
 from puppetline.errors import PuppetlineError
 
 
@@ -83,6 +83,7 @@ def _log(path: Path) -> dict[str, Any]:
 
 def _character(path: Path) -> dict[str, Any]:
     character = load_character(path)
+    gltf = character.document.gltf
     mesh = character.solver_mesh()
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return {
@@ -90,30 +91,30 @@ def _character(path: Path) -> dict[str, Any]:
         "vertices": len(character.vertices),
         "triangles": len(character.triangles),
         "primitives": len(character.parts),
-        "materials": [material.name or "" for material in character.document.gltf.materials],
+        "materials": [material.get("name", "") for material in gltf["materials"]],
         "bounds": [low.tolist(), high.tolist()],
         "diagonal": mesh.diagonal,
         "solver_vertices": len(mesh.vertices),
         "solver_triangles": len(mesh.faces),
         "connected_parts": int(mesh.components.max()) + 1,
         "dropped_triangles": len(character.triangles) - len(mesh.faces),
-        "animations": [_animation(character, index) for index in range(len(character.document.gltf.animations))],
-        "notes": character.notes,
+        "animations": [_animation(character, index) for index in range(len(gltf["animations"]))],
+        "notes": character.document.notes,
     }
 
 
 def _animation(character: Character, index: int) -> dict[str, Any]:
-    document = character.document
-    animation = document.gltf.animations[index]
-    clocks = [document.gltf.accessors[sampler.input] for sampler in animation.samplers]
-    morphed = {channel.target.node for channel in animation.channels if channel.target.path == "weights"}
-    targets = [
-        len(document.gltf.meshes[document.gltf.nodes[node].mesh].weights or []) for node in morphed if node is not None
-    ]
+    gltf = character.document.gltf
+    animation = gltf["animations"][index]
+    clocks = [gltf["accessors"][sampler["input"]] for sampler in animation["samplers"]]
+    targets = [channel["target"] for channel in animation["channels"]]
+    morphed = [gltf["nodes"][target["node"]] for target in targets if target["path"] == "weights" and "node" in target]
     return {
-        "name": animation.name or "",
-        "keyframes": max((clock.count for clock in clocks), default=0),
-        "seconds": max((clock.max[0] for clock in clocks if clock.max), default=0.0),
-        "morph_targets": max(targets, default=0),
-        "moves_nodes": any(channel.target.path != "weights" for channel in animation.channels),
+        "name": animation.get("name", ""),
+        "keyframes": max((clock["count"] for clock in clocks), default=0),
+        "seconds": max((clock["max"][0] for clock in clocks if clock.get("max")), default=0.0),
+        "morph_targets": max(
+            (len(rest_weights(node, gltf["meshes"][node["mesh"]])) for node in morphed if "mesh" in node), default=0
+        ),
+        "moves_nodes": any(target["path"] != "weights" for target in targets),
     }

@@ -1,16 +1,16 @@
 """The animated character: morph targets, their weights over time, and the root's way through space."""
 
 from collections.abc import Callable
-from copy import deepcopy
 from dataclasses import dataclass
 
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
-from pygltflib import Animation, AnimationChannel, AnimationChannelTarget, AnimationSampler, Attributes, Node, Scene
 
-from engine_bridge.gltf.character import Character, Part, top_nodes
-from engine_bridge.gltf.document import Document
+from engine_bridge.gltf.character import Character, Part, rest_weights
+from engine_bridge.gltf.document import ARRAY_BUFFER, Document, damaged
+from engine_bridge.gltf.scene import top_nodes
+from engine_bridge.gltf.schema import Animation, Mesh, Node, Primitive, copied
+from puppetline.errors import at
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     """Put a take into a copy of a character's document.
 
     Each node that shows a part of the character gets morph targets and a weights animation; the root's motion is the
-    translation of a new node above the scene.
+    translation of a new node above the scene. All that the document holds stays: a skeleton stands still in the new
+    animation, which moves vertices before the skeleton does, and goes on moving the character in the file's own.
 
     Parameters
     ----------
@@ -56,95 +57,135 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     Document
         Ready to be saved.
     """
-    document = Document(deepcopy(character.document.gltf), bytes(character.document.blob), character.document.name)
-    if not document.gltf.scenes:  # such a file is a library, of which viewers show nothing
-        document.gltf.scenes, document.gltf.scene = [Scene(nodes=top_nodes(document.gltf))], 0
-    animation = Animation(name=take.name)
+    document = character.document.copy()
+    gltf = document.gltf
+    if not gltf["scenes"]:  # such a file is a library, of which viewers show nothing
+        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
+    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
     clock = document.add(take.times, bounds=True)
     for node in dict.fromkeys(part.node for part in character.parts):
-        _own_mesh(document, node)
-        before = _rest_weights(document, node)
+        mesh = own_mesh(document, node)
+        before = rest_weights(gltf["nodes"][node], mesh)
         for number, part in enumerate(character.parts):
             if part.node == node:
-                _add_targets(document, part, *displacements(number))
-        _pad_targets(document, node, len(before) + take.weights.shape[1])
+                _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
+        _pad_targets(document, mesh, len(before) + take.weights.shape[1])
         if take.weights.shape[1]:
+            _widen_animations(document, node, len(before), take.weights.shape[1])
             held = np.tile(np.array(before, dtype=np.float32), (len(take.times), 1))
-            _channel(document, animation, clock, np.hstack([held, take.weights]).ravel(), node, pygltflib.WEIGHTS)
-            _describe_targets(document, node, before, take.weights.shape[1])
+            add_channel(document, animation, clock, np.hstack([held, take.weights]).ravel(), node, "weights")
+            _describe_targets(gltf["nodes"][node], mesh, before, take.weights.shape[1])
     if take.root is not None:
-        _channel(document, animation, clock, take.root, _add_root(document), pygltflib.TRANSLATION)
-    document.gltf.animations = [animation] if animation.channels else []
+        add_channel(document, animation, clock, take.root, add_root(document), "translation")
+    if animation["channels"]:
+        gltf["animations"].insert(0, animation)  # the first is what viewers play
     return document
 
 
-def _own_mesh(document: Document, node: int) -> None:
+def own_mesh(document: Document, node: int) -> Mesh:
     """Give a node a mesh that no other node shows: in its own space the same motion is another displacement."""
     gltf = document.gltf
-    shown = gltf.nodes[node].mesh
-    if sum(other.mesh == shown for other in gltf.nodes) > 1:
-        gltf.meshes.append(deepcopy(gltf.meshes[shown]))
-        gltf.nodes[node].mesh = len(gltf.meshes) - 1
-
-
-def _rest_weights(document: Document, node: int) -> list[float]:
-    """Return the weights of the morph targets that the node came with."""
-    mesh = document.gltf.meshes[document.gltf.nodes[node].mesh]
-    there = max((len(primitive.targets or []) for primitive in mesh.primitives), default=0)
-    return list(mesh.weights or [0.0] * there)
+    shown = gltf["nodes"][node]["mesh"]
+    if sum(other.get("mesh") == shown for other in gltf["nodes"]) > 1:
+        gltf["meshes"].append(copied(gltf["meshes"][shown]))
+        gltf["nodes"][node]["mesh"] = shown = len(gltf["meshes"]) - 1
+    return gltf["meshes"][shown]
 
 
 def _add_targets(
-    document: Document, part: Part, positions: NDArray[np.float32], normals: NDArray[np.float32] | None
+    document: Document,
+    part: Part,
+    primitive: Primitive,
+    positions: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
 ) -> None:
-    """Append a part's targets to its primitive, turned from world coordinates into its node's."""
-    primitive = document.gltf.meshes[document.gltf.nodes[part.node].mesh].primitives[part.primitive]
-    primitive.targets = list(primitive.targets or [])
-    linear = part.to_world[:3, :3]
-    to_local = np.linalg.pinv(linear).T.astype(np.float32)
+    """Append a part's targets to its primitive, turned from world coordinates into its own."""
+    targets = primitive.setdefault("targets", [])
+    linear = part.to_world[:, :3, :3]
+    to_local = np.linalg.pinv(linear).astype(np.float32)
+    from_normals = linear.transpose(0, 2, 1).astype(np.float32)
     if part.normals is not None:
         # a node's scale changes the length of the unit normals in the file: displacements must keep their share of it
-        length = np.linalg.norm(part.normals @ linear, axis=1, keepdims=True).astype(np.float32)
+        length = np.linalg.norm(_turned(from_normals, part.normals.astype(np.float32)), axis=1, keepdims=True)
     for k, displacement in enumerate(positions):
-        target = Attributes(POSITION=document.add(displacement @ to_local, pygltflib.ARRAY_BUFFER, bounds=True))
+        target = {"POSITION": document.add(_turned(to_local, displacement), ARRAY_BUFFER, bounds=True)}
         if normals is not None:
-            turned = normals[k] @ linear.astype(np.float32) / np.maximum(length, np.float32(1e-30))
-            target.NORMAL = document.add(turned, pygltflib.ARRAY_BUFFER)
-        primitive.targets.append(target)
+            turned = _turned(from_normals, normals[k]) / np.maximum(length, np.float32(1e-30))
+            target["NORMAL"] = document.add(turned, ARRAY_BUFFER)
+        targets.append(target)
 
 
-def _pad_targets(document: Document, node: int, count: int) -> None:
-    """Give points and lines of the mesh as many targets, which do nothing: a mesh must have one number of them."""
-    for primitive in document.gltf.meshes[document.gltf.nodes[node].mesh].primitives:
-        primitive.targets = list(primitive.targets or [])
-        if len(primitive.targets) < count:
-            still = np.zeros((document.gltf.accessors[primitive.attributes.POSITION].count, 3), dtype=np.float32)
-            accessor = document.add(still, pygltflib.ARRAY_BUFFER, bounds=True)
-            primitive.targets += [Attributes(POSITION=accessor) for _ in range(count - len(primitive.targets))]
+def _turned(matrices: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Multiply (n, 3) vectors by one (1, 3, 3) matrix, or each by its own."""
+    return vectors @ matrices[0].T if len(matrices) == 1 else np.einsum("nij,nj->ni", matrices, vectors)
 
 
-def _describe_targets(document: Document, node: int, before: list[float], count: int) -> None:
-    mesh = document.gltf.meshes[document.gltf.nodes[node].mesh]
-    mesh.weights = [*before, *([0.0] * count)]
-    extras = dict(mesh.extras or {})
-    names = list(extras.get("targetNames", []))[: len(before)]
+def _pad_targets(document: Document, mesh: Mesh, count: int) -> None:
+    """Give points and lines of a mesh as many targets, which do nothing: a mesh must have one number of them."""
+    for primitive in mesh["primitives"]:
+        missing = count - len(primitive.get("targets", []))
+        if missing > 0:
+            vertices = document.gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            still = document.add(np.zeros((vertices, 3), dtype=np.float32), ARRAY_BUFFER, bounds=True)
+            primitive.setdefault("targets", []).extend({"POSITION": still} for _ in range(missing))
+
+
+def _describe_targets(node: Node, mesh: Mesh, before: list[float], count: int) -> None:
+    mesh["weights"] = [*before, *([0.0] * count)]
+    node.pop("weights", None)
+    extras = mesh["extras"] if isinstance(mesh.get("extras"), dict) else {}
+    named = extras.get("targetNames")
+    names = list(named)[: len(before)] if isinstance(named, list) else []
     names += [f"target_{index}" for index in range(len(names), len(before))]
-    mesh.extras = {**extras, "targetNames": [*names, *(f"motion_{index}" for index in range(count))]}
+    mesh["extras"] = {**extras, "targetNames": [*names, *(f"motion_{index}" for index in range(count))]}
 
 
-def _channel(
+def _widen_animations(document: Document, node: int, before: int, more: int) -> None:
+    """Let the file's own animations of a node's morph targets leave the new ones at rest."""
+    for animation in document.gltf["animations"]:
+        for channel in animation["channels"]:
+            if channel["target"].get("node") == node and channel["target"]["path"] == "weights" and before:
+                sampler = animation["samplers"][channel["sampler"]]
+                keys = document.array(sampler["output"]).astype(np.float32)
+                if keys.size % before:
+                    where = at(document.name, field=f"accessors[{sampler['output']}]")
+                    raise damaged(where, f"{keys.size} weights for {before} morph targets")
+                wider = np.pad(keys.reshape(-1, before), ((0, 0), (0, more))).ravel()
+                animation["samplers"].append({**sampler, "output": document.add(wider)})
+                channel["sampler"] = len(animation["samplers"]) - 1
+
+
+def add_channel(
     document: Document, animation: Animation, clock: int, values: NDArray[np.float32], node: int, path: str
 ) -> None:
-    sampler = AnimationSampler(input=clock, output=document.add(values), interpolation=pygltflib.ANIM_LINEAR)
-    animation.samplers.append(sampler)
-    target = AnimationChannelTarget(node=node, path=path)
-    animation.channels.append(AnimationChannel(sampler=len(animation.samplers) - 1, target=target))
+    """Let an animation move one property of a node, in straight lines between the keys.
+
+    Parameters
+    ----------
+    document : Document
+    animation : Animation
+    clock : int
+        Accessor of the key times.
+    values : (F,) or (F, width) float32
+    node : int
+    path : str
+        translation, rotation, scale or weights.
+    """
+    animation["samplers"].append({"input": clock, "output": document.add(values), "interpolation": "LINEAR"})
+    sampler = len(animation["samplers"]) - 1
+    animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
 
 
-def _add_root(document: Document) -> int:
-    """Put one node above all others of the scene."""
+def add_root(document: Document) -> int:
+    """Put one node above all others of the scene, and return it.
+
+    Meshes that hang on a skeleton stay where they are: they follow its joints, and a node above them does nothing.
+    """
     gltf = document.gltf
-    scene = gltf.scenes[gltf.scene or 0]
-    gltf.nodes.append(Node(name="puppetline_root", children=scene.nodes))
-    scene.nodes = [len(gltf.nodes) - 1]
-    return scene.nodes[0]
+    scene = gltf["scenes"][gltf.get("scene", 0)]
+    tops = scene.get("nodes", [])
+    hanging = [top for top in tops if "skin" in gltf["nodes"][top] and not gltf["nodes"][top].get("children")]
+    gltf["nodes"].append({"name": "puppetline_root", "children": [top for top in tops if top not in hanging]})
+    root = len(gltf["nodes"]) - 1
+    scene["nodes"] = [root, *hanging]
+    return root

@@ -1,34 +1,30 @@
 """A character: a glTF document and the surfaces in it that are to move.
 
 Whatever file a character comes in, it becomes a glTF document first, so that there is one way out. A document that was
-glTF already keeps its materials, textures and nodes.
+glTF already keeps all that it holds.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import igl
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
-from pygltflib import GLTF2, Asset, Attributes, Material, Mesh, Node, PbrMetallicRoughness, Primitive, Scene
-from scipy.spatial.transform import Rotation
 
 from engine_bridge import obj
-from engine_bridge.gltf.document import MAGIC, Document, damaged
+from engine_bridge.gltf import schema
+from engine_bridge.gltf.appearance import Appearance
+from engine_bridge.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, MAGIC, Document, damaged
+from engine_bridge.gltf.scene import shown_nodes, skinning, world_transforms
+from engine_bridge.gltf.schema import Mesh, Node, Primitive
 from puppetline.errors import MeshError, at
 from solver.mesh import SolverMesh, weld
 
 SURFACE_FILES = (".obj", ".off", ".ply", ".stl")
 
-UNPACKERS = {
-    "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
-    "EXT_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
-    "KHR_mesh_quantization": "npx @gltf-transform/cli dequantize IN.glb OUT.glb",
-}
-"""Extensions under which positions are not plain floats, and what turns them into such."""
+TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
 @dataclass(frozen=True)
@@ -39,15 +35,13 @@ class Part:
     ----------
     node, primitive : int
         Index of the node in the document, of the primitive in the node's mesh.
-    to_world : (4, 4) float64
-        The node's transform, column vectors.
+    to_world : (1 or n, 4, 4) float64
+        The node's transform, or each vertex's own where a skeleton holds it; column vectors.
     vertices : (n, 3) float64
-        World positions.
+        World positions at rest, with the file's own morph targets and skeleton as they stand.
     triangles : (t, 3) int64
     normals : (n, 3) float64 or None
         World unit normals, None where the file has none.
-    colors : (n, 3) float64 or None
-        Linear RGB, for pictures.
     """
 
     node: int
@@ -56,7 +50,6 @@ class Part:
     vertices: NDArray[np.float64]
     triangles: NDArray[np.int64]
     normals: NDArray[np.float64] | None
-    colors: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True)
@@ -68,13 +61,10 @@ class Character:
     document : Document
     parts : list of Part
         Every surface of it, in the order of nodes and primitives.
-    notes : list of str
-        What had to be changed or left out when it was read.
     """
 
     document: Document
     parts: list[Part]
-    notes: list[str] = field(default_factory=list)
 
     @property
     def vertices(self) -> NDArray[np.float64]:
@@ -87,13 +77,20 @@ class Character:
         starts = np.cumsum([0] + [len(part.vertices) for part in self.parts])
         return np.concatenate([part.triangles + start for part, start in zip(self.parts, starts, strict=False)])
 
-    @property
+    @cached_property
     def colors(self) -> NDArray[np.float64] | None:
         """(N, 3) linear RGB for pictures, or None where no part has a colour."""
-        if all(part.colors is None for part in self.parts):
+        look, gltf = Appearance(self.document), self.document.gltf
+        primitives = [
+            gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive] for part in self.parts
+        ]
+        colors = [
+            look.of(primitive, len(part.vertices)) for primitive, part in zip(primitives, self.parts, strict=True)
+        ]
+        if all(own is None for own in colors):
             return None
-        grey = [np.full_like(part.vertices, 0.6) if part.colors is None else part.colors for part in self.parts]
-        return np.concatenate(grey)
+        grey = [np.full_like(part.vertices, 0.6) for part in self.parts]
+        return np.concatenate([plain if own is None else own for own, plain in zip(colors, grey, strict=True)])
 
     def solver_mesh(self) -> SolverMesh:
         """Weld all parts into the surface that is solved for."""
@@ -121,12 +118,7 @@ def load_character(path: Path) -> Character:
             fix="Check the file's permissions.",
         ) from error
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
-        document = Document.load(path)
-        try:
-            return _from_document(document)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            # pygltflib hands over whatever the JSON says: indices that lead nowhere, texts for numbers
-            raise damaged(path, f"a description that contradicts itself ({error})") from error
+        return from_document(Document.load(path))
     if path.suffix.lower() not in SURFACE_FILES:
         raise MeshError(
             path,
@@ -177,43 +169,43 @@ def make_character(
     MeshError
         No surface.
     """
-    document = Document(GLTF2(asset=Asset(version="2.0", generator="puppetline")), name=name or title)
+    document = Document(schema.empty(), name=name or title)
     mesh = weld(vertices, triangles, document.name)
     normals = igl.per_vertex_normals(mesh.vertices, mesh.faces)[mesh.of_render]
     normals = np.where(np.isfinite(normals).all(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
-    attributes = Attributes(
-        POSITION=document.add(vertices.astype(np.float32), pygltflib.ARRAY_BUFFER, bounds=True),
-        NORMAL=document.add(_unit(normals).astype(np.float32), pygltflib.ARRAY_BUFFER),
-    )
+    attributes = {
+        "POSITION": document.add(vertices.astype(np.float32), ARRAY_BUFFER, bounds=True),
+        "NORMAL": document.add(_unit(normals).astype(np.float32), ARRAY_BUFFER),
+    }
     if colors is not None:
         rgba = np.column_stack([np.clip(colors, 0, 1), np.ones(len(colors))])
-        attributes.COLOR_0 = document.add(np.round(rgba * 255).astype(np.uint8), pygltflib.ARRAY_BUFFER)
-        document.gltf.accessors[attributes.COLOR_0].normalized = True
-    indices = document.add(triangles.astype(np.uint32).ravel(), pygltflib.ELEMENT_ARRAY_BUFFER)
-    surface = PbrMetallicRoughness(
-        baseColorFactor=[1.0, 1.0, 1.0, 1.0] if colors is not None else [0.62, 0.6, 0.57, 1.0],
-        metallicFactor=0.0,
-        roughnessFactor=0.7,
-    )
+        attributes["COLOR_0"] = document.add(np.round(rgba * 255).astype(np.uint8), ARRAY_BUFFER)
+        document.gltf["accessors"][attributes["COLOR_0"]]["normalized"] = True
+    indices = document.add(triangles.astype(np.uint32).ravel(), ELEMENT_ARRAY_BUFFER)
+    surface: schema.Surface = {
+        "baseColorFactor": [1.0, 1.0, 1.0, 1.0] if colors is not None else [0.62, 0.6, 0.57, 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.7,
+    }
     gltf = document.gltf
-    gltf.materials = [Material(name=title, pbrMetallicRoughness=surface)]
-    gltf.meshes = [Mesh(name=title, primitives=[Primitive(attributes=attributes, indices=indices, material=0)])]
-    gltf.nodes = [Node(name=title, mesh=0)]
-    gltf.scenes, gltf.scene = [Scene(nodes=[0])], 0
-    return _from_document(document)
+    gltf["materials"] = [{"name": title, "pbrMetallicRoughness": surface}]
+    primitive: Primitive = {"attributes": attributes, "indices": indices, "material": 0}
+    gltf["meshes"] = [{"name": title, "primitives": [primitive]}]
+    gltf["nodes"] = [{"name": title, "mesh": 0}]
+    gltf["scenes"], gltf["scene"] = [{"nodes": [0]}], 0
+    return from_document(document)
 
 
-def _from_document(document: Document) -> Character:
-    for extension in document.gltf.extensionsRequired or []:
-        if extension in UNPACKERS:
-            raise MeshError(
-                document.name,
-                found=f"data packed with {extension}",
-                expected="plain floats",
-                fix=f"Unpack it first: {UNPACKERS[extension]}",
-            )
-    notes: list[str] = []
-    parts = [part for node, to_world in _shown_nodes(document) for part in _parts(document, node, to_world, notes)]
+def from_document(document: Document) -> Character:
+    """Find the surfaces of a document's scene.
+
+    Raises
+    ------
+    MeshError
+        No surface, or data that contradicts itself.
+    """
+    world = world_transforms(document)
+    parts = [part for node in shown_nodes(document) for part in _parts(document, node, world)]
     if not parts:
         raise MeshError(
             document.name,
@@ -221,125 +213,95 @@ def _from_document(document: Document) -> Character:
             expected="a character with a surface",
             fix="Export the mesh itself, not only cameras, lights, lines or points.",
         )
-    return Character(document, parts, notes)
+    return Character(document, parts)
 
 
-def top_nodes(gltf: GLTF2) -> list[int]:
-    """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
-    if gltf.scenes:
-        return list(gltf.scenes[gltf.scene or 0].nodes or [])
-    children = {child for node in gltf.nodes for child in node.children or []}
-    return [index for index in range(len(gltf.nodes)) if index not in children]
-
-
-def _shown_nodes(document: Document) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Walk the shown scene: each node that has a mesh, with its world transform, in the order of the file."""
-    gltf = document.gltf
-    waiting = [(root, np.eye(4)) for root in reversed(top_nodes(gltf))]
-    seen: set[int] = set()
-    while waiting:
-        index, above = waiting.pop()
-        if index in seen or not 0 <= index < len(gltf.nodes):
-            raise MeshError(
-                at(document.name, field=f"nodes[{index}]"),
-                found="a node that is its own ancestor, is shared, or is not there",
-                expected="a tree of nodes",
-                fix="The file is damaged: export it again.",
-            )
-        seen.add(index)
-        node = gltf.nodes[index]
-        to_world = above @ _local_transform(node)
-        if node.mesh is not None:
-            yield index, to_world
-        waiting.extend((child, to_world) for child in reversed(node.children or []))
-
-
-def _local_transform(node: Node) -> NDArray[np.float64]:
-    if node.matrix is not None:
-        return np.array(node.matrix, dtype=np.float64).reshape(4, 4).T
-    transform = np.eye(4)
-    turn = Rotation.from_quat(node.rotation).as_matrix() if node.rotation else np.eye(3)
-    transform[:3, :3] = turn * np.array(node.scale or [1.0, 1.0, 1.0])
-    transform[:3, 3] = node.translation or [0.0, 0.0, 0.0]
-    return transform
-
-
-def _parts(document: Document, node: int, to_world: NDArray[np.float64], notes: list[str]) -> Iterator[Part]:
-    shown = document.gltf.nodes[node]
-    mesh = document.gltf.meshes[shown.mesh]
-    title = mesh.name or shown.name or f"mesh {shown.mesh}"
-    if shown.skin is not None:
-        raise MeshError(
-            at(document.name, field=f"nodes[{node}].skin"),
-            found=f"{title!r} bound to a skeleton",
-            expected="a mesh without a rig",
-            fix="Apply the armature in your editor and export without it; Puppetline needs no rig.",
-        )
-    for index, primitive in enumerate(mesh.primitives):
-        if primitive.attributes.POSITION is None:
+def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterator[Part]:
+    shown = document.gltf["nodes"][node]
+    mesh = document.gltf["meshes"][shown["mesh"]]
+    weights = rest_weights(shown, mesh)
+    for index, primitive in enumerate(mesh["primitives"]):
+        if "POSITION" not in primitive["attributes"]:
             continue
-        positions = document.array(primitive.attributes.POSITION).astype(np.float64)
-        triangles = _triangles(document, primitive, len(positions))
-        if triangles is None:
-            notes.append(f"{title}: points or lines stay where they are")
+        count = _vertex_count(document, primitive)
+        positions = _at_rest(document, primitive, "POSITION", count, weights)
+        normals = _at_rest(document, primitive, "NORMAL", count, weights)
+        triangles = _triangles(document, primitive, count)
+        if positions is None or triangles is None:
+            title = mesh.get("name") or shown.get("name") or f"mesh {shown['mesh']}"
+            document.notes.append(f"{title}: points or lines stay where they are")
             continue
-        normals = _values(document, primitive, "NORMAL", len(positions))
-        colors = _values(document, primitive, "COLOR_0", len(positions))
-        if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(positions):
-            raise damaged(
-                at(document.name, field=f"meshes[{shown.mesh}].primitives[{index}].indices"),
-                f"vertex {int(triangles.max())} of {len(positions)}",
-            )
-        linear, offset = to_world[:3, :3], to_world[:3, 3]
-        if np.linalg.det(linear) < 0:  # a mirror turns triangles over
+        if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
+            place = at(document.name, field=f"meshes[{shown['mesh']}].primitives[{index}].indices")
+            raise damaged(place, f"vertex {int(triangles.max())} of {count}")
+        to_world = world[None, node]
+        if "skin" in shown:
+            to_world = skinning(document, primitive, shown["skin"], count, world)
+        linear, offset = to_world[:, :3, :3], to_world[:, :3, 3]
+        if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
+        if normals is not None:
+            normals = _unit((normals[:, None] @ np.linalg.pinv(linear))[:, 0])
         yield Part(
             node=node,
             primitive=index,
             to_world=to_world,
-            vertices=positions @ linear.T + offset,
+            vertices=(linear @ positions[:, :, None])[:, :, 0] + offset,
             triangles=triangles,
-            normals=None if normals is None else _unit(normals @ np.linalg.pinv(linear)),
-            colors=_colors(document, primitive, colors, len(positions)),
+            normals=normals,
         )
 
 
-def _values(document: Document, primitive: Primitive, name: str, count: int) -> NDArray[Any] | None:
-    """Return an attribute's values, one for each of the primitive's vertices, or None where it has no such."""
-    accessor = getattr(primitive.attributes, name)
-    if accessor is None:
+def _vertex_count(document: Document, primitive: Primitive) -> int:
+    """Return the number of a primitive's vertices, which all of its attributes must share."""
+    counts = {index: document.gltf["accessors"][index]["count"] for index in primitive["attributes"].values()}
+    count = counts[primitive["attributes"]["POSITION"]]
+    for index, other in counts.items():
+        if other != count:
+            raise damaged(at(document.name, field=f"accessors[{index}]"), f"{other:,} values for {count:,} vertices")
+    return count
+
+
+def rest_weights(node: Node, mesh: Mesh) -> list[float]:
+    """Return how far the file's own morph targets are in where a node shows a mesh: the node's word counts first."""
+    there = max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
+    weights = node.get("weights") or mesh.get("weights") or []
+    return [*weights, *[0.0] * there][:there]
+
+
+def _at_rest(
+    document: Document, primitive: Primitive, name: str, count: int, weights: list[float]
+) -> NDArray[np.float64] | None:
+    """Return positions or normals in the primitive's own space, its own morph targets as far in as they stand."""
+    base = document.attribute(primitive, name, count, 3)
+    if base is None:
         return None
-    values = document.array(accessor)
-    if len(values) != count:
-        raise damaged(at(document.name, field=f"accessors[{accessor}]"), f"{len(values)} values for {count} vertices")
+    values = base.astype(np.float64)
+    for target, weight in zip(primitive.get("targets", []), weights, strict=False):
+        moved = document.attribute({"attributes": target}, name, count, 3) if weight else None
+        if moved is not None:
+            values += weight * moved
     return values
 
 
 def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[np.int64] | None:
     """Return a primitive's triangles, or None where it is made of points or lines."""
-    indices = np.arange(count) if primitive.indices is None else document.array(primitive.indices).astype(np.int64)
-    mode = pygltflib.TRIANGLES if primitive.mode is None else primitive.mode
-    if mode == pygltflib.TRIANGLES:
-        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
-    if mode == pygltflib.TRIANGLE_STRIP:
-        strip = np.column_stack([indices[:-2], indices[1:-1], indices[2:]])
-        strip[1::2] = strip[1::2, [1, 0, 2]]
-        return strip
-    if mode == pygltflib.TRIANGLE_FAN:
-        return np.column_stack([np.full(len(indices) - 2, indices[0]), indices[1:-1], indices[2:]])
-    return None
-
-
-def _colors(
-    document: Document, primitive: Primitive, own: NDArray[Any] | None, count: int
-) -> NDArray[np.float64] | None:
-    """Return what a picture can show of a primitive's look: vertex colours times the material's base colour."""
-    material = document.gltf.materials[primitive.material] if primitive.material is not None else None
-    surface = material.pbrMetallicRoughness if material else None
-    if own is None and surface is None:
+    mode = primitive.get("mode", TRIANGLES)
+    if mode not in (TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN):
         return None
-    base = np.array((surface.baseColorFactor if surface else None) or [1.0] * 4, dtype=np.float64)[:3]
-    return base * (np.ones((count, 3)) if own is None else own[:, :3])
+    indices = np.arange(count)
+    if "indices" in primitive:
+        indices = document.array(primitive["indices"])
+        if indices.ndim != 1 or indices.dtype.kind != "u":
+            raise damaged(at(document.name, field=f"accessors[{primitive['indices']}]"), "indices that are no numbers")
+        indices = indices.astype(np.int64)
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    first = indices[:-2] if mode == TRIANGLE_STRIP else np.full(max(len(indices) - 2, 0), indices[0])
+    triangles = np.column_stack([first, indices[1:-1], indices[2:]])
+    if mode == TRIANGLE_STRIP:
+        triangles[1::2] = triangles[1::2, [1, 0, 2]]
+    return triangles
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

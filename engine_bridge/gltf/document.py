@@ -2,33 +2,43 @@
 
 import base64
 import binascii
+import io
 import json
+import struct
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from urllib.parse import unquote
 
 import numpy as np
-import pygltflib
 from numpy.typing import NDArray
-from pygltflib import GLTF2, Accessor, Buffer, BufferView, Image
+from PIL import Image
 
 from engine_bridge.files import written_whole
-from puppetline.errors import MeshError, at
+from engine_bridge.gltf import schema
+from engine_bridge.gltf.schema import Accessor, Buffer, BufferView, Gltf, Kind, Primitive
+from puppetline.errors import MeshError, OutputError, at
 
 COMPONENTS: dict[int, type] = {
-    pygltflib.BYTE: np.int8,
-    pygltflib.UNSIGNED_BYTE: np.uint8,
-    pygltflib.SHORT: np.int16,
-    pygltflib.UNSIGNED_SHORT: np.uint16,
-    pygltflib.UNSIGNED_INT: np.uint32,
-    pygltflib.FLOAT: np.float32,
+    5120: np.int8,
+    5121: np.uint8,
+    5122: np.int16,
+    5123: np.uint16,
+    5125: np.uint32,
+    5126: np.float32,
 }
-LARGEST = {pygltflib.BYTE: 127, pygltflib.UNSIGNED_BYTE: 255, pygltflib.SHORT: 32767, pygltflib.UNSIGNED_SHORT: 65535}
-"""What 1.0 is stored as in normalised accessors."""
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-KINDS = {1: pygltflib.SCALAR, 2: pygltflib.VEC2, 3: pygltflib.VEC3, 4: pygltflib.VEC4}
+WIDTHS: dict[Kind, int] = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+KINDS: dict[int, Kind] = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 MAGIC = b"glTF"
+LARGEST_GLB = 2**32 - 1
+"""Bytes; a .glb states its length in 32 bits."""
+
+UNPACKERS = {
+    "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
+    "EXT_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
+}
+"""Extensions that pack arrays, and what unpacks them."""
 
 
 class Document:
@@ -36,27 +46,30 @@ class Document:
 
     Attributes
     ----------
-    gltf : GLTF2
-        The JSON part, as pygltflib's classes.
+    gltf : Gltf
+        The description, as plain JSON.
     blob : bytearray
         The one binary buffer.
     name : str
         What error messages call it.
+    notes : list of str
+        What had to be changed or left out when it was read.
     """
 
-    def __init__(self, gltf: GLTF2, blob: bytes = b"", name: str = "document") -> None:
+    def __init__(self, gltf: Gltf, blob: bytes | bytearray = b"", name: str = "document") -> None:
         self.gltf = gltf
         self.blob = bytearray(blob)
         self.name = name
+        self.notes: list[str] = []
 
     @classmethod
     def load(cls, path: Path) -> "Document":
-        """Read a .glb or .gltf file with its buffers.
+        """Read a .glb or .gltf file with its buffers and pictures.
 
         Raises
         ------
         MeshError
-            Not glTF 2.0, damaged, or a buffer that is missing.
+            Not glTF 2.0, damaged, packed, or a file beside it that is missing.
         """
         try:
             content = path.read_bytes()
@@ -65,38 +78,15 @@ class Document:
                 path, found=f"that it cannot be read ({error.strerror})", expected="a glTF file", fix="Check the path."
             ) from error
         text, binary = _chunks(path, content) if content[:4] == MAGIC else (content, b"")
-        try:
-            gltf = GLTF2.from_json(json.dumps(json.loads(text)))
-            sizes = [int(buffer.byteLength) for buffer in gltf.buffers]
-        except Exception as error:  # pygltflib lets KeyError, TypeError and others through
-            raise damaged(path, f"a description that is not glTF JSON ({error})") from error
-        document = cls(gltf, name=str(path))
-        starts = []
-        for buffer, size in zip(gltf.buffers, sizes, strict=True):
-            starts.append(document._pad())
-            document.blob += _buffer_bytes(path, buffer, size, binary)
-        try:
-            for view in gltf.bufferViews:
-                view.byteOffset = (view.byteOffset or 0) + starts[view.buffer]
-                view.byteLength = int(view.byteLength)
-                view.buffer = 0
-        except (AttributeError, LookupError, TypeError, ValueError) as error:
-            raise damaged(at(path, field="bufferViews"), "a part of a buffer that is not there") from error
+        document = cls(_description(path, text), name=str(path))
+        document._refuse_packed()
+        document._take_in_buffers(path, binary)
         document._take_in_images(path)
         return document
 
-    def _take_in_images(self, path: Path) -> None:
-        """Bring pictures that lie beside the file into the buffer: the result may be written elsewhere."""
-        for index, image in enumerate(self.gltf.images):
-            if image.uri is None or image.uri.startswith("data:"):
-                continue
-            content = _file_beside(path, image.uri)
-            start = self._pad()
-            self.blob += content
-            self.gltf.bufferViews.append(BufferView(buffer=0, byteOffset=start, byteLength=len(content)))
-            kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
-            name = image.name or Path(unquote(image.uri)).stem
-            self.gltf.images[index] = Image(bufferView=len(self.gltf.bufferViews) - 1, mimeType=kind, name=name)
+    def copy(self) -> "Document":
+        """Return a document that can be changed without changing this one."""
+        return Document(schema.copied(self.gltf), self.blob, self.name)
 
     def array(self, index: int) -> NDArray[Any]:
         """Return an accessor's values, normalised integers as floats.
@@ -108,63 +98,114 @@ class Document:
         Raises
         ------
         MeshError
-            An accessor that points outside the buffer, or one of a kind that is not supported.
+            An accessor that points outside the buffer.
         """
-        place = f"accessors[{index}]"
-        try:
-            accessor = self.gltf.accessors[index]
-            dtype, width = np.dtype(COMPONENTS[accessor.componentType]), WIDTHS[accessor.type]
-            view = self.gltf.bufferViews[accessor.bufferView] if accessor.bufferView is not None else None
-        except (IndexError, KeyError, TypeError) as error:
-            raise damaged(at(self.name, field=place), "a reference to something that is not there") from error
-        if accessor.sparse is not None or view is None:
-            raise MeshError(
-                at(self.name, field=place),
-                found="a sparse accessor",
-                expected="plain arrays",
-                fix="Export the file without sparse accessors.",
-            )
-        start = view.byteOffset + (accessor.byteOffset or 0)
-        row = dtype.itemsize * width
-        stride = view.byteStride or row
-        if accessor.count < 1 or start + stride * (accessor.count - 1) + row > len(self.blob):
-            raise damaged(at(self.name, field=place), f"{accessor.count} values that lie outside the file's data")
-        values = np.ndarray(
-            (accessor.count, width), dtype, buffer=self.blob, offset=start, strides=(stride, dtype.itemsize)
-        )
-        if accessor.normalized:
-            values = np.maximum(values / np.float32(LARGEST[accessor.componentType]), np.float32(-1))
+        accessor, where = self.gltf["accessors"][index], at(self.name, field=f"accessors[{index}]")
+        dtype, width, count = _component(accessor["componentType"], where), WIDTHS[accessor["type"]], accessor["count"]
+        if not count:
+            raise damaged(where, "no values")
+        if "bufferView" in accessor:
+            values = self._strided(accessor["bufferView"], accessor.get("byteOffset", 0), (count, width), dtype, where)
+        elif count > len(self.blob):  # all zeros, whose number nothing in the file vouches for
+            raise damaged(where, f"{count:,} values in a file of {len(self.blob):,} bytes")
+        else:
+            values = np.zeros((count, width), dtype)
+        if "sparse" in accessor:
+            values = self._with_sparse(accessor, values.copy(), where)
+        if accessor.get("normalized") and dtype.kind != "f":
+            values = np.maximum(values / np.float32(np.iinfo(dtype).max), np.float32(-1))
         return np.array(values[:, 0] if width == 1 else values)
+
+    def attribute(self, primitive: Primitive, name: str, count: int, *widths: int) -> NDArray[Any] | None:
+        """Return a primitive's values of one name, or None where it has none.
+
+        Parameters
+        ----------
+        primitive : Primitive
+        name : str
+            As the specification spells it: NORMAL, TEXCOORD_0.
+        count : int
+            Number of vertices.
+        widths : int
+            How many numbers a vertex may have.
+
+        Returns
+        -------
+        (count, width) or None
+
+        Raises
+        ------
+        MeshError
+            Another number of values.
+        """
+        if name not in primitive["attributes"]:
+            return None
+        index = primitive["attributes"][name]
+        values = self.array(index)
+        if values.ndim != 2 or values.shape[1] not in widths or len(values) != count:
+            found = f"{len(values)} values of {'×'.join(map(str, values.shape[1:])) or 1} for {count} vertices' {name}"
+            raise damaged(at(self.name, field=f"accessors[{index}]"), found)
+        return values
+
+    def _strided(
+        self, view_index: int, offset: int, shape: tuple[int, int], dtype: np.dtype[Any], where: str
+    ) -> NDArray[Any]:
+        """Look at some rows of a buffer view."""
+        view = self.gltf["bufferViews"][view_index]
+        start = view.get("byteOffset", 0) + offset
+        row = dtype.itemsize * shape[1]
+        stride = view.get("byteStride", row)
+        if stride < row or start + stride * (shape[0] - 1) + row > len(self.blob):
+            raise damaged(where, f"{shape[0]:,} values that lie outside the file's data")
+        return np.ndarray(shape, dtype, buffer=self.blob, offset=start, strides=(stride, dtype.itemsize))
+
+    def _with_sparse(self, accessor: Accessor, values: NDArray[Any], where: str) -> NDArray[Any]:
+        sparse = accessor["sparse"]
+        if not sparse["count"]:
+            return values
+        indices, changed = sparse["indices"], sparse["values"]
+        kind = _component(indices["componentType"], where)
+        rows = self._strided(indices["bufferView"], indices.get("byteOffset", 0), (sparse["count"], 1), kind, where)
+        if kind.kind != "u" or rows.max() >= len(values):
+            raise damaged(where, f"a sparse value for number {rows.max()} of {len(values)}")
+        shape = (sparse["count"], values.shape[1])
+        values[rows[:, 0]] = self._strided(
+            changed["bufferView"], changed.get("byteOffset", 0), shape, values.dtype, where
+        )
+        return values
 
     def add(self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False) -> int:
         """Append an array and return its accessor's index.
 
         Parameters
         ----------
-        values : (count,) or (count, 2…4) float32, uint8, uint16 or uint32
+        values : (count,) or (count, 2…4) or (count, 16) float32, uint8, uint16 or uint32
         target : int, optional
-            pygltflib.ARRAY_BUFFER or ELEMENT_ARRAY_BUFFER for data of a mesh.
+            ARRAY_BUFFER or ELEMENT_ARRAY_BUFFER for data of a mesh.
         bounds : bool
             Store minimum and maximum, which positions and key times need.
         """
-        component = next(code for code, kind in COMPONENTS.items() if np.dtype(kind) == values.dtype)
-        start = self._pad()
-        self.blob += np.ascontiguousarray(values).tobytes()
-        self.gltf.bufferViews.append(
-            BufferView(buffer=0, byteOffset=start, byteLength=len(self.blob) - start, target=target)
-        )
         columns = values.reshape(len(values), -1)
-        accessor = Accessor(
-            bufferView=len(self.gltf.bufferViews) - 1,
-            componentType=component,
-            count=len(values),
-            type=KINDS[columns.shape[1]],
-        )
+        accessor: Accessor = {
+            "bufferView": self.add_view(np.ascontiguousarray(values).tobytes(), target),
+            "componentType": next(code for code, kind in COMPONENTS.items() if np.dtype(kind) == values.dtype),
+            "count": len(values),
+            "type": KINDS[columns.shape[1]],
+        }
         if bounds:
-            accessor.min = [float(value) for value in columns.min(axis=0)]
-            accessor.max = [float(value) for value in columns.max(axis=0)]
-        self.gltf.accessors.append(accessor)
-        return len(self.gltf.accessors) - 1
+            accessor["min"] = columns.min(axis=0).tolist()
+            accessor["max"] = columns.max(axis=0).tolist()
+        self.gltf["accessors"].append(accessor)
+        return len(self.gltf["accessors"]) - 1
+
+    def add_view(self, content: bytes, target: int | None = None) -> int:
+        """Append bytes and return their buffer view's index."""
+        view: BufferView = {"buffer": 0, "byteOffset": self._pad(), "byteLength": len(content)}
+        if target is not None:
+            view["target"] = target
+        self.blob += content
+        self.gltf["bufferViews"].append(view)
+        return len(self.gltf["bufferViews"]) - 1
 
     def save(self, path: Path) -> None:
         """Write a .glb, whole or not at all.
@@ -174,64 +215,165 @@ class Document:
         OutputError
         """
         self._pad()
-        self.gltf.buffers = [Buffer(byteLength=len(self.blob))]
-        self.gltf.set_binary_blob(bytes(self.blob))
-        with written_whole(path) as beside:
-            beside.write_bytes(b"".join(self.gltf.save_to_bytes()))
+        self.gltf["buffers"] = [{"byteLength": len(self.blob)}] if self.blob else []
+        text = json.dumps(schema.compact(self.gltf), ensure_ascii=False, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = [(b"JSON", text)] + ([(b"BIN\0", self.blob)] if self.blob else [])
+        length = 12 + sum(8 + len(content) for _, content in chunks)
+        if length > LARGEST_GLB:
+            raise OutputError(
+                path,
+                found=f"{length / 1e9:.1f} GB to write",
+                expected="no more than 4.3 GB, which is all that a .glb can hold",
+                fix="Write fewer morph targets or fewer keyframes: --targets, --tolerance, --fps.",
+            )
+        with written_whole(path) as beside, beside.open("wb") as file:
+            file.write(struct.pack("<4sII", MAGIC, 2, length))
+            for kind, content in chunks:
+                file.write(struct.pack("<I4s", len(content), kind))
+                file.write(content)
 
     def _pad(self) -> int:
         """Fill up to the alignment that every component type is content with; return the length."""
         self.blob += bytes(-len(self.blob) % 4)
         return len(self.blob)
 
+    def _refuse_packed(self) -> None:
+        """Refuse arrays that only an extension can unpack; forget the packed copy of those that are there plainly.
+
+        A viewer that knows the extension would show the packed copy, whose vertices are in another order.
+        """
+        for extension, command in UNPACKERS.items():
+            if extension in self.gltf["extensionsRequired"]:
+                raise MeshError(
+                    self.name,
+                    found=f"data packed with {extension}",
+                    expected="plain arrays",
+                    fix=f"Unpack it first: {command}",
+                )
+            for mesh in self.gltf["meshes"]:
+                for primitive in mesh["primitives"]:
+                    primitive.get("extensions", {}).pop(extension, None)
+            for packed in (*self.gltf["bufferViews"], *self.gltf["buffers"]):
+                packed.get("extensions", {}).pop(extension, None)
+            if extension in self.gltf["extensionsUsed"]:
+                self.gltf["extensionsUsed"].remove(extension)
+                self.notes.append(f"The copy of the mesh that is packed with {extension} is left out.")
+
+    def _take_in_buffers(self, path: Path, binary: bytes) -> None:
+        """Join all buffers into one."""
+        starts = []
+        for number, buffer in enumerate(self.gltf["buffers"]):
+            starts.append(self._pad())
+            self.blob += _buffer_bytes(path, buffer, binary if number == 0 else b"")
+        for view in self.gltf["bufferViews"]:
+            view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+            view["buffer"] = 0
+
+    def _take_in_images(self, path: Path) -> None:
+        """Bring pictures that lie beside the file into the buffer: the result may be written elsewhere."""
+        for image in self.gltf["images"]:
+            uri = image.get("uri")
+            if uri is None or uri.startswith("data:"):
+                continue
+            file = _beside(path, uri)
+            try:
+                content = file.read_bytes()
+            except FileNotFoundError:
+                content = _white_pixel()
+                self.notes.append(f"The picture {uri!r} is not there: white takes its place.")
+            except OSError as error:
+                raise _not_beside(path, uri) from error
+            image.setdefault("name", file.stem)
+            image["mimeType"] = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+            image["bufferView"] = self.add_view(content)
+            del image["uri"]
+
+
+def _description(path: Path, text: bytes) -> Gltf:
+    """Parse and check the JSON."""
+
+    def refuse(name: str) -> NoReturn:
+        raise ValueError(f"{name} is no JSON number")
+
+    try:
+        values = json.loads(text, parse_constant=refuse)
+        if not isinstance(values, dict):
+            raise ValueError(f"a {type(values).__name__} and not an object")
+        gltf = schema.checked(values)
+    except (ValueError, RecursionError) as error:
+        raise damaged(path, f"a description that is not glTF ({error})") from error
+    if not gltf["asset"]["version"].startswith("2."):
+        raise damaged(at(path, field="asset.version"), f"glTF {gltf['asset']['version'][:20]}")
+    return gltf
+
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
     """Split a .glb into its JSON and its binary chunk."""
-    version, length = np.frombuffer(content[4:12].ljust(8, b"\0"), "<u4")
+    version, length = struct.unpack("<II", content[4:12].ljust(8, b"\0"))
     if version != 2 or length > len(content):
         raise damaged(path, f"glTF version {version}, {length:,} bytes announced and {len(content):,} there")
     chunks: dict[bytes, bytes] = {}
     place = 12
     while place + 8 <= length:
-        size = int.from_bytes(content[place : place + 4], "little")
-        chunks.setdefault(content[place + 4 : place + 8], content[place + 8 : place + 8 + size])
+        size, kind = struct.unpack_from("<I4s", content, place)
+        chunks.setdefault(kind, content[place + 8 : place + 8 + size])
         place += 8 + size
     if b"JSON" not in chunks:
         raise damaged(path, "no JSON chunk")
     return chunks[b"JSON"], chunks.get(b"BIN\0", b"")
 
 
-def _buffer_bytes(path: Path, buffer: Buffer, size: int, binary: bytes) -> bytes:
+def _component(code: int, where: str) -> np.dtype[Any]:
+    if code not in COMPONENTS:
+        raise damaged(where, f"the component type {code}")
+    return np.dtype(COMPONENTS[code])
+
+
+def _buffer_bytes(path: Path, buffer: Buffer, binary: bytes) -> bytes:
     """Return one buffer's bytes: the binary chunk, a data URI, or a file in the same folder or below."""
-    uri = buffer.uri
+    uri, size = buffer.get("uri"), buffer["byteLength"]
     if uri is None:
         found = binary
     elif uri.startswith("data:"):
         try:
             found = base64.b64decode(uri.partition(",")[2], validate=True)
-        except binascii.Error as error:
+        except (binascii.Error, ValueError) as error:
             raise damaged(path, f"a data URI that is not base64 ({error})") from error
     else:
-        found = _file_beside(path, uri)
+        try:
+            found = _beside(path, uri).read_bytes()
+        except OSError as error:
+            raise _not_beside(path, uri) from error
     if len(found) < size:
         raise damaged(path, f"{len(found):,} bytes of data of {size:,} announced")
     return found[:size]
 
 
-def _file_beside(path: Path, uri: str) -> bytes:
-    """Read a file that a glTF names, which must lie in its folder or below."""
+def _beside(path: Path, uri: str) -> Path:
+    """Return where a file that a glTF names must lie: in its folder or below."""
     try:
-        file = (path.parent / unquote(uri)).resolve(strict=True)
-        if not file.is_relative_to(path.parent.resolve()):
-            raise ValueError(uri)
-        return file.read_bytes()
-    except (OSError, ValueError) as error:  # ValueError for a zero byte in the name, too
-        raise MeshError(
-            path,
-            found=f"a reference to {uri!r}, which is not a file beside it",
-            expected="all buffers and pictures in the file's own folder",
-            fix="Copy those files beside it, or export as .glb.",
-        ) from error
+        file = (path.parent / unquote(uri).replace("\\", "/")).resolve()
+        if file.is_relative_to(path.parent.resolve()):
+            return file
+    except (OSError, ValueError):  # a name too long, a zero byte in it, links in a circle
+        pass
+    raise _not_beside(path, uri)
+
+
+def _not_beside(path: Path, uri: str) -> MeshError:
+    return MeshError(
+        path,
+        found=f"a reference to {uri!r}, which is not a file beside it",
+        expected="all buffers and pictures in the file's own folder",
+        fix="Copy those files beside it, or export as .glb.",
+    )
+
+
+def _white_pixel() -> bytes:
+    png = io.BytesIO()
+    Image.new("RGB", (1, 1), "white").save(png, "PNG")
+    return png.getvalue()
 
 
 def damaged(where: str | Path, found: str) -> MeshError:

@@ -156,7 +156,7 @@ class Glb:
                 bufferView=self.view(np.ascontiguousarray(array).tobytes(), target),
                 componentType=codes[array.dtype.str[1:]],
                 count=len(array),
-                type=["", "SCALAR", "VEC2", "VEC3", "VEC4"][flat.shape[1]],
+                type={1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[flat.shape[1]],
                 normalized=normalized,
                 min=flat.min(axis=0).tolist(),
                 max=flat.max(axis=0).tolist(),

@@ -136,13 +136,14 @@ def shared_mesh(glb, shape):
 
 
 def own_targets(glb, shape):
-    """Two targets that the character brings along, the first of them a quarter in."""
+    """Two targets that the character brings along; with the first a quarter in it is the figure."""
     smile = (shape.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
     frown = np.roll(smile, 1, axis=1)
     still = np.zeros_like(smile)
+    before = (shape.vertices - np.float32(0.25) * smile).astype(np.float32)
     mesh = glb.mesh(
         glb.primitive(
-            shape.vertices,
+            before,
             shape.faces.astype(np.uint32),
             NORMAL=shape.normals,
             targets=[{"POSITION": smile, "NORMAL": still}, {"POSITION": frown, "NORMAL": still}],
@@ -151,7 +152,56 @@ def own_targets(glb, shape):
         extras={"targetNames": ["smile", "frown"], "author": "test"},
     )
     glb.node(mesh)
-    return [shape.vertices], [0.25 * smile]
+    return [before + 0.25 * smile.astype(np.float64)]
+
+
+def skinned(glb, shape):
+    """Two bones, bent away from where the mesh was bound and blended over the waist; its node is elsewhere."""
+    turn = Rotation.from_euler("xyz", [20, -35, 50], degrees=True)
+    lower, upper = np.eye(4), np.eye(4)
+    lower[:3, 3] = [0.2, -0.1, 0.4]
+    upper[:3, :3], upper[:3, 3] = turn.as_matrix() * 1.5, [0.1, 0.3, 0.0]
+    share = np.clip(shape.vertices[:, 1] / 0.6, 0, 1).astype(np.float32)
+    share = np.column_stack([1 - share, share, np.zeros((len(share), 2), np.float32)])
+    blend = np.einsum("nj,jab->nab", share[:, :2].astype(np.float64), [lower, lower @ upper])
+    back = np.linalg.inv(blend)
+    bound = (np.einsum("nab,nb->na", back[:, :3, :3], shape.vertices) + back[:, :3, 3]).astype(np.float32)
+    normals = np.einsum("nba,nb->na", blend[:, :3, :3], shape.normals)
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    hip = glb.node(translation=[0.2, -0.1, 0.4], name="hip")
+    chest = glb.node(
+        parent=hip, translation=[0.1, 0.3, 0.0], rotation=turn.as_quat().tolist(), scale=[1.5] * 3, name="chest"
+    )
+    identity = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).reshape(2, 16)
+    glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=glb.add(identity, None), name="bones")]
+    joints = (np.array([0, 1, 0, 0]) * (share > 0)).astype(np.uint8)
+    primitive = glb.primitive(bound, shape.faces.astype(np.uint32), NORMAL=normals)
+    primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(joints), glb.add(share)
+    glb.node(glb.mesh(primitive), skin=0, name="elsewhere")
+    return [np.einsum("nab,nb->na", blend[:, :3, :3], bound) + blend[:, :3, 3]]
+
+
+def quantized(glb, shape):
+    """Positions of 16 bits under a node that brings them back to size (KHR_mesh_quantization)."""
+    low, size = shape.vertices.min(axis=0), float(np.ptp(shape.vertices, axis=0).max())
+    stored = np.round((shape.vertices - low) / size * 65535).astype(np.uint16)
+    normals = np.round(shape.normals * 127).astype(np.int8)
+    primitive = glb.primitive(np.zeros((3, 3)), shape.faces.astype(np.uint32))
+    padded = np.zeros((len(stored), 4), np.uint16)
+    padded[:, :3] = stored
+    primitive.attributes.POSITION = glb.add(padded, normalized=True)
+    glb.file.accessors[-1].type = "VEC3"
+    glb.file.accessors[-1].min, glb.file.accessors[-1].max = (
+        [float(x) for x in f(stored, axis=0)] for f in (np.min, np.max)
+    )
+    glb.file.bufferViews[-1].byteStride = 8
+    primitive.attributes.NORMAL = glb.add(np.pad(normals, ((0, 0), (0, 1))), normalized=True)
+    glb.file.accessors[-1].type = "VEC3"
+    glb.file.accessors[-1].min = glb.file.accessors[-1].max = None
+    glb.file.bufferViews[-1].byteStride = 4
+    glb.file.extensionsUsed = glb.file.extensionsRequired = ["KHR_mesh_quantization"]
+    glb.node(glb.mesh(primitive), translation=low.tolist(), scale=[size] * 3)
+    return [(stored / np.float32(65535)).astype(np.float64) * size + low]
 
 
 def strips_and_fans(glb, shape):
@@ -196,6 +246,8 @@ VARIANTS = [
     node_transforms,
     shared_mesh,
     own_targets,
+    skinned,
+    quantized,
     strips_and_fans,
     bare_scene,
 ]
@@ -287,7 +339,14 @@ class Raw:
         width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor.type]
         kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
         start = view.byteOffset + (accessor.byteOffset or 0)
-        return np.frombuffer(self.blob, kind, accessor.count * width, start).reshape(accessor.count, width)
+        stride = view.byteStride or np.dtype(kind).itemsize * width
+        rows = np.lib.stride_tricks.as_strided(
+            np.frombuffer(self.blob, "u1")[start:].view(),
+            (accessor.count, np.dtype(kind).itemsize * width),
+            (stride, 1),
+        )
+        values = np.ascontiguousarray(rows).view(kind).reshape(accessor.count, width)
+        return values / np.float32(np.iinfo(kind).max) if accessor.normalized else values
 
     def view(self, index):
         view = self.file.bufferViews[index]

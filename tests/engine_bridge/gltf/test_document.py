@@ -1,14 +1,17 @@
 import base64
+import io
 import json
 import struct
 
 import numpy as np
 import pygltflib as gltf
 import pytest
+from PIL import Image
 
+from engine_bridge.gltf import schema
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.character import load_character
-from engine_bridge.gltf.document import Document
+from engine_bridge.gltf.document import UNPACKERS, Document
 from puppetline.errors import MeshError, OutputError, PuppetlineError
 
 KINDS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -108,22 +111,22 @@ def test_normalised_integers_become_the_floats_that_the_specification_says(tmp_p
 @pytest.mark.parametrize("shape", [(5,), (5, 2), (5, 3), (5, 4)])
 def test_an_array_that_is_added_comes_out_again_also_from_the_saved_file(tmp_path, dtype, shape):
     values = np.random.default_rng(1).integers(0, 200, shape).astype(dtype)
-    document = Document(gltf.GLTF2())
+    document = Document(schema.empty())
     document.add(np.zeros(3, np.uint8))  # what follows must not start at an odd place
     index = document.add(values, bounds=True)
     np.testing.assert_array_equal(document.array(index), values)
     document.save(tmp_path / "made.glb")
     again = Document.load(tmp_path / "made.glb")
     np.testing.assert_array_equal(again.array(index), values)
-    accessor = again.gltf.accessors[index]
-    np.testing.assert_array_equal(accessor.max, values.reshape(5, -1).max(axis=0))
-    np.testing.assert_array_equal(accessor.min, values.reshape(5, -1).min(axis=0))
-    assert again.gltf.bufferViews[accessor.bufferView].byteOffset % 4 == 0
+    accessor = again.gltf["accessors"][index]
+    np.testing.assert_array_equal(accessor["max"], values.reshape(5, -1).max(axis=0))
+    np.testing.assert_array_equal(accessor["min"], values.reshape(5, -1).min(axis=0))
+    assert again.gltf["bufferViews"][accessor["bufferView"]]["byteOffset"] % 4 == 0
 
 
 def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
     with pytest.raises(OutputError):
-        Document(gltf.GLTF2()).save(tmp_path / "no" / "made.glb")
+        Document(schema.empty()).save(tmp_path / "no" / "made.glb")
 
 
 def refused(path):
@@ -166,6 +169,13 @@ def test_flipped_bytes_are_read_as_something_else_or_refused(tetrahedron, tmp_pa
     assert min(outcomes.values()) > 30
 
 
+def unpack(path):
+    """A .glb's JSON and its bytes."""
+    whole = path.read_bytes()
+    size = int.from_bytes(whole[12:16], "little")
+    return json.loads(whole[20 : 20 + size]), whole[28 + size :]
+
+
 def places(value, path=()):
     """Every place in nested JSON."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -197,9 +207,7 @@ def replaced(content, path, value):
     ids=repr,
 )
 def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedron, tmp_path, value):
-    whole = tetrahedron.read_bytes()
-    size = int.from_bytes(whole[12:16], "little")
-    content, binary = json.loads(whole[20 : 20 + size]), whole[28 + size :]
+    content, binary = unpack(tetrahedron)
     path = tmp_path / "hostile.glb"
     still = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
     tried = 0
@@ -224,7 +232,7 @@ def test_an_array_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp
     for accessor in glb.file.accessors:
         accessor.count = count
     error = refused(glb.save(tmp_path / "large.glb"))
-    assert error.found == f"{count} values that lie outside the file's data"
+    assert error.found == f"{count:,} values that lie outside the file's data"
     assert error.where.startswith(f"{tmp_path / 'large.glb'}, accessors[")
 
 
@@ -289,11 +297,74 @@ def test_glb_of_another_version_is_refused(tetrahedron):
     assert refused(tetrahedron).found.startswith("glTF version 1,")
 
 
-def test_a_sparse_accessor_is_refused_with_the_remedy(glb, tmp_path):
-    glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))
-    glb.file.accessors[0].bufferView = None
-    error = refused(glb.save(tmp_path / "sparse.glb"))
-    assert (error.found, error.fix) == ("a sparse accessor", "Export the file without sparse accessors.")
+def sparse(base, rows, values, count=5):
+    """A file of one accessor, some of whose values stand elsewhere."""
+    raw = base.tobytes() + rows.tobytes() + values.tobytes()
+    starts = np.cumsum([0, base.nbytes, rows.nbytes]).tolist()
+    accessor = {"componentType": 5126, "count": count, "type": "VEC3"} | ({"bufferView": 0} if base.size else {})
+    accessor["sparse"] = {
+        "count": len(rows),
+        "indices": {"bufferView": 1, "componentType": {1: 5121, 2: 5123, 4: 5125}[rows.itemsize]},
+        "values": {"bufferView": 2},
+    }
+    views = [
+        {"buffer": 0, "byteOffset": start, "byteLength": max(array.nbytes, 1)}
+        for start, array in zip(starts, (base, rows, values), strict=True)
+    ]
+    return description(buffers=[{"byteLength": len(raw)}], bufferViews=views, accessors=[accessor]), raw
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "u4"])
+@pytest.mark.parametrize("based", [True, False])
+def test_sparse_values_stand_in_for_some_of_the_rest(tmp_path, kind, based):
+    base = np.arange(15, dtype="f4").reshape(5, 3)
+    changed = np.array([[9, 8, 7], [6, 5, 4]], "f4")
+    content, raw = sparse(base if based else base[:0], np.array([1, 4], kind), changed)
+    (tmp_path / "a.glb").write_bytes(pack(content, raw))
+    expected = base * based
+    expected[[1, 4]] = changed
+    np.testing.assert_array_equal(Document.load(tmp_path / "a.glb").array(0), expected)
+
+
+def test_sparse_values_outside_the_array_are_refused(tmp_path):
+    content, raw = sparse(np.zeros((0, 3), "f4"), np.array([5], "u4"), np.ones((1, 3), "f4"))
+    (tmp_path / "a.glb").write_bytes(pack(content, raw))
+    with pytest.raises(MeshError, match="a sparse value for number 5 of 5"):
+        Document.load(tmp_path / "a.glb").array(0)
+
+
+def test_zeros_without_end_are_refused_before_memory_is_asked_for(tmp_path):
+    content, raw = sparse(np.zeros((0, 3), "f4"), np.array([5], "u4"), np.ones((1, 3), "f4"), count=10**12)
+    (tmp_path / "a.glb").write_bytes(pack(content, raw))
+    with pytest.raises(MeshError, match="1,000,000,000,000 values in a file of 16 bytes"):
+        Document.load(tmp_path / "a.glb").array(0)
+
+
+@pytest.mark.parametrize("extension", UNPACKERS)
+def test_a_packed_copy_of_plain_data_is_left_out(tetrahedron, tmp_path, extension):
+    content, binary = unpack(tetrahedron)
+    content["extensionsUsed"] = [extension]
+    content["meshes"][0]["primitives"][0]["extensions"] = {extension: {"bufferView": 0}, "OTHER": {}}
+    content["bufferViews"][0]["extensions"] = {extension: {"buffer": 0}}
+    (tmp_path / "a.glb").write_bytes(pack(content, binary))
+    document = Document.load(tmp_path / "a.glb")
+    assert document.gltf["meshes"][0]["primitives"][0]["extensions"] == {"OTHER": {}}
+    assert document.gltf["bufferViews"][0]["extensions"] == {}
+    assert document.gltf["extensionsUsed"] == []
+    assert document.notes == [f"The copy of the mesh that is packed with {extension} is left out."]
+
+
+def test_what_is_not_known_here_passes_through(tetrahedron, tmp_path):
+    content, binary = unpack(tetrahedron)
+    content["nodes"][0].update(weights=[], extras={"a": None, "b": [1, {"c": 2}]}, own=3)
+    content["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}, "extras": 1}]
+    content["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    content["materials"][0]["extensions"] = {"KHR_materials_sheen": {"sheenColorFactor": [1, 0.5, 0]}}
+    (tmp_path / "a.glb").write_bytes(pack(content, binary))
+    Document.load(tmp_path / "a.glb").save(tmp_path / "b.glb")
+    again, same = unpack(tmp_path / "b.glb")
+    assert same == binary
+    assert again == content
 
 
 def test_a_picture_beside_the_file_is_taken_in(tmp_path):
@@ -302,13 +373,25 @@ def test_a_picture_beside_the_file_is_taken_in(tmp_path):
     file = {"asset": {"version": "2.0"}, "images": [{"uri": "my%20skin.png"}]}
     (tmp_path / "a.gltf").write_text(json.dumps(file))
     document = Document.load(tmp_path / "a.gltf")
-    (image,) = document.gltf.images
-    view = document.gltf.bufferViews[image.bufferView]
-    assert (image.uri, image.mimeType, image.name) == (None, "image/png", "my skin")
-    assert bytes(document.blob[view.byteOffset : view.byteOffset + view.byteLength]) == picture
+    assert picture_of(document) == picture
+    (image,) = document.gltf["images"]
+    assert image == {"mimeType": "image/png", "name": "my skin", "bufferView": 0}
 
 
-@pytest.mark.parametrize("uri", ["../secret.png", "none.png"])
+def picture_of(document):
+    view = document.gltf["bufferViews"][document.gltf["images"][0]["bufferView"]]
+    return bytes(document.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+
+
+def test_white_takes_the_place_of_a_picture_that_is_missing(tmp_path):
+    (tmp_path / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": "none.png"}]}))
+    document = Document.load(tmp_path / "a.gltf")
+    assert document.notes == ["The picture 'none.png' is not there: white takes its place."]
+    picture = Image.open(io.BytesIO(picture_of(document)))
+    assert (picture.size, picture.getpixel((0, 0))) == ((1, 1), (255, 255, 255))
+
+
+@pytest.mark.parametrize("uri", ["../secret.png", "%2e%2e/secret.png", "..\\secret.png", "/etc/passwd", "x" * 5000])
 def test_a_picture_elsewhere_is_refused(tmp_path, uri):
     folder = tmp_path / "inner"
     folder.mkdir()

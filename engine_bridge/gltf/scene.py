@@ -1,0 +1,136 @@
+"""The tree of nodes: what is shown, where it stands, and what a skeleton of the file's own does to it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from engine_bridge.gltf.document import Document, damaged
+from engine_bridge.gltf.schema import Gltf, Node, Primitive
+from puppetline.errors import MeshError, at
+
+
+def top_nodes(gltf: Gltf) -> list[int]:
+    """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
+    if gltf["scenes"]:
+        return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", []))
+    children = {child for node in gltf["nodes"] for child in node.get("children", [])}
+    return [index for index in range(len(gltf["nodes"])) if index not in children]
+
+
+def shown_nodes(document: Document) -> list[int]:
+    """Return the nodes of the shown scene that have a mesh, in the order of the file.
+
+    Raises
+    ------
+    MeshError
+        Nodes that are no tree.
+    """
+    nodes = document.gltf["nodes"]
+    return [index for index, _ in _walk(document, top_nodes(document.gltf)) if "mesh" in nodes[index]]
+
+
+def world_transforms(document: Document) -> NDArray[np.float64]:
+    """Return the (nodes, 4, 4) transforms of all nodes, column vectors.
+
+    Nodes outside the shown scene count from the top of their own tree: joints may stand there.
+    """
+    gltf = document.gltf
+    children = {child for node in gltf["nodes"] for child in node.get("children", [])}
+    roots = [index for index in range(len(gltf["nodes"])) if index not in children]
+    transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
+    for index, parent in _walk(document, roots):
+        above = np.eye(4) if parent is None else transforms[parent]
+        transforms[index] = above @ _local_transform(gltf["nodes"][index])
+    return transforms
+
+
+def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | None]]:
+    """Walk trees of nodes in the order of the file: each node with its parent."""
+    nodes = document.gltf["nodes"]
+    waiting: list[tuple[int, int | None]] = [(root, None) for root in reversed(roots)]
+    seen: set[int] = set()
+    while waiting:
+        index, parent = waiting.pop()
+        if index in seen:
+            raise MeshError(
+                at(document.name, field=f"nodes[{index}]"),
+                found="a node that is its own ancestor, or has two parents",
+                expected="a tree of nodes",
+                fix="The file is damaged: export it again.",
+            )
+        seen.add(index)
+        yield index, parent
+        waiting.extend((child, index) for child in reversed(nodes[index].get("children", [])))
+
+
+def _local_transform(node: Node) -> NDArray[np.float64]:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    transform = np.eye(4)
+    rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]))
+    if rotation.any():
+        transform[:3, :3] = Rotation.from_quat(rotation).as_matrix()
+    transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]))
+    transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return transform
+
+
+def skinning(
+    document: Document, primitive: Primitive, skin: int, count: int, world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what a skin does to each vertex of a primitive as the skeleton stands.
+
+    A vertex goes where the weighted mean of its joints' matrices takes it (glTF 2.0, section 3.7.3.3); the transform of
+    the node that shows it does not count. Weights are brought to sum 1, as viewers do.
+
+    Parameters
+    ----------
+    document : Document
+    primitive : Primitive
+    skin : int
+    count : int
+        Number of vertices.
+    world : (nodes, 4, 4) float64
+        From `world_transforms`.
+
+    Returns
+    -------
+    (count, 4, 4) float64
+
+    Raises
+    ------
+    MeshError
+        Joints that the skin does not have.
+    """
+    table = document.gltf["skins"][skin]
+    where = at(document.name, field=f"skins[{skin}]")
+    joints = world[table["joints"]]
+    if "inverseBindMatrices" in table:
+        inverse = document.array(table["inverseBindMatrices"]).astype(np.float64)
+        if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < len(joints):
+            raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
+        joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
+    indices = _columns(document, primitive, [f"JOINTS_{name}" for name in sets], count)
+    weights = _columns(document, primitive, [f"WEIGHTS_{name}" for name in sets], count)
+    if not sets or indices.shape != weights.shape:
+        raise damaged(where, "a primitive without joints and weights")
+    which, share = indices.astype(np.int64), weights.astype(np.float64)
+    if which.max(initial=0) >= len(joints) or which.min(initial=0) < 0:
+        raise damaged(where, f"joint {which.max()} of {len(joints)}")
+    share = np.where(np.isfinite(share), np.maximum(share, 0), 0)
+    share[share.sum(axis=1) == 0] = np.eye(1, share.shape[1])
+    share /= share.sum(axis=1, keepdims=True)
+    blended = np.zeros((count, 4, 4))
+    for column in range(which.shape[1]):
+        blended += share[:, column, None, None] * joints[which[:, column]]
+    return blended
+
+
+def _columns(document: Document, primitive: Primitive, names: list[str], count: int) -> NDArray[Any]:
+    """Put the attributes that are there side by side."""
+    found = [document.attribute(primitive, name, count, 4) for name in names]
+    return np.hstack([np.zeros((count, 0)), *(values for values in found if values is not None)])

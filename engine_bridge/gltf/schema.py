@@ -1,0 +1,362 @@
+"""glTF 2.0's description, as far as it is read here, as typed plain JSON.
+
+A description stays the dictionary that the file holds: what is not named here passes through untouched. `checked` makes
+sure that what is named has the right kind and that every index leads somewhere.
+"""
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NotRequired, TypeVar
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from typing_extensions import TypedDict  # pydantic asks for this one below Python 3.12
+
+T = TypeVar("T")
+
+_OPEN = ConfigDict(extra="allow", strict=True, hide_input_in_errors=True)
+
+Index = Annotated[int, Field(ge=0)]
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Numbers2 = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Numbers3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Numbers4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
+Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
+Attributes = dict[str, Index]
+Kind = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
+
+
+@with_config(_OPEN)
+class Named(TypedDict):
+    """What nearly everything in a file may have."""
+
+    name: NotRequired[str]
+    extras: NotRequired[Any]
+    extensions: NotRequired[dict[str, Any]]
+
+
+@with_config(_OPEN)
+class AssetTable(TypedDict):
+    """Which glTF this is."""
+
+    version: str
+    generator: NotRequired[str]
+
+
+@with_config(_OPEN)
+class Scene(Named):
+    """The nodes at the top."""
+
+    nodes: NotRequired[list[Index]]
+
+
+@with_config(_OPEN)
+class Node(Named):
+    """A place in the tree, and what is shown there."""
+
+    children: NotRequired[list[Index]]
+    mesh: NotRequired[Index]
+    skin: NotRequired[Index]
+    matrix: NotRequired[Matrix]
+    translation: NotRequired[Numbers3]
+    rotation: NotRequired[Numbers4]
+    scale: NotRequired[Numbers3]
+    weights: NotRequired[list[Number]]
+
+
+@with_config(_OPEN)
+class Primitive(Named):
+    """Triangles of one material, or lines or points."""
+
+    attributes: Attributes
+    indices: NotRequired[Index]
+    material: NotRequired[Index]
+    mode: NotRequired[Index]
+    targets: NotRequired[list[Attributes]]
+
+
+@with_config(_OPEN)
+class Mesh(Named):
+    """Primitives with one set of morph target weights."""
+
+    primitives: list[Primitive]
+    weights: NotRequired[list[Number]]
+
+
+@with_config(_OPEN)
+class Skin(Named):
+    """The joints that vertices follow."""
+
+    joints: list[Index]
+    inverseBindMatrices: NotRequired[Index]
+    skeleton: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class SparseIndices(TypedDict):
+    """Which values of a sparse accessor differ."""
+
+    bufferView: Index
+    componentType: Index
+    byteOffset: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class SparseValues(TypedDict):
+    """What they are."""
+
+    bufferView: Index
+    byteOffset: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class Sparse(TypedDict):
+    """A few values that differ from the rest of an accessor."""
+
+    count: Index
+    indices: SparseIndices
+    values: SparseValues
+
+
+@with_config(_OPEN)
+class Accessor(Named):
+    """An array."""
+
+    componentType: Index
+    count: Index
+    type: Kind
+    bufferView: NotRequired[Index]
+    byteOffset: NotRequired[Index]
+    normalized: NotRequired[bool]
+    sparse: NotRequired[Sparse]
+    min: NotRequired[list[Number]]
+    max: NotRequired[list[Number]]
+
+
+@with_config(_OPEN)
+class BufferView(Named):
+    """A run of bytes."""
+
+    buffer: Index
+    byteLength: Index
+    byteOffset: NotRequired[Index]
+    byteStride: NotRequired[Index]
+    target: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class Buffer(Named):
+    """A file of bytes, or the binary part of a .glb."""
+
+    byteLength: Index
+    uri: NotRequired[str]
+
+
+@with_config(_OPEN)
+class Image(Named):
+    """A picture."""
+
+    uri: NotRequired[str]
+    mimeType: NotRequired[str]
+    bufferView: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class Texture(Named):
+    """A picture and how it is sampled."""
+
+    source: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class TextureInfo(TypedDict):
+    """A texture and the UV set that it is laid out on."""
+
+    index: Index
+    texCoord: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class Surface(TypedDict):
+    """A material's colour and finish."""
+
+    baseColorFactor: NotRequired[Numbers4]
+    baseColorTexture: NotRequired[TextureInfo]
+    metallicFactor: NotRequired[Number]
+    roughnessFactor: NotRequired[Number]
+
+
+@with_config(_OPEN)
+class Material(Named):
+    """How a surface looks."""
+
+    pbrMetallicRoughness: NotRequired[Surface]
+    normalTexture: NotRequired[TextureInfo]
+    emissiveFactor: NotRequired[Numbers3]
+    alphaMode: NotRequired[str]
+    doubleSided: NotRequired[bool]
+
+
+@with_config(_OPEN)
+class ChannelTarget(TypedDict):
+    """The property that a channel moves."""
+
+    path: str
+    node: NotRequired[Index]
+
+
+@with_config(_OPEN)
+class Channel(TypedDict):
+    """A property and the sampler that moves it."""
+
+    sampler: Index
+    target: ChannelTarget
+
+
+@with_config(_OPEN)
+class Sampler(TypedDict):
+    """Key times and values."""
+
+    input: Index
+    output: Index
+    interpolation: NotRequired[str]
+
+
+@with_config(_OPEN)
+class Animation(Named):
+    """Channels that play together."""
+
+    channels: list[Channel]
+    samplers: list[Sampler]
+
+
+@with_config(_OPEN)
+class Gltf(Named):
+    """A whole description; lists that a file leaves out are empty."""
+
+    asset: AssetTable
+    scene: NotRequired[Index]
+    scenes: list[Scene]
+    nodes: list[Node]
+    meshes: list[Mesh]
+    skins: list[Skin]
+    accessors: list[Accessor]
+    bufferViews: list[BufferView]
+    buffers: list[Buffer]
+    images: list[Image]
+    textures: list[Texture]
+    materials: list[Material]
+    animations: list[Animation]
+    extensionsUsed: list[str]
+    extensionsRequired: list[str]
+
+
+LISTS = tuple(name for name in Gltf.__annotations__ if name in Gltf.__required_keys__ and name != "asset")
+
+REFERENCES = {
+    "scene": "scenes",
+    "scenes.*.nodes.*": "nodes",
+    "nodes.*.children.*": "nodes",
+    "nodes.*.mesh": "meshes",
+    "nodes.*.skin": "skins",
+    "meshes.*.primitives.*.attributes.*": "accessors",
+    "meshes.*.primitives.*.targets.*.*": "accessors",
+    "meshes.*.primitives.*.indices": "accessors",
+    "meshes.*.primitives.*.material": "materials",
+    "skins.*.joints.*": "nodes",
+    "skins.*.skeleton": "nodes",
+    "skins.*.inverseBindMatrices": "accessors",
+    "accessors.*.bufferView": "bufferViews",
+    "accessors.*.sparse.indices.bufferView": "bufferViews",
+    "accessors.*.sparse.values.bufferView": "bufferViews",
+    "bufferViews.*.buffer": "buffers",
+    "images.*.bufferView": "bufferViews",
+    "textures.*.source": "images",
+    "materials.*.pbrMetallicRoughness.baseColorTexture.index": "textures",
+    "animations.*.channels.*.target.node": "nodes",
+    "animations.*.samplers.*.input": "accessors",
+    "animations.*.samplers.*.output": "accessors",
+}
+"""Where indices stand, a star for any number or name, and the list that they lead into."""
+
+_ADAPTER = TypeAdapter(Gltf)
+
+
+def empty() -> Gltf:
+    """Return a description of nothing."""
+    return checked({"asset": {"version": "2.0", "generator": "puppetline"}})
+
+
+def checked(values: dict[str, Any]) -> Gltf:
+    """Make sure that a description can be relied on.
+
+    Parameters
+    ----------
+    values : dict
+        Parsed JSON; lists that are left out are put in, empty.
+
+    Returns
+    -------
+    Gltf
+        The same dictionary.
+
+    Raises
+    ------
+    ValueError
+        With the place of the first fault.
+    """
+    for name in LISTS:
+        values.setdefault(name, [])
+    try:
+        _ADAPTER.validate_python(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        raise ValueError(f"{_place(first['loc'])}: {first['msg']}") from error
+    gltf: Gltf = values  # type: ignore[assignment]  # checked just now
+    for place, index, name in _references(gltf):
+        count = len(values[name])
+        if index >= count:
+            raise ValueError(f"{place}: number {index} of {count} {name}")
+    _check_samplers(gltf)
+    return gltf
+
+
+def copied(value: T) -> T:
+    """Return a deep copy of JSON, however deep it is: `copy.deepcopy` gives up far sooner than the parser does."""
+    return json.loads(json.dumps(value))
+
+
+def compact(gltf: Gltf) -> dict[str, Any]:
+    """Return a description without its empty lists, which a file may not hold."""
+    return {name: value for name, value in gltf.items() if value or name not in LISTS}
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    """Write a place as a path into the JSON: ``nodes[3].mesh``."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in location).lstrip(".")
+
+
+def _references(gltf: Gltf) -> Iterator[tuple[str, int, str]]:
+    """Walk all indices of a description: where each stands, its value, and the list that it leads into."""
+    for path, name in REFERENCES.items():
+        for place, index in _found(gltf, path.split(".")):
+            yield place, index, name
+
+
+def _found(value: Any, path: list[str]) -> Iterator[tuple[str, int]]:
+    """Follow a path into JSON, along all items where it has a star: the places that are there, and their values."""
+    if not path:
+        yield "", value
+        return
+    every = value if isinstance(value, dict) else range(len(value))
+    for key in every if path[0] == "*" else [path[0]] if path[0] in value else []:
+        for place, found in _found(value[key], path[1:]):
+            yield _place((key,)) + ("." if place and not place.startswith("[") else "") + place, found
+
+
+def _check_samplers(gltf: Gltf) -> None:
+    """Make sure that each channel's sampler is there; they count within their animation."""
+    for number, animation in enumerate(gltf["animations"]):
+        there = len(animation["samplers"])
+        for channel in animation["channels"]:
+            if channel["sampler"] >= there:
+                raise ValueError(f"animations[{number}].channels: number {channel['sampler']} of {there} samplers")

@@ -37,6 +37,7 @@ LARGEST_GLB = 2**32 - 1
 UNPACKERS = {
     "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
     "EXT_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
+    "KHR_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
 }
 """Extensions that pack arrays, and what unpacks them."""
 

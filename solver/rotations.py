@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from solver.mesh import SolverMesh
+from solver.polar import nearest_rotations
 
 RotationMode = Literal["covariance", "triangles"]
 
@@ -118,9 +119,10 @@ def from_covariance(S: NDArray[np.float64]) -> NDArray[np.float64]:
     (m, 3, 3) float64
         Determinant +1.
     """
-    U, _, Vt = np.linalg.svd(S.reshape(-1, 3, 3))
-    U[:, :, 2] *= np.sign(np.linalg.det(U) * np.linalg.det(Vt))[:, None]
-    return U @ Vt
+    blocks = np.ascontiguousarray(S, dtype=np.float64).reshape(-1, 3, 3)
+    turns = np.empty_like(blocks)
+    nearest_rotations(blocks, turns)
+    return turns
 
 
 def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from puppetline.examples.characters import CHARACTERS
 from engine_bridge.gltf.character import load_character, make_character
 from solver.binding import Binding
 from solver.deformer import Deformer
-from solver.extremities import extremities
+from solver.extremities import extremities, surface_graph
 from solver.mesh import SolverMesh
 from solver.reduced_model import build
 
@@ -56,7 +56,7 @@ def main() -> None:
     start = time.perf_counter()
     model = build(mesh)
     precompute = time.perf_counter() - start
-    corners = extremities(mesh)[:6]
+    corners = extremities(mesh, surface_graph(mesh)).vertices[:6]
     rest = mesh.vertices[corners]
 
     def moved(repeat: int) -> np.ndarray:

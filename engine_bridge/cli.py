@@ -17,8 +17,10 @@ from puppetline.errors import PuppetlineError
 
 if TYPE_CHECKING:
     from engine_bridge.convert import Summary
+    from engine_bridge.puppet import Direction
 
 FILE = click.Path(path_type=Path)
+AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
 
 Reporter = Callable[[str, float], None]
 
@@ -150,6 +152,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 
 def _describe(summary: "Summary") -> str:
     """Put a conversion's summary into a few lines."""
+    apart = summary.parts_apart
     over = "" if summary.error <= summary.tolerance else ": as close as this number of targets comes"
     return "\n".join(
         [
@@ -158,6 +161,8 @@ def _describe(summary: "Summary") -> str:
             f"(tolerance {summary.tolerance:g}){over}",
             f"  edge stretch   {summary.stretch_p1:.3f} / {summary.stretch_p50:.3f} / {summary.stretch_p99:.3f} "
             "(1st, 50th, 99th percentile)",
+            *([] if apart is None else [f"  parts apart    {apart:.2g} of the diagonal at most"]),
+            *([f"  to solve for   {'; '.join(summary.repairs)}"] if summary.repairs else []),
             *(f"  note: {note}" for note in summary.notes),
         ]
     )
@@ -180,32 +185,55 @@ def _describe(summary: "Summary") -> str:
     metavar="HANDLE=JOINT[,JOINT]",
     help="The joint that moves a handle, or several to average; can be repeated.",
 )
-@click.option("--up", default="y", show_default=True, help="The mesh's own axis that points up: x, -x, y, -y, z or -z.")
-@click.option("--front", default="z", show_default=True, help="The axis that the character faces along.")
+@click.option("--up", type=AXIS, help="The mesh's own axis that points up.  [default: by its shape]")
+@click.option("--front", type=AXIS, help="The axis that it faces along.  [default: by its shape]")
+@click.option(
+    "--scale",
+    type=Finite(0, min_open=True),
+    metavar="METRES",
+    help="Metres a mesh unit.  [default: by the character's height]",
+)
 @click.option("--mirror", is_flag=True, help="The character is the performer's mirror image.")
+@click.option("--preview", type=FILE, metavar="PNG", help="The picture of it.  [default: beside it, .handles.png]")
 @click.option("--force", is_flag=True, help="Replace an existing puppet file.")
 def new(
     mesh: Path,
     output: Path,
     handles: tuple[str, ...],
     maps: tuple[str, ...],
-    up: str,
-    front: str,
+    up: "Direction | None",
+    front: "Direction | None",
+    scale: float | None,
     mirror: bool,
+    preview: Path | None,
     force: bool,
 ) -> None:
     """Propose a puppet file for a MESH: handles at its extremities, and joints to move them."""
-    from engine_bridge import proposal, puppet
+    from engine_bridge import portrait, proposal, puppet
     from engine_bridge.files import check_writable
 
+    # not the plain name with .png, which is a texture's or a contact sheet's
+    picture = preview or output.with_suffix(".handles.png")
     check_writable(output, ".toml", inputs=(mesh,))
+    check_writable(picture, ".png", inputs=(mesh,))
     if output.exists() and not force:
         raise click.UsageError(f"{output} exists already; give --force to replace it.")
-    made = proposal.new_puppet(
-        mesh, output, handles=_pairs("--handle", handles), maps=_pairs("--map", maps), up=up, front=front, mirror=mirror
+    proposed = proposal.new_puppet(
+        mesh,
+        output,
+        handles=_pairs("--handle", handles),
+        maps=_pairs("--map", maps),
+        up=up,
+        front=front,
+        scale=scale,
+        mirror=mirror,
     )
+    made = proposed.puppet
     puppet.dump(made, output)
-    click.echo(f"{output}: {len(made.handle)} handles")
+    portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
+    click.echo(f"{output}: {len(made.handle)} handles, shown in {picture}")
+    for reason in proposed.assumed:
+        click.echo(f"  assumed: {reason}")
     for handle in made.handle:
         place = ", ".join(f"{value:.4g}" for value in handle.position)
         gain = f" × {handle.gain:g}" if handle.gain != 1 else ""

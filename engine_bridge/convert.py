@@ -26,6 +26,7 @@ from puppetline.errors import PuppetError, SkeletonLogError, at
 from solver.binding import Binding
 from solver.deformer import to_file_units
 from solver.mesh import SolverMesh
+from solver.parts import PartSeparation
 from solver.reduced_model import ReducedModel, load_or_build
 from solver.stretch import EdgeStretch
 
@@ -94,6 +95,8 @@ class Clip:
         Translation, mesh file's coordinates.
     stretch : tuple of float
         Edge stretch over the clip: 1st, 50th and 99th percentile.
+    parts_apart : float or None
+        How far parts that touched at rest came apart, as a fraction of the diagonal; None for a character of one part.
     notes : tuple of str
         What the user should know about the log.
     """
@@ -103,6 +106,7 @@ class Clip:
     frames: NDArray[np.float32]
     root: NDArray[np.float32]
     stretch: tuple[float, ...]
+    parts_apart: float | None
     notes: tuple[str, ...]
 
 
@@ -119,7 +123,9 @@ class Summary:
     stretch_p1: float
     stretch_p50: float
     stretch_p99: float
+    parts_apart: float | None
     bytes: int
+    repairs: tuple[str, ...]
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
@@ -208,7 +214,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
     )
     performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    stretch = EdgeStretch(rig.mesh)
+    stretch, separation = EdgeStretch(rig.mesh), PartSeparation(rig.mesh)
     count = len(timeline.positions)
     frames = np.empty((count, *rig.model.rest_controls.shape), dtype=np.float32)
     root = np.empty((count, 3), dtype=np.float32)
@@ -216,12 +222,15 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         frame = SkeletonFrame(time, 0, timeline.positions[index], timeline.confidence[index])
         pose = performance.step(frame)
         frames[index], root[index] = pose.R, pose.root
-        stretch.add(binding.vertices(to_file_units(pose.R, rig.model)))
+        vertices = binding.vertices(to_file_units(pose.R, rig.model))
+        stretch.add(vertices)
+        separation.add(vertices)
         progress("Performing", (index + 1) / count)
     unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
         notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")
-    return Clip(rig, timeline, frames, root, stretch.percentiles(1, 50, 99), notes)
+    parts_apart = separation.worst if rig.mesh.parts > 1 else None
+    return Clip(rig, timeline, frames, root, stretch.percentiles(1, 50, 99), parts_apart, notes)
 
 
 def _joints_used(puppet: Puppet) -> list[str]:
@@ -266,7 +275,9 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
+        parts_apart=clip.parts_apart,
         bytes=output.stat().st_size,
+        repairs=tuple(rig.mesh.repairs.describe()),
         notes=(*rig.character.document.notes, *clip.notes),
     )
 

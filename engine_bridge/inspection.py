@@ -8,8 +8,9 @@ import numpy as np
 from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge import puppet as puppet_file
-from engine_bridge.gltf.character import SURFACE_FILES, Character, load_character, rest_weights
+from engine_bridge.gltf.character import CHARACTER_FILES, Character, load_character, rest_weights
 from puppetline.errors import PuppetlineError
+from solver import orientation
 
 
 def inspect(path: Path) -> dict[str, Any]:
@@ -31,12 +32,12 @@ def inspect(path: Path) -> dict[str, Any]:
         return _puppet(path)
     if recognize(path) is not None:
         return _log(path)
-    if path.suffix.lower() in (".glb", ".gltf", *SURFACE_FILES):
+    if path.suffix.lower() in CHARACTER_FILES:
         return _character(path)
     raise PuppetlineError(
         path,
         found="nothing that is known here" if path.stat().st_size else "an empty file",
-        expected=f"a puppet file (.toml), a skeleton log, or a mesh (.glb, .gltf, {', '.join(SURFACE_FILES)})",
+        expected=f"a puppet file (.toml), a skeleton log, or a mesh ({', '.join(CHARACTER_FILES)})",
         fix="Check which file was given; docs/recordings.md lists the skeleton logs.",
     )
 
@@ -85,6 +86,7 @@ def _character(path: Path) -> dict[str, Any]:
     character = load_character(path)
     gltf = character.document.gltf
     mesh = character.solver_mesh()
+    stands = orientation.propose(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return {
         "kind": "character",
@@ -96,8 +98,13 @@ def _character(path: Path) -> dict[str, Any]:
         "diagonal": mesh.diagonal,
         "solver_vertices": len(mesh.vertices),
         "solver_triangles": len(mesh.faces),
-        "connected_parts": int(mesh.components.max()) + 1,
-        "dropped_triangles": len(character.triangles) - len(mesh.faces),
+        "connected_parts": mesh.parts,
+        "repairs": mesh.repairs.describe(),
+        "border_edges": mesh.border_edges,
+        "nonmanifold_edges": mesh.nonmanifold_edges,
+        "stands": {"up": stands.up, "front": stands.front, "scale": stands.scale, "because": list(stands.reasons)},
+        "skins": len(gltf["skins"]),
+        "pictures": len(gltf["images"]),
         "animations": [_animation(character, index) for index in range(len(gltf["animations"]))],
         "notes": character.document.notes,
     }

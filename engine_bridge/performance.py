@@ -150,9 +150,9 @@ def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArr
         The performer, sensor frame.
     """
     mapping = puppet.mapping
-    if puppet.retarget.scale != "auto":
+    if puppet.units_a_metre is not None:
         count = len(puppet.handle)
-        return Fit(np.full(count, float(puppet.retarget.scale)), np.full((count, 3, 2), np.inf))
+        return Fit(np.full(count, puppet.units_a_metre), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
     reach = limb_reach(model, mesh, puppet.handle_positions, limbs)[of_handle]
@@ -191,7 +191,7 @@ def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64
 
 def _root_scale(puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64]) -> float:
     """Return mesh units a metre of the root: the character's height to the performer's, or the number given."""
-    if puppet.retarget.scale != "auto":
-        return float(puppet.retarget.scale)
+    if puppet.units_a_metre is not None:
+        return puppet.units_a_metre
     up = puppet.character.basis[1]
     return float(np.ptp(mesh.vertices @ up) / body.height(rest))

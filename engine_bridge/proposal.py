@@ -4,78 +4,132 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
-from engine_bridge.gltf.character import load_character
+from engine_bridge.gltf.character import Character, load_character
 from engine_bridge.performance import check_handles
-from engine_bridge.puppet import CharacterTable, HandleTable, Puppet, check
+from engine_bridge.puppet import CharacterTable, Direction, HandleTable, Puppet, check
 from puppetline.errors import PuppetError, at
-from solver.extremities import extremities
+from solver import orientation
+from solver.extremities import distances, extremities, surface_graph
 from solver.mesh import SolverMesh
 
-FEET_BELOW = 0.25
-"""Tips in the lowest quarter of the height stand on the ground."""
+GROUND = -0.6
+"""Tips below this, from −1 at the soles to 1 at the crown, stand on the ground."""
 
+STRIDE = 0.5
+"""Feet this far behind others, in halves of the larger of width and length, are hind feet."""
+
+MIDDLE = 0.3
+"""How far aside of the middle plane, in the same unit, a tail may be."""
+
+LEAST = 0.08
+"""Prominence of an arm or a leg, and more than that of a finger."""
+WING = 0.3
+"""Prominence of a wing, and more than that of the plates on a dinosaur's back."""
+
+BEHIND = -0.4
+"""Where a tail ends: this far behind the middle or farther."""
 TAIL_GAIN = -0.7
 """A tail swings against the head, and less."""
 
-MIDDLE = 0.25
-"""Tips this close to the middle plane, as a share of half the larger of width and length, belong to neither side."""
+NECK = 0.2
+"""Ears, horns and antennas branch off nearer to the head than this, as a share of the way to the farthest point."""
+
+
+ANY_HANDLE = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
+"""Stands for the handles while the rest of a puppet is checked."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Tip:
-    """A limb's end; left, up and front lie between −1 and 1 over the character, position is the mesh file's."""
+    """A limb's end: left, up and front lie between −1 and 1 over the character."""
 
-    position: NDArray[np.float64]
+    vertex: int
     left: float
     up: float
     front: float
+    prominence: float
 
 
 def propose(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
     """Choose handles and joints that play at once.
 
-    The front-most of the high tips in the middle is the head; tips on the ground are feet, or front and hind feet
-    where there are more than two; the outermost of the others are arms or wings; what is left in the middle and at the
-    back is a tail, a counterweight to the head.
+    Ends of limbs on the ground are feet, and where some are far behind the others there are front and hind feet. The
+    head is the front-most and upper-most of the middle; a limb that ends in the middle far behind is a tail, a
+    counterweight to the head. Of the pairs that are left, those near the head are ears or horns and get nothing; the
+    lower and outer ones are arms, and what is long and upon a body with arms or four feet are wings. Where there is no
+    tail to hold the hind quarters, or there are no feet, a point that stays steadies the character.
 
     Parameters
     ----------
     mesh : SolverMesh
     character : CharacterTable
         Which way it stands and faces.
-
-    Raises
-    ------
-    PuppetError
-        A shape without limbs.
     """
-    tips = [_place(mesh, vertex, character.basis) for vertex in extremities(mesh)]
-    handles = [_handle(name, joint, tip.position) for name, joint, tip in _assign(tips)]
-    if not handles:
-        raise PuppetError(
-            character.mesh,
-            found="no extremities to put handles at",
-            expected="a shape with limbs",
-            fix="Place handles yourself: --handle NAME=X,Y,Z --map NAME=JOINT",
+    graph = surface_graph(mesh)
+    found = extremities(mesh, graph)
+    placed = _placed(mesh, character.basis)
+    tips = [
+        _Tip(int(vertex), float(left), float(up), float(front), float(prominence))
+        for vertex, (left, up, front), prominence in zip(
+            found.vertices, placed[found.vertices], found.prominence, strict=True
         )
-    return handles
+    ]
+    feet = _feet(tips)
+    four_legged = len(feet) > 1
+    head = _head(placed, four_legged)
+    from_head = distances(graph, head)
+    from_end = distances(graph, int(from_head.argmax()))
+    tail = _tail([tip for tip in tips if not any(tip in pair for pair in feet)], four_legged)
+    branch = (from_head + from_head.max() - from_end) / 2  # where the ways from a tip to head and end part
+    trunk = [tip for tip in tips if branch[tip.vertex] > NECK * from_head.max() and tip is not tail]
+    arms, wings = _arms_and_wings(trunk, four_legged)
+
+    named: dict[str, tuple[str | None, int]] = {"head": ("head", head)}
+    for pair, name, joint in (
+        (arms, "hand", "hand"),
+        (wings, "wing", "elbow"),
+        (feet[-1] if four_legged else None, "front foot", "hand"),
+        (feet[0] if feet else None, "hind foot" if four_legged else "foot", "foot"),
+    ):
+        for side, tip in zip(("left", "right"), pair or (), strict=False):
+            named[f"{side} {name}"] = (f"{joint}_{side}", tip.vertex)
+    left, up, front = placed.T
+    if tail is not None:
+        named["tail"] = ("head", tail.vertex)
+    elif four_legged:  # nothing else holds the hind quarters of a frog
+        named["rump"] = (None, int(np.argmax(-front - np.abs(left))))
+    if not feet:  # something to stand on
+        named["base"] = (None, int(np.argmax(-up - np.abs(left))))
+    return [_handle(name, joint, mesh.vertices[vertex]) for name, (joint, vertex) in named.items()]
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A first puppet, the character that it is for, and what was assumed about how that stands."""
+
+    puppet: Puppet
+    character: Character
+    assumed: tuple[str, ...]
 
 
 def new_puppet(
     mesh: Path,
     output: Path,
     *,
-    handles: Mapping[str, str],
-    maps: Mapping[str, str],
-    up: str = "y",
-    front: str = "z",
+    handles: Mapping[str, str] = MappingProxyType({}),
+    maps: Mapping[str, str] = MappingProxyType({}),
+    up: Direction | None = None,
+    front: Direction | None = None,
+    scale: float | None = None,
     mirror: bool = False,
-) -> Puppet:
+) -> Proposal:
     """Make a puppet for a mesh file, with the user's own handles and joints where they are given.
 
     Parameters
@@ -87,26 +141,32 @@ def new_puppet(
         Name to "X,Y,Z"; instead of those that would be proposed.
     maps : mapping of str
         Handle name to "JOINT" or "JOINT,JOINT".
-    up, front : str
-        As in the puppet file.
+    up, front, scale
+        As in the puppet file; what is None is proposed from the shape.
     mirror : bool
 
     Raises
     ------
     PuppetlineError
     """
-    surface = load_character(mesh).solver_mesh()
+    character = load_character(mesh)
+    surface = character.solver_mesh()
     where = "the command line"
+    table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
+    given = {"up": up, "front": front, "scale": scale}
     values: dict[str, Any] = {
-        "character": {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix(), "up": up, "front": front},
+        "character": table | {key: value for key, value in given.items() if value is not None},
         "handle": [{"name": name, "position": _numbers(name, text)} for name, text in handles.items()],
         "root": {},
         "retarget": {"mirror": mirror},
     }
+    if up is not None and front is not None:
+        check(values | {"handle": ANY_HANDLE}, where)  # axes that do not go together leave nothing to propose
+    stands = orientation.propose(surface, up, front)
+    values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
     if not handles:
-        values["handle"] = [{"name": "unknown", "position": [0, 0, 0]}]
-        character = check(values, where).character
-        values["handle"] = [handle.model_dump(exclude_none=True) for handle in propose(surface, character)]
+        standing = check(values | {"handle": ANY_HANDLE}, where).character
+        values["handle"] = [handle.model_dump(exclude_none=True) for handle in propose(surface, standing)]
     names = [handle["name"] for handle in values["handle"]]
     for name, joints in maps.items():
         if name not in names:
@@ -122,7 +182,8 @@ def new_puppet(
         handle.update({"joints": several} if len(several) > 1 else {"joint": joints})
     puppet = check(values, where)
     check_handles(puppet.handle, surface, where)
-    return puppet
+    reasons = zip(given.values(), stands.reasons, strict=True)
+    return Proposal(puppet, character, tuple(reason for value, reason in reasons if value is None))
 
 
 def _numbers(name: str, text: str) -> list[float]:
@@ -138,45 +199,72 @@ def _numbers(name: str, text: str) -> list[float]:
     return [x, y, z]
 
 
-def _place(mesh: SolverMesh, vertex: int, basis: NDArray[np.float64]) -> _Tip:
+def _placed(mesh: SolverMesh, basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 3) how far left, up and to the front each vertex is, −1 to 1 over the character."""
     # one scale for both horizontal directions, so that a curled tail of a slender animal is still in the middle
     placed = mesh.vertices @ basis.T
     low, high = placed.min(axis=0), placed.max(axis=0)
     wide = float(max(high[0] - low[0], high[2] - low[2]))
     extent = np.array([wide, max(float(high[1] - low[1]), 1e-12 * mesh.diagonal), wide])
-    left, up, front = (2 * placed[vertex] - low - high) / extent
-    position = mesh.vertices[vertex]
-    return _Tip(position, float(left), float(up), float(front))
+    relative: NDArray[np.float64] = (2 * placed - low - high) / extent
+    return relative
 
 
-def _assign(tips: list[_Tip]) -> list[tuple[str, str, _Tip]]:
-    """Give each tip a name and a joint; a tip for which no joint is left over is passed by."""
-    low = sorted((tip for tip in tips if tip.up < 2 * FEET_BELOW - 1), key=lambda tip: tip.front)
-    high = [tip for tip in tips if tip not in low]
-    found: list[tuple[str, str, _Tip]] = []
-    if high:
-        head = max(high, key=lambda tip: tip.up + 0.7 * tip.front - abs(tip.left))
-        high.remove(head)
-        found.append(("head", "head", head))
-    # feet come in pairs: an odd one is a tail that touches the ground
-    tails = [low.pop(0)] if len(low) % 2 and len(low) > 1 else []
-    tails += sorted((tip for tip in high if abs(tip.left) < MIDDLE and tip.front < 0), key=lambda tip: tip.front)
-    high = [tip for tip in high if tip not in tails]
-    hind, fore = low[:2], low[-2:] if len(low) > 2 else []
-    found += _pair(hind, "hind foot" if fore else "foot", "foot")
-    found += _pair(fore, "forefoot", "hand")
-    found += _pair(high, "wing" if fore else "arm", "elbow" if fore else "hand")
-    return found + [("tail", "head", tip) for tip in tails[:1]]
+_Pair = tuple[_Tip, _Tip]
 
 
-def _pair(tips: list[_Tip], name: str, joint: str) -> list[tuple[str, str, _Tip]]:
-    """Take the tip farthest to the left and the one farthest to the right."""
-    left = max(tips, key=lambda tip: tip.left, default=None)
-    right = min((tip for tip in tips if tip is not left), key=lambda tip: tip.left, default=None)
-    sides = (("left", left), ("right", right))
-    return [(f"{side} {name}", f"{joint}_{side}", tip) for side, tip in sides if tip is not None]
+def _pairs(tips: list[_Tip]) -> list[_Pair]:
+    """Match tips on the left with those on the right that mirror them best."""
+    left, right = [tip for tip in tips if tip.left > 0], [tip for tip in tips if tip.left <= 0]
+    unlike = [[abs(a.left + b.left) + abs(a.up - b.up) + abs(a.front - b.front) for b in right] for a in left]
+    rows, columns = linear_sum_assignment(np.array(unlike).reshape(len(left), len(right)))
+    return [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
 
 
-def _handle(name: str, joint: str, position: NDArray[np.float64]) -> HandleTable:
+def _front(pair: _Pair) -> float:
+    return (pair[0].front + pair[1].front) / 2
+
+
+def _least(pair: _Pair) -> float:
+    return min(tip.prominence for tip in pair)
+
+
+def _feet(tips: list[_Tip]) -> list[_Pair]:
+    """Return no feet, a pair of feet, or hind feet and front feet."""
+    pairs = sorted(_pairs([tip for tip in tips if tip.up < GROUND and tip.prominence > LEAST]), key=_front)
+    if len(pairs) > 1 and _front(pairs[-1]) - _front(pairs[0]) > STRIDE:
+        return [pairs[0], pairs[-1]]
+    return sorted(pairs, key=_least)[-1:]
+
+
+def _head(placed: NDArray[np.float64], four_legged: bool) -> int:
+    """Return the vertex farthest to the front and up, near the middle."""
+    left, up, front = placed.T
+    forwards = front + 0.25 * up if four_legged else up + 0.7 * front
+    return int(np.argmax(forwards - np.abs(left)))
+
+
+def _tail(tips: list[_Tip], four_legged: bool) -> _Tip | None:
+    """Return the most prominent end in the middle behind; what two-legged creatures carry up there is no tail."""
+    behind = [tip for tip in tips if abs(tip.left) < MIDDLE and tip.front < BEHIND]
+    if not four_legged:
+        behind = [tip for tip in behind if tip.up < 0.5 and tip.prominence > LEAST]
+    return max(behind, key=lambda tip: tip.prominence, default=None)
+
+
+def _arms_and_wings(tips: list[_Tip], four_legged: bool) -> tuple[_Pair | None, _Pair | None]:
+    """Return the arms, a pair that is low and reaches out sideways, and the wings, a pair behind them."""
+
+    def like_arms(pair: _Pair) -> float:
+        left, right = pair
+        return min(_least(pair), 0.3) + (left.left - right.left - left.up - right.up) / 4 - abs(_front(pair)) / 4
+
+    pairs = _pairs([tip for tip in tips if tip.up >= GROUND and tip.prominence > LEAST])
+    arms = None if four_legged else max(pairs, key=like_arms, default=None)
+    wings = [pair for pair in pairs if _least(pair) > WING and (arms is None or _front(pair) < _front(arms) - 0.1)]
+    return arms, max(wings, key=_least, default=None)
+
+
+def _handle(name: str, joint: str | None, position: NDArray[np.float64]) -> HandleTable:
     x, y, z = (float(f"{value:.6g}") for value in position)
     return HandleTable(name=name, position=(x, y, z), joint=joint, gain=TAIL_GAIN if name == "tail" else 1.0)

@@ -74,11 +74,12 @@ class _Table(BaseModel):
 
 
 class CharacterTable(_Table):
-    """[character]: the mesh, relative to the puppet file, and how it stands in its own coordinates."""
+    """[character]: the mesh, relative to the puppet file, how it stands in its own coordinates, and metres a unit."""
 
     mesh: Annotated[str, Field(min_length=1)]
     up: Direction = "y"
     front: Direction = "z"
+    scale: Annotated[Number, Field(gt=0)] = 1.0
 
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
@@ -130,7 +131,7 @@ class RootTable(_Table):
 
 
 class RetargetTable(_Table):
-    """[retarget]: mirror, and mesh units a metre."""
+    """[retarget]: mirror, and the character's metres for one of the performer's."""
 
     mirror: StrictBool = False
     scale: Literal["auto"] | Annotated[Number, Field(gt=0)] = "auto"
@@ -200,6 +201,11 @@ class Puppet(_Table):
                     fix=f"Rename one of the two handles {name!r}.",
                 )
         return self
+
+    @property
+    def units_a_metre(self) -> float | None:
+        """Mesh units that the character moves for a metre of the performer; None where that is to be found out."""
+        return None if self.retarget.scale == "auto" else self.retarget.scale / self.character.scale
 
     @property
     def handle_positions(self) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """A contact sheet of a solved clip."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,20 +34,15 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     rig, basis = clip.rig, clip.rig.puppet.character.basis
     chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILES, len(clip.frames))).astype(int))
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    poses = np.array(
-        [
-            (binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index]) @ basis.T
-            for index in chosen
-        ]
-    )
-    colors = rig.character.colors
-    if colors is not None:
-        _, shown_by = np.unique(rig.mesh.of_render, return_index=True)
-        colors = colors[shown_by]
-    view = View.around(poses)
+    solved = [binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index] for index in chosen]
+    poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
+    carried = clip.root[chosen] @ basis.T
+    view = View.around(poses - carried[:, None])
     images = []
-    for pose in poses:
-        images.append(render(pose, rig.mesh.faces, view, TILE_SIZE, colors))
+    for pose, root in zip(poses, carried, strict=True):
+        # the camera goes along with the root, or a performer who walks about would make the character small
+        along = replace(view, center=tuple(view.center + root), ground=view.ground + root[1])
+        images.append(render(pose, rig.character.triangles, along, TILE_SIZE, rig.character.colors))
         progress(len(images) / len(poses))
     labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
     contact_sheet(images, labels, COLUMNS, path, title)

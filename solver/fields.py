@@ -5,24 +5,29 @@ step away from both ends so that each of them crosses triangles. Where a vertex 
 number t: the integer part names the isoline below, the fraction blends towards the next one.
 """
 
+from typing import Literal
+
 import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
-from scipy.spatial import cKDTree
 
 from solver.mesh import SolverMesh
+from solver.parts import TOUCHING, Contacts
 
 LEAST_SLACK = 1e-4
 """By how much, in mean edge lengths, two sides of a triangle are at least longer than the third."""
 
-BRIDGE_PAIRS = 30
-"""Nearest point pairs that tie a separate part to the rest of the character."""
+FIELD_TIE = 100.0
+"""Conductance of each contact between two parts, where a cotangent is about 1: fields hardly jump there."""
+
+SHIFT = -0.1
+"""Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
 
 
 def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
-    """Build the surface operator of a character, its separate parts tied together.
+    """Build the surface operator of a character, each of its parts by itself.
 
     Returns
     -------
@@ -31,16 +36,29 @@ def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     mass : (n,) float64
         Voronoi area of each vertex.
     """
-    L = _cotangents(mesh)
     mass = np.asarray(igl.massmatrix(mesh.vertices, mesh.faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
-    bridges = bridge(mesh)
-    if len(bridges):
-        n = len(mesh.vertices)
-        a, b = bridges.T
-        one_way = coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n))
-        graph = csr_matrix(one_way + one_way.T)
-        L = L + graph - diags(np.asarray(graph.sum(axis=1)).ravel())
-    return csr_matrix(L), np.maximum(mass, 1e-12 * mass.max())
+    return _cotangents(mesh), np.maximum(mass, 1e-12 * mass.max())
+
+
+def for_fields(L: csr_matrix, ties: Contacts) -> csr_matrix:
+    """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines."""
+    return _tied(L, ties, np.full(len(ties.vertices), FIELD_TIE))
+
+
+def for_energy(L: csr_matrix, ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> csr_matrix:
+    """Tie parts in the operator of the energy.
+
+    An integral over the surface, like the energy itself: a contact counts as much as the area it stands for, that of
+    its vertex or of the surface opposite, whichever is less, lest a large triangle tear at a small one.
+    """
+    area = np.minimum(mass[ties.vertices], np.einsum("kc,kc->k", ties.blend, mass[ties.corners]))
+    return _tied(L, ties, area / np.maximum(TOUCHING * diagonal, ties.gap) ** 2)
+
+
+def _tied(L: csr_matrix, ties: Contacts, weight: NDArray[np.float64]) -> csr_matrix:
+    """Add Σ weight · jump² to the form of −L: rows still sum to zero, and L stays negative semidefinite."""
+    jump = ties.difference(L.shape[0])
+    return csr_matrix(L - jump.T @ diags(weight) @ jump) if len(weight) else L
 
 
 def _cotangents(mesh: SolverMesh) -> csr_matrix:
@@ -66,36 +84,6 @@ def _cotangents(mesh: SolverMesh) -> csr_matrix:
     return csr_matrix(adjacency - diags(np.asarray(adjacency.sum(axis=1)).ravel()))
 
 
-def bridge(mesh: SolverMesh) -> NDArray[np.int64]:
-    """Choose the vertex pairs that tie separate parts together, so that fields span the whole character.
-
-    Parts are taken in order of their distance to what is connected already, the largest part first.
-
-    Returns
-    -------
-    (b, 2) int64
-        Empty for a mesh of one part.
-    """
-    label, pairs = mesh.components, [np.zeros((0, 2), dtype=np.int64)]
-    parts = [np.flatnonzero(label == part) for part in np.argsort(-np.bincount(label))]
-    connected, waiting = parts[0], parts[1:]
-    gaps = [np.full(len(part), np.inf) for part in waiting]
-    nearest = [np.zeros(len(part), dtype=np.int64) for part in waiting]
-    newest = connected
-    while waiting:
-        tree = cKDTree(mesh.vertices[newest])
-        for i, part in enumerate(waiting):
-            gap, index = map(np.asarray, tree.query(mesh.vertices[part]))
-            closer = gap < gaps[i]
-            gaps[i][closer], nearest[i][closer] = gap[closer], newest[index[closer]]
-        chosen = int(np.argmin([gap.min() for gap in gaps]))
-        part, gap, partner = waiting.pop(chosen), gaps.pop(chosen), nearest.pop(chosen)
-        closest = np.argsort(gap, kind="stable")[:BRIDGE_PAIRS]
-        pairs.append(np.column_stack([part[closest], partner[closest]]))
-        newest = part
-    return np.concatenate(pairs)
-
-
 def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Solve −L e = λ M e for the smoothest functions, the constant one left out.
 
@@ -106,7 +94,7 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     Parameters
     ----------
     L : (n, n) sparse
-        From `laplacian`.
+        From `for_fields`.
     mass : (n,) float64
     count : int
         n_e, less than n − 1.
@@ -118,8 +106,10 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     """
     n = L.shape[0]
     M = diags(mass)
-    shift = -1e-6 * float(np.median(-L.diagonal()) / np.median(mass))
-    factor = splu(csc_matrix(-L - shift * M), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
+    shift = SHIFT / mass.sum()
+    # minimum degree fills a surface in least, but one with many ties five times as much as COLAMD does
+    ordering: Literal["MMD_AT_PLUS_A", "COLAMD"] = "MMD_AT_PLUS_A" if L.nnz <= 8 * n else "COLAMD"
+    factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, options={"SymmetricMode": True})
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
     start = np.cos(np.arange(n, dtype=np.float64))
     values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start)

@@ -1,4 +1,4 @@
-"""The solver mesh: welded, without degenerate faces, and which render vertex follows which of its vertices."""
+"""The solver mesh: welded, clean and fine enough, and which render vertex follows which of its vertices."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +16,54 @@ WELD_TOLERANCE = 1e-6
 """Render vertices no farther apart than this, as a fraction of the diagonal, are one solver vertex."""
 
 
+LEAST_VERTICES = 100
+"""A coarser surface is split until it has as many, so that isolines have triangles to cross: a cube has 8."""
+
+FLAT = 1e-6
+"""A patch that encloses less than this, against its area to the power of 3/2, has no inside."""
+
+LEAST_AGREEMENT = 0.75
+"""Share of an open surface's area that has to face one way for the file to be believed about which way is out."""
+
+
+@dataclass(frozen=True)
+class Repairs:
+    """What was done to a render mesh to make the solver mesh of it; counts of vertices or faces.
+
+    Attributes
+    ----------
+    welded : int
+        Vertices at a place where another one is already.
+    degenerate, doubled : int
+        Faces without area, and faces between the same three vertices as another one.
+    isolated : int
+        Vertices in no face that is left; they follow the nearest vertex that is.
+    turned : int
+        Faces whose two sides were exchanged, so that neighbours agree and closed surfaces face outwards.
+    split : int
+        Faces that were added because the surface was too coarse.
+    """
+
+    welded: int = 0
+    degenerate: int = 0
+    doubled: int = 0
+    isolated: int = 0
+    turned: int = 0
+    split: int = 0
+
+    def describe(self) -> list[str]:
+        """Say in words what was done: a line for each kind, none for a mesh that was fine."""
+        lines = [
+            (self.welded, "vertices that share a place with another are welded to it"),
+            (self.degenerate, "faces without area are left out"),
+            (self.doubled, "doubled faces are left out"),
+            (self.isolated, "vertices that belong to no face follow the nearest surface"),
+            (self.turned, "faces are turned over to agree with their neighbours, and to face outwards"),
+            (self.split, "faces are added, for the surface is too coarse to bend"),
+        ]
+        return [f"{count:,} {what}" for count, what in lines if count]
+
+
 @dataclass(frozen=True)
 class SolverMesh:
     """One surface to deform, and its relation to the mesh that is rendered.
@@ -25,17 +73,20 @@ class SolverMesh:
     vertices : (n, 3) float64
         Welded positions in the mesh file's coordinates; every one belongs to a face.
     faces : (t, 3) int64
-        Triangles without zero area and without doubles.
+        Triangles without zero area and without doubles; neighbours over an edge of two faces agree on the outside.
     of_render : (N,) int64
         For each render vertex the solver vertex whose motion it follows.
     name : str
         What error messages call it.
+    repairs : Repairs
+        How it differs from the render mesh.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     of_render: NDArray[np.int64]
     name: str = "mesh"
+    repairs: Repairs = Repairs()
 
     @cached_property
     def diagonal(self) -> float:
@@ -54,18 +105,56 @@ class SolverMesh:
         a, b = self.edges.T
         return connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
 
+    @property
+    def parts(self) -> int:
+        """How many connected parts there are."""
+        return int(self.components.max()) + 1
+
+    @property
+    def border_edges(self) -> int:
+        """How many edges belong to one face only."""
+        return int(np.count_nonzero(self._faces_of_edge == 1))
+
+    @property
+    def nonmanifold_edges(self) -> int:
+        """How many edges belong to three faces or more."""
+        return int(np.count_nonzero(self._faces_of_edge > 2))
+
+    @cached_property
+    def _faces_of_edge(self) -> NDArray[np.int64]:
+        return _edges(self.faces)[2]
+
 
 def undirected_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the (e, 2) edges of (t, 3) faces, the smaller index first, each once."""
-    pairs = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(pairs, axis=0)
+    return _edges(faces)[0]
+
+
+def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.intp]]:
+    """Find the edges of faces.
+
+    Returns
+    -------
+    edges : (e, 2) int64
+        The smaller index first, in ascending order.
+    of_side : (3t,) int64
+        The edge that each side of each face is, sides from the first to the second corner first.
+    faces_of_edge : (e,) int64
+        How many there are.
+    """
+    one, other = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    base = int(faces.max(initial=0)) + 1
+    codes = np.minimum(one, other) * base + np.maximum(one, other)
+    edges, of_side, faces_of_edge = np.unique(codes, return_inverse=True, return_counts=True)
+    return np.column_stack(np.divmod(edges, base)), of_side, faces_of_edge
 
 
 def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str = "mesh") -> SolverMesh:
     """Make the solver mesh of a render mesh.
 
     Vertices at one place become one, so that texture and normal seams do not tear; faces that then have no area or
-    stand there twice are dropped. Render vertices in no face follow the nearest solver vertex.
+    stand there twice are dropped, the others turned so that neighbours agree on the outside. A surface with very few
+    vertices is split. Render vertices in no face follow the nearest solver vertex.
 
     Parameters
     ----------
@@ -89,7 +178,9 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
     vertices = positions[used[first]]
 
-    faces = _proper_faces(vertices, place_of[corners.reshape(-1, 3)])
+    given = place_of[corners.reshape(-1, 3)]
+    solid = given[_has_area(vertices, given)]
+    faces = solid[_first_of_doubles(solid)]
     if len(faces) < 4:
         raise MeshError(
             name,
@@ -105,7 +196,19 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = cKDTree(vertices[kept]).query(positions[isolated])[1]
-    return SolverMesh(vertices[kept], compact[faces], of_render, name)
+    oriented = _oriented(vertices, faces)
+    fine_vertices, fine_faces = vertices[kept], compact[oriented]
+    while len(fine_vertices) < LEAST_VERTICES:
+        fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
+    repairs = Repairs(
+        welded=len(used) - len(vertices),
+        degenerate=len(given) - len(solid),
+        doubled=len(solid) - len(faces),
+        isolated=int(isolated.sum()),
+        turned=int((oriented != faces).any(axis=1).sum()),
+        split=len(fine_faces) - len(faces),
+    )
+    return SolverMesh(fine_vertices, fine_faces, of_render, name, repairs)
 
 
 def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -165,16 +268,56 @@ def _check(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: s
         )
 
 
-def _proper_faces(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Drop faces with two equal corners, without area, or present already."""
-    a, b, c = faces.T
-    faces = faces[(a != b) & (b != c) & (c != a)]
+def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Say which faces have three different corners that are not on a line."""
     corners = vertices[faces]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     height = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    faces = faces[height > 1e-10 * sides.max(axis=1, initial=0) ** 2]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    return faces[np.sort(first)]
+    return (sides.min(axis=1, initial=np.inf) > 0) & (height > 1e-10 * sides.max(axis=1, initial=0) ** 2)
+
+
+def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the indices of faces, ascending, without those between the same corners as an earlier one."""
+    return np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])
+
+
+def _oriented(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Turn faces over so that neighbours agree on the outside, patch by patch.
+
+    A patch ends at borders and where three or more faces meet. A closed one faces outwards, by the sign of the volume
+    that it encloses. An open one is left as most of its area is in the file, and where the file is of two minds it
+    takes the side that bulges.
+    """
+    turned, patch = igl.bfs_orient(faces)
+    corners = vertices[turned] - vertices.mean(axis=0)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    area = np.linalg.norm(normal, axis=1)
+    count = int(patch.max()) + 1
+
+    def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.bincount(patch, values, count).astype(np.float64)
+
+    middle = corners.mean(axis=1)
+    center = np.column_stack([total(area * axis) for axis in middle.T]) / total(area)[:, None]
+    volume = total(np.einsum("tx,tx->t", middle - center[patch], normal)) / 3
+    agreement = total(area * (turned == faces).all(axis=1)) / total(area)
+
+    _, of_side, faces_of_edge = _edges(faces)
+    borders = total((faces_of_edge[of_side] != 2).reshape(-1, 3).sum(axis=1))
+    undecided = np.abs(agreement - 0.5) < LEAST_AGREEMENT - 0.5
+    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > FLAT * total(area) ** 1.5)
+    inside_out = np.where(by_volume, volume < 0, agreement < 0.5)[patch]
+    turned[inside_out] = turned[inside_out][:, ::-1]
+    return turned
+
+
+def _split(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Split every triangle into four at the middles of its sides, which come after the vertices that are there."""
+    edges, of_side, _ = _edges(faces)
+    a, b, c = faces.T
+    ab, bc, ca = len(vertices) + of_side.reshape(-1, 3).T
+    quarters = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)
+    return np.concatenate([vertices, vertices[edges].mean(axis=1)]), quarters
 
 
 def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

@@ -21,10 +21,11 @@ from puppetline.errors import MeshError
 from solver import fields as propagation
 from solver import rotations
 from solver.mesh import SolverMesh, snap
+from solver.parts import contacts
 
 log = logging.getLogger(__name__)
 
-CACHE_VERSION = 1
+CACHE_VERSION = 2
 """Goes up whenever a stored model would differ from a new one."""
 
 GRAM_CHUNK = 8192
@@ -195,8 +196,9 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     rest = (mesh.vertices - center) / diagonal
     unit = SolverMesh(vertices=rest, faces=mesh.faces, of_render=mesh.of_render)
 
-    L, mass = propagation.laplacian(unit)
-    modes = propagation.propagation_fields(L, mass, parameters.fields)
+    surface, mass = propagation.laplacian(unit)
+    ties = contacts(unit)
+    modes = propagation.propagation_fields(propagation.for_fields(surface, ties), mass, parameters.fields)
     weights = propagation.field_weights(rest, mass, modes)
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
@@ -205,6 +207,7 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
         propagation.interpolation(ladder, parameters.isolines) @ diags(np.repeat(weights, parameters.isolines))
     )
     per_area = diags(1 / np.sqrt(mass))
+    L = propagation.for_energy(surface, ties, mass, unit.diagonal)
     KW = csr_matrix(per_area @ (L @ W))
     W_delta = _spread(csr_matrix(per_area @ phi), L @ rest)
     gram = _product(W, W)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -220,8 +221,11 @@ def test_json_of_convert_and_inspect_is_json_and_nothing_else(run, stage):
 def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run, stage, tmp_path):
     made = run("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")
-    assert made.stdout.startswith("made.toml: 5 handles\n")
+    assert made.stdout.startswith(
+        "made.toml: 5 handles, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
+    )
     assert "hand_left + hand_right" in made.stdout
+    assert names(tmp_path) >= {"made.toml", "made.handles.png"}
     assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
     assert (tmp_path / "out.glb").stat().st_size > 10_000
 
@@ -247,6 +251,21 @@ def test_new_with_a_mistake_is_one_line_and_writes_nothing(run, stage, tmp_path,
     assert result.returncode == 1
     assert_one_line(result, "the command line")
     assert names(tmp_path) == before
+
+
+def test_new_takes_axes_scale_and_the_pictures_name(run, stage, tmp_path):
+    before = names(tmp_path)
+    options = ["--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png"]
+    made = run("new", "blob.glb", "-o", "made.toml", *options)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert "assumed" not in made.stdout
+    assert names(tmp_path) == before | {"made.toml", "look.png"}
+    table = tomllib.loads((tmp_path / "made.toml").read_text())["character"]
+    assert table == {"mesh": "blob.glb", "up": "z", "front": "-y", "scale": 0.01}
+    wrong = run("new", "blob.glb", "-o", "other.toml", "--preview", "look.jpg")
+    assert wrong.returncode == 1
+    assert_one_line(wrong, "look.jpg")
+    assert names(tmp_path) == before | {"made.toml", "look.png"}
 
 
 def drain(terminal, process, seconds=60):

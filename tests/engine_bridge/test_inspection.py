@@ -46,7 +46,7 @@ def test_a_character_is_told_with_what_is_drawn_and_what_is_solved_for(blob, blo
     assert facts["kind"] == "character"
     assert (facts["vertices"], facts["triangles"], facts["primitives"]) == (len(blob.vertices), len(blob.faces), 1)
     assert (facts["solver_vertices"], facts["solver_triangles"]) == (len(blob.vertices), len(blob.faces))
-    assert (facts["connected_parts"], facts["dropped_triangles"]) == (1, 0)
+    assert (facts["connected_parts"], facts["repairs"]) == (1, [])
     assert facts["diagonal"] == pytest.approx(blob.diagonal)
     np.testing.assert_allclose(facts["bounds"], [blob.vertices.min(axis=0), blob.vertices.max(axis=0)])
     assert facts["animations"] == []
@@ -59,7 +59,14 @@ def test_a_surface_of_two_parts_with_a_doubled_triangle_is_told_as_such(blob, tm
     igl.writeOFF(str(tmp_path / "two.off"), apart, faces)
     facts = inspect(tmp_path / "two.off")
     assert facts["connected_parts"] == 2
-    assert facts["dropped_triangles"] == 3
+    assert facts["repairs"] == ["3 doubled faces are left out"]
+
+
+def test_a_character_in_centimetres_on_its_back_is_noticed(blob, tmp_path):
+    lying = 100 * blob.vertices[:, [0, 2, 1]] * [1, -1, 1]  # up along z, facing −y
+    igl.writeOFF(str(tmp_path / "lying.off"), lying.astype(float), blob.faces)
+    stands = inspect(tmp_path / "lying.off")["stands"]
+    assert (stands["up"], stands["scale"]) == ("z", 0.01)
 
 
 def test_an_exported_file_is_told_with_its_animation(take, blob_puppet, tmp_path):

@@ -124,6 +124,24 @@ def test_with_a_number_for_scale_handles_go_that_far_without_limit(rig, puppet, 
     np.testing.assert_allclose(there, expected, atol=1e-3 * rig.mesh.diagonal)
 
 
+@pytest.mark.parametrize("scale", ["auto", 1.3])
+def test_a_character_in_centimetres_moves_as_in_metres(rig_of, rig, puppet, frames, dance, standing, scale):
+    metres = changed(puppet, retarget=RetargetTable(scale=scale))
+    large = rig_of(puppet, 100 * np.eye(3))
+    centimetres = changed(
+        metres,
+        character=metres.character.model_copy(update={"scale": 0.01}),
+        handle=tuple(
+            handle.model_copy(update={"position": tuple(100 * x for x in handle.position)}) for handle in metres.handle
+        ),
+    )
+    takes = dance(12)
+    ours, our_root = play(rig, metres, frames(takes), standing)
+    theirs, their_root = play(large, centimetres, frames(takes), standing)
+    np.testing.assert_allclose(theirs, 100 * ours, atol=1e-4 * large.mesh.diagonal)
+    np.testing.assert_allclose(their_root, 100 * our_root, atol=1e-6)
+
+
 def test_handles_take_the_mean_of_their_joints_their_axes_and_their_gain(rig, puppet, frames, standing):
     numeric = changed(puppet, root=None, retarget=RetargetTable(scale=1.0))
     takes = np.tile(standing, (2, 1, 1))

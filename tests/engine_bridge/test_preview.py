@@ -4,7 +4,7 @@ import pytest
 from PIL import Image
 
 from engine_bridge import preview
-from engine_bridge.preview import View, contact_sheet, render
+from engine_bridge.preview import View, contact_sheet, project, render
 from puppetline.errors import OutputError
 
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
@@ -205,3 +205,42 @@ def test_a_scanned_figure_fills_the_picture(real_data):
     covered = coverage(vertices, faces, View(0, view.elevation, view.center, view.radius), (160, 160))
     rows, columns = np.nonzero(covered > 0.5)
     assert max(np.ptp(rows), np.ptp(columns)) == pytest.approx(160 / 1.12, abs=3)
+
+
+def test_seams_of_texture_are_none_of_the_surface():
+    """A sphere whose triangles share no vertices looks as the one whose triangles do."""
+    vertices, faces = sphere()
+    view = View.around(vertices)
+    whole = render(vertices, faces, view, (90, 90))
+    np.testing.assert_array_equal(
+        render(vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), view, (90, 90)), whole
+    )
+
+
+@pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])
+def test_turned_and_doubled_triangles_do_not_darken_a_surface(kind):
+    vertices, faces = sphere()
+    view = View.around(vertices)
+    whole = render(vertices, faces, view, (90, 90)).astype(int)
+    odd = {
+        "turned": np.where(np.arange(len(faces))[:, None] % 3 == 0, faces[:, ::-1], faces),
+        "doubled": np.concatenate([faces, faces]),
+        "doubled and turned": np.concatenate([faces, faces[:, ::-1]]),
+    }[kind]
+    assert np.abs(render(vertices, odd, view, (90, 90)).astype(int) - whole).max() <= 2
+
+
+def test_points_are_shown_where_project_says():
+    """A small bright square covers the pixel around its projected middle and none far away."""
+    vertices, faces, _ = square((0.3, -0.4), 0.02, 0.2, (1, 1, 1))
+    view = View(azimuth=20, elevation=10, center=(0, 0, 0), radius=1.2)
+    covered = coverage(vertices, faces, view, (160, 120))
+    x, y, _ = project(np.array([[0.3, -0.4, 0.2]]), view, (160, 120))[0]
+    rows, columns = np.nonzero(covered > 0.3)
+    assert (rows + 0.5).mean() == pytest.approx(y, abs=0.5)
+    assert (columns + 0.5).mean() == pytest.approx(x, abs=0.5)
+
+
+def test_what_is_behind_is_deeper():
+    depths = project(np.array([[0, 0, 1.0], [0, 0, -1.0]]), FRONT, (60, 60))[:, 2]
+    assert depths[1] - depths[0] == pytest.approx(2 * 60 / (2 * FRONT.radius))

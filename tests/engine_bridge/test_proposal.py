@@ -1,17 +1,21 @@
+import re
+
 import numpy as np
 import pytest
 
 from engine_bridge import puppet as puppet_file
 from engine_bridge.convert import load_rig
-from engine_bridge.gltf.character import load_character, make_character
+from engine_bridge.gltf.character import make_character
 from engine_bridge.proposal import new_puppet, propose
 from engine_bridge.puppet import CharacterTable
 from puppetline.errors import MeshError, PuppetError
+from solver import orientation
+from solver.mesh import SolverMesh
 
 HUMANOID = {
     "head": "head",
-    "left arm": "hand_left",
-    "right arm": "hand_right",
+    "left hand": "hand_left",
+    "right hand": "hand_right",
     "left foot": "foot_left",
     "right foot": "foot_right",
 }
@@ -19,8 +23,8 @@ QUADRUPED = {
     "head": "head",
     "left hind foot": "foot_left",
     "right hind foot": "foot_right",
-    "left forefoot": "hand_left",
-    "right forefoot": "hand_right",
+    "left front foot": "hand_left",
+    "right front foot": "hand_right",
     "tail": "head",
 }
 DOG = [
@@ -33,6 +37,36 @@ DOG = [
     ((-0.1, 1.0, -0.9), (-0.3, -0.2, -0.95), 0.15),
     ((0.0, 1.0, -1.0), (0.0, 1.5, -1.9), 0.12),
 ]
+WINGED = [*DOG, ((0.1, 1.2, 0.4), (1.3, 2.4, 0.3), 0.12), ((-0.1, 1.2, 0.4), (-1.3, 2.4, 0.3), 0.12)]
+MOUSE = [
+    ((0.0, 0.9, 0.0), (0.0, 1.4, 0.0), 0.35),
+    ((0.0, 2.2, 0.0), (0.0, 2.3, 0.0), 0.45),
+    ((0.3, 2.4, 0.0), (0.95, 3.0, 0.0), 0.16),
+    ((-0.3, 2.4, 0.0), (-0.95, 3.0, 0.0), 0.16),
+    ((0.2, 1.4, 0.0), (1.1, 1.0, 0.1), 0.14),
+    ((-0.2, 1.4, 0.0), (-1.1, 1.0, 0.1), 0.14),
+    ((0.2, 0.9, 0.0), (0.35, -0.2, 0.1), 0.16),
+    ((-0.2, 0.9, 0.0), (-0.35, -0.2, 0.1), 0.16),
+    ((0.0, 0.8, -0.1), (0.0, 0.6, -1.6), 0.12),
+]
+"""Ears as long as its arms, and a tail."""
+REAL = {
+    "armadillo.obj": {**HUMANOID, "tail": "head"},
+    "beast_32k_quads.obj": HUMANOID,
+    "cheburashka.off": HUMANOID,
+    "dinosaur_14k.obj": {**HUMANOID, "tail": "head"},
+    "makehuman_base.obj": HUMANOID,
+    "dog_10k.off": QUADRUPED,
+    "cat_7k.obj": QUADRUPED,
+    "spot_cow_uv.obj": QUADRUPED,
+    "gltf/khronos_Fox.glb": QUADRUPED,
+    "gltf/quaternius_Stegosaurus.glb": QUADRUPED,
+    "gltf/quaternius_Frog.glb": {**{name: joint for name, joint in QUADRUPED.items() if name != "tail"}, "rump": None},
+    "gltf/quaternius_Trex.glb": {**HUMANOID, "tail": "head"},
+    "gltf/quaternius_George.glb": HUMANOID,
+    "gltf/quaternius_Adventurer.glb": HUMANOID,
+    "gltf/kaykit_Knight.glb": HUMANOID,
+}
 
 
 def places(handles):
@@ -56,8 +90,8 @@ def test_a_figure_gets_head_hands_and_feet_on_its_own_sides(blob, up, front):
     named = places(handles)
     assert_on_the_right_sides(named, table.basis)
     upright = {name: place @ table.basis.T for name, place in named.items()}
-    assert upright["left arm"][0] > 1.3
-    assert upright["right arm"][0] < -1.3
+    assert upright["left hand"][0] > 1.3
+    assert upright["right hand"][0] < -1.3
     assert upright["head"][1] > 1.8
     assert max(upright["left foot"][1], upright["right foot"][1]) < -1.4
 
@@ -71,34 +105,116 @@ def test_a_quadruped_gets_four_feet_a_head_and_a_tail_that_swings_against_it(mak
     assert_on_the_right_sides(named, table.basis)
     assert named["head"][2] > 1.7
     assert named["tail"][2] < -1.8
-    assert min(named[f"{side} forefoot"][2] for side in ("left", "right")) > 0.5
+    assert min(named[f"{side} front foot"][2] for side in ("left", "right")) > 0.5
     assert max(named[f"{side} hind foot"][2] for side in ("left", "right")) < -0.5
     assert {handle.name: handle.gain for handle in handles}["tail"] == -0.7
 
 
+@pytest.fixture
+def solver_mesh(make_shape):
+    def make(limbs, step=0.09):
+        shape = make_shape(limbs, step)
+        return make_character("made", shape.vertices.astype(float), shape.faces).solver_mesh()
+
+    return make
+
+
+def test_wings_follow_the_elbows(solver_mesh):
+    handles = propose(solver_mesh(WINGED), CharacterTable(mesh="a"))
+    assert {handle.name: handle.joint for handle in handles} == {
+        **QUADRUPED,
+        "left wing": "elbow_left",
+        "right wing": "elbow_right",
+    }
+    named = places(handles)
+    assert_on_the_right_sides(named, np.eye(3))
+    assert min(named["left wing"][1], named["right wing"][1]) > 2.3
+
+
+def test_without_a_tail_the_rump_is_held(solver_mesh):
+    round_behind = [((0.0, 1.0, -0.8), (0.0, 1.0, 1.0), 0.30), *DOG[1:-1]]
+    handles = propose(solver_mesh(round_behind), CharacterTable(mesh="a"))
+    expected = {name: joint for name, joint in QUADRUPED.items() if name != "tail"}
+    assert {handle.name: handle.joint for handle in handles} == {**expected, "rump": None}
+    np.testing.assert_allclose(places(handles)["rump"], [0, 1, -1.1], atol=0.15)
+
+
+def test_ears_are_no_arms_however_long(solver_mesh):
+    handles = propose(solver_mesh(MOUSE), CharacterTable(mesh="a"))
+    assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
+    named = places(handles)
+    assert max(named["left hand"][1], named["right hand"][1]) < 1.3
+    assert abs(named["head"][0]) < 0.2
+    assert named["tail"][2] < -1.5
+
+
+@pytest.mark.parametrize("limbs", [DOG, WINGED, MOUSE], ids=["dog", "winged", "mouse"])
+def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, limbs):
+    mesh = solver_mesh(limbs)
+    image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
+    swapped = {"left": "right", "right": "left"}
+    original = {(handle.name, handle.joint): handle.position for handle in propose(mesh, CharacterTable(mesh="a"))}
+    mirrored = {(handle.name, handle.joint): handle.position for handle in propose(image, CharacterTable(mesh="a"))}
+    assert {
+        tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
+        for key, (x, y, z) in original.items()
+    } == mirrored
+
+
+@pytest.mark.parametrize("limbs", [DOG, WINGED, MOUSE], ids=["dog", "winged", "mouse"])
+@pytest.mark.parametrize(("up", "front"), [("z", "-y"), ("-x", "y"), ("-y", "-z")])
+def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, limbs, up, front):
+    mesh, table = solver_mesh(limbs), CharacterTable(mesh="a", up=up, front=front)
+    turned = SolverMesh(mesh.vertices @ table.basis, mesh.faces, mesh.of_render)
+    expected = places(propose(mesh, CharacterTable(mesh="a")))
+    found = places(propose(turned, table))
+    assert list(found) == list(expected)
+    for name, place in expected.items():
+        np.testing.assert_allclose(found[name], place @ table.basis, atol=1e-5)
+
+
+def test_parts_of_their_own_are_limbs_as_well(make_shape):
+    """The dog cut into a body, a head, a tail and four legs that do not touch it."""
+    pieces = [make_shape([limb], 0.06) for limb in ([*DOG[:1], *DOG[3:]])]
+    shrunk = [piece.vertices * 1.0 for piece in pieces]
+    shrunk.append(make_shape(DOG[1:3], 0.06).vertices)
+    pieces.append(make_shape(DOG[1:3], 0.06))
+    starts = np.cumsum([0, *map(len, shrunk)])
+    faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
+    mesh = make_character("dog", np.concatenate(shrunk).astype(float), faces).solver_mesh()
+    assert mesh.components.max() == 6
+    handles = propose(mesh, CharacterTable(mesh="a"))
+    assert {handle.name: handle.joint for handle in handles} == QUADRUPED
+
+
 @pytest.mark.slow
-def test_the_armadillo_and_the_dinosaur_get_the_handles_that_they_need(real_data):
-    upright = CharacterTable(mesh="armadillo.obj")
-    handles = propose(load_character(real_data / "mesh" / "armadillo.obj").solver_mesh(), upright)
-    assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
-    named = places(handles)
-    assert_on_the_right_sides(named, upright.basis)
-    assert named["tail"][2] < named["left foot"][2] < named["head"][2]
+@pytest.mark.parametrize("file", REAL)
+def test_real_characters_get_the_handles_that_they_need(real_data, tmp_path, file):
+    made = new_puppet(real_data / "mesh" / file, tmp_path / "a.toml").puppet
+    assert {handle.name: handle.joint for handle in made.handle} == REAL[file]
+    basis = made.character.basis
+    named = places(made.handle)
+    assert_on_the_right_sides(named, basis)
+    upright = {name: place @ basis.T for name, place in named.items()}
+    if "tail" in upright:
+        assert upright["tail"][2] < upright["head"][2]
+    feet = [place[1] for name, place in upright.items() if "foot" in name]
+    others = [place[1] for name, place in upright.items() if "foot" not in name and name != "tail"]
+    assert max(feet) < min(others)
 
-    facing_left = CharacterTable(mesh="dinosaur.obj", front="-x")
-    handles = propose(load_character(real_data / "mesh" / "dinosaur_14k.obj").solver_mesh(), facing_left)
-    assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
-    named = places(handles)
-    assert_on_the_right_sides(named, facing_left.basis)
-    assert named["head"][0] < named["left foot"][0] < named["tail"][0]
 
-
-def test_what_is_proposed_for_a_ball_lies_on_it_at_least(make_shape):
-    shape = make_shape([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2)
-    mesh = make_character("ball", shape.vertices.astype(float), shape.faces).solver_mesh()
-    handles = propose(mesh, CharacterTable(mesh="ball.glb"))
-    assert handles
-    np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in handles], 1, atol=0.05)
+def test_what_has_no_feet_gets_a_base_that_stays(solver_mesh):
+    ball = propose(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), CharacterTable(mesh="a"))
+    np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
+    snowman = propose(
+        solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),
+        CharacterTable(mesh="a"),
+    )
+    hands = {"left hand": "hand_left", "right hand": "hand_right"}
+    assert {handle.name: handle.joint for handle in snowman} == {"head": "head", **hands, "base": None}
+    for handles in (ball, snowman):
+        assert places(handles)["base"][1] < -0.9
+        assert places(handles)["head"][1] > 0.5
 
 
 def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file, tmp_path):
@@ -108,7 +224,7 @@ def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file
         handles={"crown": "0,2.1,0.3", "paw": "1.5,1.3,0.1", "still": "0, -0.3, 0"},
         maps={"crown": "head", "paw": "hand_left,wrist_left"},
         mirror=True,
-    )
+    ).puppet
     assert [(handle.name, handle.position, handle.driven_by) for handle in made.handle] == [
         ("crown", (0, 2.1, 0.3), ("head",)),
         ("paw", (1.5, 1.3, 0.1), ("hand_left", "wrist_left")),
@@ -120,7 +236,7 @@ def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file
 
 
 def test_a_map_changes_a_proposed_handle_and_leaves_the_others(blob_file, tmp_path):
-    made = new_puppet(blob_file, tmp_path / "a.toml", handles={}, maps={"head": "hand_left,hand_right"})
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", maps={"head": "hand_left,hand_right"}).puppet
     assert {handle.name: handle.driven_by for handle in made.handle} == {
         **{name: (joint,) for name, joint in HUMANOID.items()},
         "head": ("hand_left", "hand_right"),
@@ -129,10 +245,26 @@ def test_a_map_changes_a_proposed_handle_and_leaves_the_others(blob_file, tmp_pa
 
 def test_what_is_proposed_loads_and_lies_on_the_mesh(blob_file, tmp_path):
     path = tmp_path / "made.toml"
-    puppet_file.dump(new_puppet(blob_file, path, handles={}, maps={}), path)
+    puppet_file.dump(new_puppet(blob_file, path).puppet, path)
     rig = load_rig(path)
     for handle in rig.puppet.handle:
         assert np.linalg.norm(rig.mesh.vertices - handle.position, axis=1).min() < 1e-5
+
+
+def test_how_it_stands_is_proposed_by_its_shape_and_said(blob_file, tmp_path):
+    made = new_puppet(blob_file, tmp_path / "a.toml")
+    stands = orientation.propose(made.character.solver_mesh())
+    table = made.puppet.character
+    assert (table.up, table.front, table.scale) == (stands.up, stands.front, stands.scale) == ("y", table.front, 1.0)
+    assert made.assumed == stands.reasons
+
+
+def test_what_is_given_is_neither_proposed_nor_said(blob_file, tmp_path):
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="z", scale=0.01)
+    assert (made.puppet.character.up, made.puppet.character.scale) == ("z", 0.01)
+    assert len(made.assumed) == 1
+    assert "front" in made.assumed[0]
+    assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
 
 
 @pytest.mark.parametrize(
@@ -183,8 +315,8 @@ def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, handles, ma
 
 def test_a_handle_off_the_mesh_and_a_mesh_that_is_not_there_are_refused(blob_file, tmp_path):
     with pytest.raises(PuppetError, match="away from the surface"):
-        new_puppet(blob_file, tmp_path / "a.toml", handles={"far": "30,0,0"}, maps={})
+        new_puppet(blob_file, tmp_path / "a.toml", handles={"far": "30,0,0"})
     with pytest.raises(MeshError, match="no such file"):
-        new_puppet(tmp_path / "none.glb", tmp_path / "a.toml", handles={}, maps={})
+        new_puppet(tmp_path / "none.glb", tmp_path / "a.toml")
     with pytest.raises(PuppetError, match="up and front along different axes"):
-        new_puppet(blob_file, tmp_path / "a.toml", handles={}, maps={}, up="z")
+        new_puppet(blob_file, tmp_path / "a.toml", up="z", front="-z")

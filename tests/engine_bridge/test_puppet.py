@@ -41,9 +41,10 @@ handles = st.builds(
 puppets = st.builds(
     Puppet,
     character=st.builds(
-        lambda mesh, directions: CharacterTable(mesh=mesh, up=directions[0], front=directions[1]),
+        lambda mesh, directions, scale: CharacterTable(mesh=mesh, up=directions[0], front=directions[1], scale=scale),
         text,
         st.tuples(*[st.sampled_from(["x", "-x", "y", "-y", "z", "-z"])] * 2).filter(lambda d: d[0][-1] != d[1][-1]),
+        st.floats(1e-300, 1e9),
     ),
     handle=st.lists(handles, min_size=1, max_size=4, unique_by=lambda handle: handle.name),
     root=st.none() | st.builds(RootTable, joint=joints, axes=axes),
@@ -109,6 +110,16 @@ def test_mapping_averages_a_handles_joints_and_keeps_its_axes_and_gain():
     np.testing.assert_array_equal(made.mapping.axes, [[True, False, True], [True] * 3, [True] * 3])
     np.testing.assert_array_equal(made.mapping.gain, [-0.5, 1, 1])
     np.testing.assert_array_equal(made.handle_positions, [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
+
+
+@pytest.mark.parametrize(("scale", "unit", "expected"), [("auto", 0.01, None), (1.5, 1.0, 1.5), (1.5, 0.01, 150.0)])
+def test_a_scale_in_metres_becomes_mesh_units(scale, unit, expected):
+    made = Puppet(
+        character=CharacterTable(mesh="a", scale=unit),
+        handle=[HandleTable(name="b", position=(0, 0, 0))],
+        retarget=RetargetTable(scale=scale),
+    )
+    assert made.units_a_metre == expected
 
 
 @pytest.mark.parametrize(
@@ -298,6 +309,13 @@ MISTAKES = {
         "[retarget], mirror",
         "'yes'",
         "true or false, without quotes",
+        "Change the value of that key.",
+    ),
+    "a character without a size": (
+        CHARACTER + "scale = 0.0\n" + HANDLE,
+        "[character], scale",
+        "0.0",
+        "a number greater than 0",
         "Change the value of that key.",
     ),
     "no scale": (

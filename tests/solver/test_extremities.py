@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.extremities import extremities
+from solver.extremities import distances, extremities, surface_graph
 from solver.mesh import SolverMesh, weld
 
 FIGURE_ENDS = np.array([[1.58, 1.3, 0], [-1.58, 1.3, 0], [0.66, -1.7, 0.1], [-0.66, -1.7, 0.1], [0.0, 2.1, 0.2]])
@@ -14,12 +14,16 @@ def assert_one_each(points, ends, within):
     assert distances.min(axis=1).max() < within
 
 
+def tips(mesh):
+    return extremities(mesh, surface_graph(mesh)).vertices
+
+
 def test_a_figure_ends_in_hands_feet_and_head(figure):
-    assert_one_each(figure.vertices[extremities(figure)], FIGURE_ENDS, within=0.25)
+    assert_one_each(figure.vertices[tips(figure)], FIGURE_ENDS, within=0.25)
 
 
 def test_a_bent_creature_ends_in_both_tube_ends_horn_and_leg(creature):
-    assert_one_each(creature.vertices[extremities(creature)], CREATURE_ENDS, within=0.25)
+    assert_one_each(creature.vertices[tips(creature)], CREATURE_ENDS, within=0.25)
 
 
 def test_a_folded_limb_is_found_by_the_way_along_the_surface():
@@ -33,29 +37,51 @@ def test_a_folded_limb_is_found_by_the_way_along_the_surface():
     i, j = (part.ravel() for part in np.meshgrid(np.arange(199), np.arange(6), indexing="ij"))
     a, b, c, d = 6 * i + j, 6 * i + (j + 1) % 6, 6 * (i + 1) + j, 6 * (i + 1) + (j + 1) % 6
     tube = weld(vertices, np.concatenate([np.column_stack([a, b, c]), np.column_stack([b, d, c])]))
-    found = tube.vertices[extremities(tube)]
+    found = tube.vertices[tips(tube)]
     assert_one_each(found, middle[[0, -1]], within=0.2)
 
 
 @pytest.mark.parametrize("degrees", [35, 120])
 def test_rigid_motion_scale_and_mirroring_change_nothing(creature, turn, degrees):
-    expected = extremities(creature)
+    expected = tips(creature)
     for matrix in (turn(0, degrees), 50 * turn(1, degrees), np.diag([-1.0, 1, 1])):
         moved = SolverMesh(creature.vertices @ matrix + [3.0, -8.0, 1.0], creature.faces, creature.of_render)
-        assert extremities(moved).tolist() == expected.tolist()
+        assert tips(moved).tolist() == expected.tolist()
 
 
-def test_the_most_outlying_come_first_and_no_more_than_asked(figure):
-    tips = extremities(figure)
-    assert len(tips) == 5
-    for most in (0, 1, 3, 5):
-        assert extremities(figure, most=most).tolist() == tips[:most].tolist()
-    assert set(np.sign(figure.vertices[tips[:4], 1])) == {-1.0, 1.0}
-    assert np.argmin(np.abs(figure.vertices[tips, 0])) == 4  # the head is nearest to the trunk
+def test_the_most_prominent_come_first(figure):
+    found = extremities(figure, surface_graph(figure))
+    assert len(found.vertices) == 5
+    assert found.prominence[0] == 1
+    assert (np.diff(found.prominence) <= 0).all()
+    assert np.argmin(np.abs(figure.vertices[found.vertices, 0])) == 4  # the head is nearest to the trunk
+
+
+def test_the_fingers_of_a_hand_are_one_end(figure):
+    """Three needles on the left hand: without them, and with them, the figure has five ends."""
+    hand = int(np.argmax(figure.vertices @ [1, 0.2, 0]))
+    ring = np.unique(figure.faces[(figure.faces == hand).any(axis=1)])
+    outward = figure.vertices.copy()
+    for finger in ring[::2]:
+        outward[finger] += 0.4 * (outward[finger] - [1.2, 1.25, 0]) / np.linalg.norm(outward[finger] - [1.2, 1.25, 0])
+    assert_one_each(outward[tips(SolverMesh(outward, figure.faces, figure.of_render))], FIGURE_ENDS, within=0.6)
+
+
+def test_distances_run_along_the_surface_and_over_the_gaps(two_parts):
+    """From the cube to the left hand, which is near to it, and to the right hand: around the body, not through it."""
+    graph = surface_graph(two_parts)
+    cube = len(two_parts.vertices) - 1
+    away = distances(graph, cube)
+    left, right = (int(np.argmax(two_parts.vertices[:-8, 0] * side)) for side in (1, -1))
+    assert away[cube] == 0
+    assert np.linalg.norm(two_parts.vertices[left] - two_parts.vertices[cube]) <= away[left] < 0.8
+    assert away[right] > 1.05 * np.linalg.norm(two_parts.vertices[right] - two_parts.vertices[cube])
+    near = distances(graph, cube, limit=0.8)
+    np.testing.assert_array_equal(near, np.where(away <= 0.8, away, np.inf))
 
 
 def test_a_part_of_its_own_is_reached_over_bridges(two_parts):
-    points = two_parts.vertices[extremities(two_parts)]
+    points = two_parts.vertices[tips(two_parts)]
     ends = FIGURE_ENDS.copy()
     ends[0] = [2.0, 1.4, 0.1]  # the cube beside the hand is what sticks out now
     assert_one_each(points, ends, within=0.35)
@@ -64,7 +90,7 @@ def test_a_part_of_its_own_is_reached_over_bridges(two_parts):
 @pytest.mark.slow
 def test_the_armadillo_has_hands_feet_ears_and_a_tail(real_mesh):
     mesh = real_mesh("armadillo.obj")
-    found = mesh.vertices[extremities(mesh)]
+    found = mesh.vertices[tips(mesh)]
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     for direction in ([1, 0.3, 0], [-1, 0.3, 0], [0.4, -1, 0], [-0.4, -1, 0]):
         end = mesh.vertices[np.argmax(mesh.vertices @ direction)]

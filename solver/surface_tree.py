@@ -1,0 +1,177 @@
+"""Nearest surface points, where each point asks only for surface that bears another label than its own.
+
+libigl answers that question for a whole mesh; asked once for each of thousands of parts it would take minutes. Here one
+tree holds all triangles, and a branch that bears the asking point's label throughout is passed by.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+MIXED = -1
+"""Label of a branch that holds several."""
+
+MORTON_BITS = 20
+"""Bits of each coordinate in the order in which triangles are laid out."""
+
+
+class SurfaceTree:
+    """A binary tree of bounding boxes over triangles, laid out as a heap: node k has the children 2k and 2k + 1.
+
+    Triangles are put in the order of a space-filling curve, so that neighbours in the tree are neighbours in space.
+
+    Parameters
+    ----------
+    triangles : (t, 3, 3) float64
+        Corner positions; at least one triangle.
+    """
+
+    def __init__(self, triangles: NDArray[np.float64]) -> None:
+        self._order = np.argsort(_morton(triangles.mean(axis=1)), kind="stable")
+        self._triangles = np.ascontiguousarray(triangles[self._order])
+        self._leaves = 1 << max(0, int(np.ceil(np.log2(len(triangles)))))
+        self._low = np.full((2 * self._leaves, 3), np.inf)
+        self._high = np.full((2 * self._leaves, 3), -np.inf)
+        there = slice(self._leaves, self._leaves + len(triangles))
+        self._low[there], self._high[there] = self._triangles.min(axis=1), self._triangles.max(axis=1)
+        for level in self._levels():
+            children = slice(2 * level.start, 2 * level.stop)
+            self._low[level] = self._low[children].reshape(-1, 2, 3).min(axis=1)
+            self._high[level] = self._high[children].reshape(-1, 2, 3).max(axis=1)
+
+    def _levels(self) -> list[slice]:
+        """Return the nodes of each level above the leaves, the lowest first."""
+        depth = self._leaves.bit_length() - 1
+        return [slice(1 << level, 2 << level) for level in reversed(range(depth))]
+
+    def nearest(
+        self,
+        points: NDArray[np.float64],
+        of_point: NDArray[np.integer],
+        of_triangle: NDArray[np.integer],
+        within: float = np.inf,
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Find the nearest surface point with another label for each point.
+
+        Parameters
+        ----------
+        points : (n, 3) float64
+        of_point : (n,) int
+            Labels, from 0.
+        of_triangle : (t,) int
+        within : float
+            How far to look.
+
+        Returns
+        -------
+        triangle : (n,) int64
+            −1 where there is none that near.
+        blend : (n, 3) float64
+            Barycentric coordinates of the surface point.
+        distance : (n,) float64
+            Infinite where there is none.
+        """
+        label = np.full(2 * self._leaves, MIXED)
+        # what fills the last level up takes the last triangle's label, lest it mix those above
+        label[self._leaves :] = of_triangle[self._order[-1]]
+        label[self._leaves : self._leaves + len(self._order)] = of_triangle[self._order]
+        for level in self._levels():
+            left, right = label[2 * level.start : 2 * level.stop].reshape(-1, 2).T
+            label[level] = np.where(left == right, left, MIXED)
+        slot, blend, square = _search(
+            np.ascontiguousarray(points, dtype=np.float64),
+            np.asarray(of_point, dtype=np.int64),
+            self._triangles,
+            self._low,
+            self._high,
+            label,
+            within * within,
+        )
+        return np.where(slot < 0, -1, self._order[slot]), blend, np.sqrt(square)
+
+
+def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Return each point's place along a space-filling curve: the bits of its three coordinates, interleaved."""
+    low = points.min(axis=0)
+    extent = max(float((points - low).max()), np.finfo(float).tiny)
+    cells = ((points - low) / extent * (2**MORTON_BITS - 1)).astype(np.uint64)
+    code = np.zeros(len(points), dtype=np.uint64)
+    for bit in range(MORTON_BITS):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return code
+
+
+@numba.njit(cache=True, nogil=True)
+def _search(points, of_point, triangles, low, high, label, within):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return each point's leaf or −1, the barycentric coordinates there, and the squared distance."""
+    n, leaves = len(points), len(label) // 2
+    found, blends, squares = np.full(n, -1), np.zeros((n, 3)), np.full(n, np.inf)
+    stack, distances = np.empty(128, dtype=np.int64), np.empty(128)
+    blend = np.empty(3)
+    for i in range(n):
+        p, best = points[i], within
+        top = 1
+        stack[0], distances[0] = 1, 0.0
+        while top:
+            top -= 1
+            node = stack[top]
+            if distances[top] >= best or label[node] == of_point[i]:
+                continue
+            if node >= leaves:
+                t = triangles[node - leaves]
+                square = _closest(p, t[0], t[1], t[2], blend)
+                if square < best:
+                    best, found[i], squares[i] = square, node - leaves, square
+                    blends[i] = blend
+                continue
+            left = _box_distance(p, low[2 * node], high[2 * node])
+            right = _box_distance(p, low[2 * node + 1], high[2 * node + 1])
+            nearer = 2 * node if left <= right else 2 * node + 1
+            stack[top], distances[top] = 4 * node + 1 - nearer, max(left, right)
+            stack[top + 1], distances[top + 1] = nearer, min(left, right)
+            top += 2
+    return found, blends, squares
+
+
+@numba.njit(cache=True, nogil=True)
+def _box_distance(p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the squared distance of a point to a box."""
+    square = 0.0
+    for c in range(3):
+        away = max(low[c] - p[c], p[c] - high[c], 0.0)
+        square += away * away
+    return square
+
+
+@numba.njit(cache=True, nogil=True)
+def _closest(p, a, b, c, blend):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the barycentric coordinates of a triangle's point nearest to p, and return its squared distance.
+
+    Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: which corner, edge or inside it is follows from the
+    signs of a few products.
+    """
+    ab, ac, ap, bp, cp = b - a, c - a, p - a, p - b, p - c
+    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
+    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
+    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    v, w = 0.0, 0.0
+    if d1 <= 0 and d2 <= 0:
+        pass
+    elif d3 >= 0 and d4 <= d3:
+        v = 1.0
+    elif d6 >= 0 and d5 <= d6:
+        w = 1.0
+    elif vc <= 0 and d1 >= 0 and d3 <= 0:
+        v = d1 / (d1 - d3)
+    elif vb <= 0 and d2 >= 0 and d6 <= 0:
+        w = d2 / (d2 - d6)
+    elif va <= 0 and d4 >= d3 and d5 >= d6:
+        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        v = 1 - w
+    else:
+        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
+    blend[0], blend[1], blend[2] = 1 - v - w, v, w
+    away = ap - v * ab - w * ac
+    return np.dot(away, away)

@@ -9,20 +9,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge import obj
-from engine_bridge.gltf import schema
 from engine_bridge.gltf.appearance import Appearance
-from engine_bridge.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, MAGIC, Document, damaged
+from engine_bridge.gltf.assembly import assemble
+from engine_bridge.gltf.document import MAGIC, Document, damaged
 from engine_bridge.gltf.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.gltf.schema import Mesh, Node, Primitive
+from engine_bridge.surfaces.readers import SURFACE_FILES, read_surface
+from engine_bridge.surfaces.shading import shaded
+from engine_bridge.surfaces.surface import FARTHEST, Piece, Surface, material_for
 from puppetline.errors import MeshError, at
 from solver.mesh import SolverMesh, weld
 
-SURFACE_FILES = (".obj", ".off", ".ply", ".stl")
+CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
+
+MOST_PARTS, MOST_VERTICES = 10_000, 10_000_000
+"""A scene of more is no character."""
 
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
@@ -119,28 +123,7 @@ def load_character(path: Path) -> Character:
         ) from error
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
         return from_document(Document.load(path))
-    if path.suffix.lower() not in SURFACE_FILES:
-        raise MeshError(
-            path,
-            found=f"a file of kind {path.suffix or 'unknown'!r}",
-            expected=f".glb, .gltf, {', '.join(SURFACE_FILES)}",
-            fix="Export the character as .glb from your editor.",
-        )
-    vertices, triangles, colors = obj.read(path) if path.suffix.lower() == ".obj" else _read_surface(path)
-    return make_character(path.stem, vertices, triangles, colors, name=str(path))
-
-
-def _read_surface(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], None]:
-    try:
-        vertices, triangles = igl.read_triangle_mesh(str(path))[:2]
-        return np.reshape(vertices, (-1, 3)).astype(np.float64), np.reshape(triangles, (-1, 3)).astype(np.int64), None
-    except (RuntimeError, ValueError) as error:
-        raise MeshError(
-            path,
-            found=f"content that is no {path.suffix} mesh ({error})",
-            expected="a whole mesh file",
-            fix="Export the mesh again.",
-        ) from error
+    return from_document(assemble(read_surface(path), path.stem, str(path)))
 
 
 def make_character(
@@ -148,8 +131,6 @@ def make_character(
     vertices: NDArray[np.float64],
     triangles: NDArray[np.int64],
     colors: NDArray[np.floating] | None = None,
-    *,
-    name: str | None = None,
 ) -> Character:
     """Make a character of one plain surface.
 
@@ -161,39 +142,15 @@ def make_character(
     triangles : (t, 3) int64
     colors : (n, 3) float, optional
         Linear RGB.
-    name : str, optional
-        What error messages call it.
 
     Raises
     ------
     MeshError
         No surface.
     """
-    document = Document(schema.empty(), name=name or title)
-    mesh = weld(vertices, triangles, document.name)
-    normals = igl.per_vertex_normals(mesh.vertices, mesh.faces)[mesh.of_render]
-    normals = np.where(np.isfinite(normals).all(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
-    attributes = {
-        "POSITION": document.add(vertices.astype(np.float32), ARRAY_BUFFER, bounds=True),
-        "NORMAL": document.add(_unit(normals).astype(np.float32), ARRAY_BUFFER),
-    }
-    if colors is not None:
-        rgba = np.column_stack([np.clip(colors, 0, 1), np.ones(len(colors))])
-        attributes["COLOR_0"] = document.add(np.round(rgba * 255).astype(np.uint8), ARRAY_BUFFER)
-        document.gltf["accessors"][attributes["COLOR_0"]]["normalized"] = True
-    indices = document.add(triangles.astype(np.uint32).ravel(), ELEMENT_ARRAY_BUFFER)
-    surface: schema.Surface = {
-        "baseColorFactor": [1.0, 1.0, 1.0, 1.0] if colors is not None else [0.62, 0.6, 0.57, 1.0],
-        "metallicFactor": 0.0,
-        "roughnessFactor": 0.7,
-    }
-    gltf = document.gltf
-    gltf["materials"] = [{"name": title, "pbrMetallicRoughness": surface}]
-    primitive: Primitive = {"attributes": attributes, "indices": indices, "material": 0}
-    gltf["meshes"] = [{"name": title, "primitives": [primitive]}]
-    gltf["nodes"] = [{"name": title, "mesh": 0}]
-    gltf["scenes"], gltf["scene"] = [{"nodes": [0]}], 0
-    return from_document(document)
+    rgba = None if colors is None else np.column_stack([colors, np.ones(len(colors))])
+    piece = Piece(title, vertices, triangles, material=material_for(rgba), colors=rgba)
+    return from_document(assemble(shaded(Surface([piece]), title), title))
 
 
 def from_document(document: Document) -> Character:
@@ -204,6 +161,7 @@ def from_document(document: Document) -> Character:
     MeshError
         No surface, or data that contradicts itself.
     """
+    _check_size(document)
     world = world_transforms(document)
     parts = [part for node in shown_nodes(document) for part in _parts(document, node, world)]
     if not parts:
@@ -214,6 +172,26 @@ def from_document(document: Document) -> Character:
             fix="Export the mesh itself, not only cameras, lights, lines or points.",
         )
     return Character(document, parts)
+
+
+def _check_size(document: Document) -> None:
+    """Refuse a scene without bounds. A small file can hold one: nodes may share a mesh, and primitives their arrays."""
+    gltf = document.gltf
+    parts = vertices = 0
+    for node in shown_nodes(document):
+        for primitive in gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]:
+            parts += 1
+            if "POSITION" in primitive["attributes"]:
+                # a claim beyond the file is refused where the array is read, with its place
+                count = gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
+                vertices += min(count, len(document.blob))
+            if parts > MOST_PARTS or vertices > MOST_VERTICES:
+                raise MeshError(
+                    document.name,
+                    found="a scene of more parts or vertices than a character has",
+                    expected=f"at most {MOST_PARTS:,} parts and {MOST_VERTICES:,} vertices",
+                    fix="Export the character alone, or simplify it in an editor.",
+                )
 
 
 def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterator[Part]:
@@ -237,6 +215,8 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         to_world = world[None, node]
         if "skin" in shown:
             to_world = skinning(document, primitive, shown["skin"], count, world)
+        if not (np.abs(to_world) <= FARTHEST).all():
+            raise damaged(at(document.name, field=f"nodes[{node}]"), "a transform without bounds")
         linear, offset = to_world[:, :3, :3], to_world[:, :3, 3]
         if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
@@ -266,7 +246,7 @@ def rest_weights(node: Node, mesh: Mesh) -> list[float]:
     """Return how far the file's own morph targets are in where a node shows a mesh: the node's word counts first."""
     there = max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
     weights = node.get("weights") or mesh.get("weights") or []
-    return [*weights, *[0.0] * there][:there]
+    return [*map(float, weights), *[0.0] * there][:there]
 
 
 def _at_rest(

@@ -155,7 +155,7 @@ def test_nodes_that_are_no_tree_are_refused(glb, tmp_path, children):
 def test_what_is_no_mesh_is_refused(tmp_path):
     assert told(tmp_path / "none.glb").found == "no such file"
     (tmp_path / "song.mp3").write_bytes(b"ID3")
-    assert told(tmp_path / "song.mp3").found == "a file of kind '.mp3'"
+    assert told(tmp_path / "song.mp3").found == "no mesh that is known here"
     for ending in (".obj", ".off", ".ply", ".stl"):
         path = tmp_path / f"noise{ending}"
         path.write_bytes(np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes())

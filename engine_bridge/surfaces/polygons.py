@@ -1,0 +1,102 @@
+"""Polygons into triangles: fans, and ears where a fan would leave the polygon."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+LARGEST = 500
+"""Corners up to which a concave polygon is cut with care, which takes time in proportion to their square."""
+
+PATIENCE = 4
+"""Corners that may turn out to be no ear, for each corner of a polygon."""
+
+
+def triangulate(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Split polygons into triangles without new vertices.
+
+    A polygon of n corners becomes n − 2 triangles, one of fewer than 3 none. Convex ones become fans around their first
+    corner; others lose one ear after the other (Meisters 1975), as seen along their mean normal.
+
+    Parameters
+    ----------
+    points : (c, 3) float64
+        The corners of all polygons, one polygon after another.
+    sizes : (p,) int64
+        How many corners each has.
+
+    Returns
+    -------
+    triangles : (t, 3) int64
+        Indices into `points`.
+    polygon : (t,) int64
+        The polygon that each triangle is of.
+    """
+    starts = np.cumsum(sizes) - sizes
+    parts = np.maximum(sizes - 2, 0)
+    firsts = np.cumsum(parts) - parts
+    polygon = np.repeat(np.arange(len(sizes)), parts)
+    step = np.arange(len(polygon)) - firsts[polygon]
+    triangles = starts[polygon][:, None] + np.column_stack([np.zeros_like(step), step + 1, step + 2])
+    if (sizes > 3).any():
+        concave, normals = _concave(points, sizes)
+        for p in np.nonzero(concave & (sizes <= LARGEST))[0]:
+            corners = points[starts[p] : starts[p] + sizes[p]]
+            triangles[firsts[p] : firsts[p] + parts[p]] = starts[p] + _ears(_flattened(corners, normals[p]))
+    return triangles, polygon
+
+
+def _concave(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Tell which polygons turn both ways, as seen along their normals; return these (p, 3), of any length, too."""
+    owner = np.repeat(np.arange(len(sizes)), sizes)
+    ends = np.cumsum(sizes)[sizes > 0] - 1
+    after = np.arange(1, len(points) + 1)
+    after[ends] = (np.cumsum(sizes) - sizes)[sizes > 0]
+    before = np.empty_like(after)
+    before[after] = np.arange(len(points))
+    incoming, outgoing = points - points[before], points[after] - points
+    turn = np.cross(incoming, outgoing)
+    relative = points - points[(np.cumsum(sizes) - sizes)[owner]]
+    area = np.cross(relative, relative[after])
+    normals: NDArray[np.float64] = np.column_stack([np.bincount(owner, axis, len(sizes)) for axis in area.T])
+    size = np.linalg.norm(incoming, axis=1) * np.linalg.norm(outgoing, axis=1) * np.linalg.norm(normals, axis=1)[owner]
+    reflex = np.einsum("ij,ij->i", turn, normals[owner]) < -1e-9 * size
+    return (np.bincount(owner, reflex, len(sizes)) > 0) & (sizes > 3), normals
+
+
+def _flattened(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Look at points along a normal's largest coordinate: (n, 2), counter-clockwise where the polygon is."""
+    axis = int(np.argmax(np.abs(normal)))
+    kept = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    return kept if normal[axis] > 0 else kept * [-1.0, 1.0]
+
+
+def _ears(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Cut a counter-clockwise (n, 2) polygon into n − 2 triangles; one that crosses itself ends in a fan."""
+    ring = list(range(len(points)))
+    triangles = []
+    place, patience = 0, PATIENCE * len(points)
+    while len(ring) > 3 and patience:
+        place %= len(ring)
+        ear = ring[place - 1], ring[place], ring[(place + 1) % len(ring)]
+        if _is_ear(points, ear, ring):
+            triangles.append(ear)
+            del ring[place]
+            place -= 1  # its neighbours may have become ears: of a winding band, no others are
+        else:
+            place += 1
+            patience -= 1
+    return np.array(triangles + [(ring[0], b, c) for b, c in pairwise(ring[1:])])
+
+
+def _is_ear(points: NDArray[np.float64], ear: tuple[int, int, int], ring: list[int]) -> bool:
+    """Tell whether a corner sticks out and no other corner lies in its triangle or on its sides."""
+    corners = points[list(ear)]
+    (ax, ay), (bx, by), (cx, cy) = corners.tolist()
+    if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) <= 0:
+        return False
+    sides = np.roll(corners, -1, axis=0) - corners
+    away = points[ring][:, None] - corners
+    within = np.all(sides[:, 0] * away[:, :, 1] - sides[:, 1] * away[:, :, 0] >= 0, axis=1)
+    elsewhere = np.all(away.any(axis=2), axis=1)
+    return not np.any(within & elsewhere)

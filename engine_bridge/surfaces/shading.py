@@ -1,0 +1,179 @@
+"""What a surface lacks to be shown: faces that all look outwards, normals, and both sides of what is open."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from engine_bridge.surfaces.surface import Piece, Surface, count
+from puppetline.errors import MeshError
+from solver.mesh import weld
+from solver.patches import wound_alike
+
+LEAF = 1e-6
+"""A closed part whose volume is less than this share of its area^1.5 has no inside: a leaf with two sides."""
+
+SMALLEST = 1e-30
+"""Size of a surface whose areas can still be compared."""
+
+UP = (0.0, 1.0, 0.0)
+"""The normal of a vertex that is in no face with an area."""
+
+
+def shaded(surface: Surface, name: str) -> Surface:
+    """Complete a surface; the order and number of its vertices and triangles stay.
+
+    Where no piece has normals, triangles that contradict their neighbours or look into a closed part are turned over.
+    Normals that are missing are made: smooth ones across all vertices at one place, or see `Surface.faceted`. Pieces of
+    parts that are open get a material with two sides.
+
+    Parameters
+    ----------
+    surface : Surface
+    name : str
+        What an error message calls it.
+
+    Raises
+    ------
+    MeshError
+        No surface, see `solver.mesh.weld`, or one without a size to speak of.
+    """
+    positions = np.concatenate([piece.positions for piece in surface.pieces])
+    starts = np.cumsum([0] + [len(piece.positions) for piece in surface.pieces])
+    triangles = np.concatenate([piece.triangles + start for piece, start in zip(surface.pieces, starts, strict=False)])
+    _check_size(positions[triangles].reshape(-1, 3), name)
+    mesh, notes = weld(positions, triangles, name), list(dict.fromkeys(surface.notes))
+    if all(piece.normals is None for piece in surface.pieces):
+        turned = wrongly_wound(mesh.vertices, mesh.of_render[triangles])
+        if turned.any():
+            triangles[turned] = triangles[turned, ::-1]
+            notes.append(
+                f"{count(int(turned.sum()), 'triangle')} of {len(triangles):,} faced the wrong way: turned over."
+            )
+    welded = mesh.of_render[triangles]
+    is_open = in_open_part(welded, len(mesh.vertices))
+    if surface.faceted:
+        normals = _facet_normals(positions, triangles)
+    else:
+        first, is_back = _sides(welded)
+        normals = _unit(igl.per_vertex_normals(mesh.vertices, welded[first])[mesh.of_render], np.array(UP))
+        normals[np.setdiff1d(triangles[is_back], triangles[~is_back])] *= -1
+    places = np.cumsum([0] + [len(piece.triangles) for piece in surface.pieces])
+    pieces = []
+    for index, piece in enumerate(surface.pieces):
+        own = slice(places[index], places[index + 1])
+        sides = piece.material.double_sided or bool(is_open[own].any())
+        pieces.append(
+            replace(
+                piece,
+                triangles=triangles[own] - starts[index],
+                normals=_completed(piece.normals, normals[starts[index] : starts[index + 1]]),
+                material=replace(piece.material, double_sided=sides),
+            )
+        )
+    return replace(surface, pieces=pieces, notes=notes + _lost_normals(surface.pieces))
+
+
+def _check_size(corners: NDArray[np.float64], name: str) -> None:
+    """Refuse a surface so small that its area is no number any more."""
+    size = float(np.ptp(corners, axis=0).max()) if len(corners) else 0.0
+    if 0 < size < SMALLEST:
+        raise MeshError(
+            name,
+            found=f"a surface of a size of {size:.3g}",
+            expected=f"one of at least {SMALLEST:g}",
+            fix="Check the scale that the mesh was exported with.",
+        )
+
+
+def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which triangles are wound the other way round than a closed surface is, seen from outside.
+
+    Triangles that meet two by two at an edge form a patch, which is wound as one. A closed patch looks outwards (its
+    volume is positive); in any other, the smaller part of its area is wrong.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (t, 3) int64
+        May hold degenerate triangles, which are never wrong.
+
+    Returns
+    -------
+    (t,) bool
+    """
+    a, b, c = faces.T
+    proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
+    oriented, patch = wound_alike(faces[proper])
+    flipped = (oriented != faces[proper]).any(axis=1)
+    corners = vertices[oriented] - vertices.mean(axis=0)
+    cross = np.cross(corners[:, 1], corners[:, 2])
+    count_of = int(patch.max()) + 1
+    volume = np.bincount(patch, np.einsum("ij,ij->i", corners[:, 0], cross) / 6, count_of)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.bincount(patch, doubled / 2, count_of)
+    minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
+    unbalanced = _unbalanced(oriented, len(vertices), patch)
+    solid = np.abs(volume) > LEAF * area**1.5
+    solid[patch[unbalanced]] = False
+    against = np.where(solid, volume < 0, minority)
+    turned = np.zeros(len(faces), dtype=bool)
+    turned[proper] = flipped ^ against[patch]
+    return turned
+
+
+def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
+    """Tell which of the (t, 3) faces are connected to an edge where the surface ends or turns over.
+
+    A face that is there twice, once for each side, ends nowhere.
+    """
+    ends = faces[_unbalanced(faces, vertices, np.zeros(len(faces), dtype=np.int64))]
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    links = coo_matrix((np.ones(len(edges)), edges.T), shape=(vertices, vertices))
+    part = connected_components(links, directed=False)[1]
+    return np.isin(part[faces[:, 0]], part[ends[:, 0]])
+
+
+def _unbalanced(faces: NDArray[np.int64], vertices: int, patch: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which (t,) faces have an edge that their patch does not pass as often in one direction as in the other."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    _, edge = np.unique(np.minimum(start, end) * vertices + np.maximum(start, end), return_inverse=True)
+    _, edge = np.unique(np.repeat(patch, 3) * (int(edge.max()) + 1) + edge, return_inverse=True)
+    balance = np.bincount(edge, np.sign(end - start))
+    return (balance[edge] != 0).reshape(-1, 3).any(axis=1)
+
+
+def _sides(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the first of all faces between the same vertices, and which of the (t,) faces are the backs of these."""
+    _, first, alike = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(faces, axis=1)
+    is_even = (order[:, 1] - order[:, 0]) % 3 == 1
+    return first, is_even != is_even[first[alike.ravel()]]
+
+
+def _facet_normals(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+    normals = np.zeros_like(positions)
+    normals[triangles] = np.cross(b - a, c - a)[:, None]
+    return _unit(normals, np.array(UP))
+
+
+def _completed(own: NDArray[np.float64] | None, made: NDArray[np.float64]) -> NDArray[np.float64]:
+    return made if own is None else _unit(own, made)
+
+
+def _unit(vectors: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, 3) unit vectors, those of `otherwise` in place of what has no direction."""
+    largest = np.abs(vectors).max(axis=1, initial=0, keepdims=True)
+    good = (largest > 0) & np.isfinite(largest)
+    vectors = np.where(good, vectors, otherwise) / np.where(good, largest, 1.0)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _lost_normals(pieces: list[Piece]) -> list[str]:
+    own = [piece.normals for piece in pieces if piece.normals is not None]
+    lost = sum(int((~normals.any(axis=1) | ~np.isfinite(normals).all(axis=1)).sum()) for normals in own)
+    return [f"{count(lost, 'normal')} had no direction: computed."] if lost else []

@@ -1,0 +1,114 @@
+"""STL, binary and text: triangles, each with corners of its own."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.surfaces.surface import Piece, Surface, count, damaged, outside
+from engine_bridge.surfaces.text import Rows, decoded
+from puppetline.errors import at
+
+FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+HEADER = 84
+
+FOLLOWS = {
+    "": ("solid",),
+    "solid": ("facet", "endsolid"),
+    "facet": ("outer",),
+    "outer": ("vertex",),
+    "vertex": ("vertex", "endloop"),
+    "endloop": ("endfacet",),
+    "endfacet": ("facet", "endsolid"),
+    "endsolid": ("solid",),
+}
+"""The words that may begin the line after one that begins with this word."""
+
+
+def matches(head: bytes, size: int) -> bool:
+    """Tell whether a file that begins like this, of so many bytes, is an STL."""
+    return _is_binary(head, size) or _is_text(head)
+
+
+def _is_binary(head: bytes, size: int) -> bool:
+    """Tell whether the number of facets accounts for the size, whatever the header's text says."""
+    return size > HEADER and size == HEADER + FACET.itemsize * int.from_bytes(head[80:HEADER], "little")
+
+
+def _is_text(head: bytes) -> bool:
+    words = head[:4096].lower().split()
+    return words[:1] == [b"solid"] and b"\0" not in head[:4096] and (b"facet" in words or b"endsolid" in words)
+
+
+def read(path: Path, content: bytes) -> Surface:
+    """Read an STL file.
+
+    Normals in the file are passed over: the winding of a facet says the same. Each solid of a text becomes a piece.
+
+    Raises
+    ------
+    MeshError
+        With the line or the facet that cannot be read.
+    """
+    as_text = _is_text(content) and not _is_binary(content, len(content))
+    return _read_text(path, content) if as_text else _read_binary(path, content)
+
+
+def _read_binary(path: Path, content: bytes) -> Surface:
+    facets = int.from_bytes(content[80:HEADER], "little")
+    there = max(len(content) - HEADER, 0) // FACET.itemsize
+    if facets > there or not facets:
+        raise damaged(
+            at(path, field="byte 80"),
+            f"{count(facets, 'facet')} announced and data for {there:,}",
+            "a whole STL file with at least one facet",
+        )
+    with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
+        corners = np.frombuffer(content, FACET, facets, HEADER)["corners"].astype(np.float64)
+    wrong = outside(corners.reshape(-1, 3))
+    if wrong.any():
+        facet = int(np.argmax(wrong)) // 3
+        raise damaged(at(path, field=f"facet {facet}"), str(corners[facet].tolist()), "finite coordinates")
+    rest = len(content) - HEADER - facets * FACET.itemsize
+    notes = [f"{count(rest, 'byte')} after the last facet left out."] if rest else []
+    return Surface([_piece("", corners)], notes, faceted=True)
+
+
+def _read_text(path: Path, content: bytes) -> Surface:
+    vertices = Rows(path, "'vertex x y z' with finite numbers")
+    solids: list[tuple[str, int]] = []
+    last = ""
+    lines = decoded(path, content).split("\n")
+    for number, line in enumerate(lines, 1):
+        word, *rest = line.split(None, 1) or [""]
+        word = word.lower()
+        if not word:
+            continue
+        if word not in FOLLOWS[last]:
+            found = repr(line.strip()[:60])
+            raise damaged(at(path, line=number), found, " or ".join(map(repr, FOLLOWS[last])))
+        if word == "solid":
+            solids.append((rest[0].strip() if rest else "", len(vertices)))
+        elif word == "vertex":
+            vertices.add(number, rest[0] if rest else "")
+        elif word == "outer":
+            first = len(vertices)
+        elif word == "endloop" and len(vertices) != first + 3:
+            raise damaged(at(path, line=number), f"a facet of {len(vertices) - first} vertices", "3 vertices")
+        last = word
+    if last != "endsolid":
+        raise damaged(at(path, line=len(lines)), "the end of the file within a solid", "'endsolid'")
+    corners = vertices.positions()[:, :3].reshape(-1, 3, 3)
+    ends = [start for _, start in solids[1:]] + [len(vertices)]
+    pieces = [
+        _piece(name, corners[start // 3 : end // 3])
+        for (name, start), end in zip(solids, ends, strict=True)
+        if end > start
+    ]
+    if not pieces:
+        raise damaged(path, "no facets", "an STL file with a surface")
+    return Surface(pieces, faceted=True)
+
+
+def _piece(name: str, corners: NDArray[np.float64]) -> Piece:
+    return Piece(name, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))

@@ -1,0 +1,161 @@
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.surfaces.shading import in_open_part, shaded, wrongly_wound
+from engine_bridge.surfaces.surface import Material, Piece, Surface
+from puppetline.errors import MeshError
+
+
+def soup(vertices, triangles):
+    """Give every triangle corners of its own."""
+    return vertices[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
+
+
+def turned(triangles, *numbers):
+    triangles = triangles.copy()
+    triangles[list(numbers)] = triangles[list(numbers), ::-1]
+    return triangles
+
+
+@pytest.mark.parametrize("wrong", [(), (3,), (0, 1, 2, 5, 7, 8, 9, 11), tuple(range(12))])
+def test_the_faces_of_a_closed_part_all_look_outwards_afterwards(cube, wrong):
+    assert np.nonzero(wrongly_wound(cube.vertices, turned(cube.triangles, *wrong)))[0].tolist() == list(wrong)
+
+
+def test_parts_are_judged_apart(cube):
+    vertices = np.concatenate([cube.vertices, cube.vertices * 0.1 + 5])
+    triangles = np.concatenate([cube.triangles, turned(cube.triangles, *range(12)) + 8])
+    assert wrongly_wound(vertices, triangles).tolist() == [False] * 12 + [True] * 12
+
+
+def test_two_cubes_that_share_an_edge_are_judged_apart(cube):
+    other = cube.triangles.copy()
+    other += 8
+    vertices = np.concatenate([cube.vertices, cube.vertices - [1, 1, 0]])
+    places = {tuple(vertex): index for index, vertex in enumerate(vertices[:8])}
+    same = np.array([places.get(tuple(vertex), index) for index, vertex in enumerate(vertices)])
+    assert len(np.unique(same)) == 14
+    triangles = same[np.concatenate([cube.triangles, turned(cube.triangles, 4, *range(6, 12)) + 8])]
+    assert np.nonzero(wrongly_wound(vertices, triangles))[0].tolist() == [16, *range(18, 24)]
+
+
+def test_in_an_open_part_the_smaller_area_is_wrong(cube):
+    lid_off = cube.triangles[:-2]
+    assert not wrongly_wound(cube.vertices, turned(lid_off, *range(10))).any()
+    assert np.nonzero(wrongly_wound(cube.vertices, turned(lid_off, 2, 5, 6)))[0].tolist() == [2, 5, 6]
+    vertices = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [1, -1, 0], [10, 1, 0]])
+    small = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 4]])  # two small triangles against a large one
+    large = np.array([[0, 1, 2], [1, 0, 3], [1, 4, 2]])
+    assert wrongly_wound(vertices, small).tolist() == [False, True, True]
+    assert not wrongly_wound(vertices, large).any()
+
+
+def test_a_leaf_of_two_sides_and_degenerate_faces_are_left_alone(cube):
+    leaf = np.array([[0, 1, 3], [0, 3, 2], [1, 0, 2], [1, 2, 3]])
+    assert not wrongly_wound(cube.vertices, leaf).any()
+    with_degenerate = np.concatenate([[[0, 0, 1]], cube.triangles, [[7, 7, 7]]])
+    assert not wrongly_wound(cube.vertices, with_degenerate).any()
+
+
+def test_open_parts_are_those_with_an_end(cube):
+    lid_off = cube.triangles[:-2] + 8
+    doubled = np.concatenate([cube.triangles[:3], cube.triangles[:3, ::-1]]) + 16
+    found = in_open_part(np.concatenate([cube.triangles, lid_off, doubled]), 24)
+    assert found.tolist() == [False] * 12 + [True] * 10 + [False] * 6
+
+
+def test_normals_are_smooth_across_vertices_at_one_place(cube):
+    positions, triangles = soup(cube.vertices, cube.triangles)
+    (piece,) = shaded(Surface([Piece("", positions, triangles)]), "cube").pieces
+    expected = igl.per_vertex_normals(cube.vertices, cube.triangles)[cube.triangles].reshape(-1, 3)
+    np.testing.assert_allclose(piece.normals, expected, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(piece.normals, axis=1), 1)
+    np.testing.assert_array_equal(piece.positions, positions)
+    assert (piece.material.double_sided, piece.uvs) == (False, None)
+
+
+def test_degenerate_and_doubled_faces_do_not_bend_normals(cube):
+    more = np.concatenate([cube.triangles, [[0, 0, 1], [3, 3, 3]], cube.triangles[[4, 7]]])
+    (piece,) = shaded(Surface([Piece("", cube.vertices, more)]), "cube").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(cube.vertices, cube.triangles), atol=1e-12)
+
+
+def test_backs_that_have_their_own_vertices_look_the_other_way(cube):
+    lid_off = cube.triangles[:-2]
+    both = Surface([Piece("front", cube.vertices, lid_off), Piece("back", cube.vertices, lid_off[:, [1, 0, 2]])])
+    front, back = shaded(both, "box").pieces
+    np.testing.assert_allclose(front.normals, igl.per_vertex_normals(cube.vertices, lid_off), atol=1e-12)
+    np.testing.assert_array_equal(back.normals, -front.normals)
+    np.testing.assert_array_equal(back.triangles, lid_off[:, [1, 0, 2]])
+    assert not front.material.double_sided
+
+
+def test_faceted_surfaces_have_the_normals_of_their_facets(cube):
+    positions, triangles = soup(cube.vertices, turned(cube.triangles, 4))
+    surface = shaded(Surface([Piece("", positions, triangles)], faceted=True), "cube")
+    (piece,) = surface.pieces
+    centre = positions.reshape(-1, 3, 3).mean(axis=1)
+    outward = np.where(np.abs(centre - 0.5) > 0.49, np.sign(centre - 0.5), 0)
+    np.testing.assert_allclose(piece.normals, np.repeat(outward, 3, axis=0), atol=1e-12)
+    assert surface.notes == ["1 triangle of 12 faced the wrong way: turned over."]
+
+
+def test_turned_triangles_stay_in_their_places_across_pieces(cube):
+    triangles = turned(cube.triangles, 1, 8)
+    half = [Piece(name, cube.vertices, part) for name, part in (("a", triangles[:6]), ("b", triangles[6:]))]
+    surface = shaded(Surface(half, ["said before", "said before"]), "cube")
+    np.testing.assert_array_equal(
+        np.concatenate([piece.triangles for piece in surface.pieces]), turned(turned(cube.triangles, 1, 8), 1, 8)
+    )
+    assert [piece.name for piece in surface.pieces] == ["a", "b"]
+    assert surface.notes == ["said before", "2 triangles of 12 faced the wrong way: turned over."]
+
+
+def test_where_the_file_has_normals_its_winding_stays(cube):
+    triangles = turned(cube.triangles, 1, 8)
+    normals = np.tile([0.0, 0.0, 3.0], (8, 1))
+    (piece,) = shaded(Surface([Piece("", cube.vertices, triangles, normals=normals)]), "cube").pieces
+    np.testing.assert_array_equal(piece.triangles, triangles)
+    np.testing.assert_array_equal(piece.normals, normals / 3)
+
+
+def test_normals_without_direction_are_computed(cube):
+    normals = cube.vertices - 0.5
+    normals[2], normals[5], normals[6] = 0, np.nan, [0, np.inf, 0]
+    surface = shaded(Surface([Piece("", cube.vertices, cube.triangles, normals=normals)]), "cube")
+    smooth = igl.per_vertex_normals(cube.vertices, cube.triangles)
+    expected = np.where(np.isin(np.arange(8), [2, 5, 6])[:, None], smooth, (cube.vertices - 0.5) / np.sqrt(0.75))
+    np.testing.assert_allclose(surface.pieces[0].normals, expected, atol=1e-12)
+    assert surface.notes == ["3 normals had no direction: computed."]
+
+
+def test_pieces_of_open_parts_have_two_sides(cube):
+    box = Piece("box", cube.vertices, cube.triangles[:-2], Material(name="paint"))
+    ball = Piece("ball", cube.vertices + 3, cube.triangles, Material(name="paint"))
+    assert [piece.material for piece in shaded(Surface([box, ball]), "cubes").pieces] == [
+        Material(name="paint", double_sided=True), Material(name="paint")
+    ]  # fmt: skip
+
+
+def test_isolated_vertices_have_a_normal_too(cube):
+    positions = np.concatenate([cube.vertices, [[0.0, 0, 9]]])
+    (piece,) = shaded(Surface([Piece("", positions, cube.triangles)]), "cube").pieces
+    assert np.linalg.norm(piece.normals, axis=1) == pytest.approx(1)
+
+
+def test_what_is_no_surface_is_refused(cube):
+    with pytest.raises(MeshError, match="found 2 faces with an area"):
+        shaded(Surface([Piece("", cube.vertices, cube.triangles[:2])]), "cube")
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e-31])
+def test_a_surface_without_a_size_to_speak_of_is_refused(cube, size):
+    with pytest.raises(MeshError, match=f"a surface of a size of {size:.3g}"):
+        shaded(Surface([Piece("", cube.vertices * size, cube.triangles)]), "cube")
+
+
+@pytest.mark.parametrize("size", [1e-29, 1e-9, 1e9, 9e17])
+def test_normals_do_not_depend_on_the_size(cube, size):
+    (piece,) = shaded(Surface([Piece("", cube.vertices * size, cube.triangles)]), "cube").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(cube.vertices, cube.triangles), atol=1e-9)

@@ -19,6 +19,9 @@ LEAF = 1e-6
 SMALLEST = 1e-30
 """Size of a surface whose areas can still be compared."""
 
+CREASE, BEND = np.cos(np.radians(40)), np.cos(np.radians(2))
+"""Cosines of the angle between two faces from which their edge is hard, and from which it is one at all."""
+
 UP = (0.0, 1.0, 0.0)
 """The normal of a vertex that is in no face with an area."""
 
@@ -27,8 +30,9 @@ def shaded(surface: Surface, name: str) -> Surface:
     """Complete a surface; the order and number of its vertices and triangles stay.
 
     Where no piece has normals, triangles that contradict their neighbours or look into a closed part are turned over.
-    Normals that are missing are made: smooth ones across all vertices at one place, or see `Surface.faceted`. Pieces of
-    parts that are open get a material with two sides.
+    Normals that are missing are made: smooth ones across all vertices at one place, or see `Surface.faceted`. A surface
+    that is mostly hard edges stays without, and glTF shows it so. Pieces of parts that are open get a material with two
+    sides.
 
     Parameters
     ----------
@@ -55,9 +59,10 @@ def shaded(surface: Surface, name: str) -> Surface:
             )
     welded = mesh.of_render[triangles]
     is_open = in_open_part(welded, len(mesh.vertices))
+    normals: NDArray[np.float64] | None = None
     if surface.faceted:
         normals = _facet_normals(positions, triangles)
-    else:
+    elif any(piece.normals is not None for piece in surface.pieces) or not is_angular(mesh.vertices, mesh.faces):
         first, is_back = _sides(welded)
         normals = _unit(igl.per_vertex_normals(mesh.vertices, welded[first])[mesh.of_render], np.array(UP))
         normals[np.setdiff1d(triangles[is_back], triangles[~is_back])] *= -1
@@ -65,12 +70,13 @@ def shaded(surface: Surface, name: str) -> Surface:
     pieces = []
     for index, piece in enumerate(surface.pieces):
         own = slice(places[index], places[index + 1])
+        made = None if normals is None else normals[starts[index] : starts[index + 1]]
         sides = piece.material.double_sided or bool(is_open[own].any())
         pieces.append(
             replace(
                 piece,
                 triangles=triangles[own] - starts[index],
-                normals=_completed(piece.normals, normals[starts[index] : starts[index + 1]]),
+                normals=_completed(piece.normals, made),
                 material=replace(piece.material, double_sided=sides),
             )
         )
@@ -137,6 +143,19 @@ def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
     return np.isin(part[faces[:, 0]], part[ends[:, 0]])
 
 
+def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
+    """Tell whether most of the length of the edges at which a surface bends is hard, as in furniture and crystals."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    normals = _unit(np.cross(b - a, c - a), np.array(UP))
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(sides.T)
+    sides, face = sides[order], order // 3
+    shared = np.flatnonzero((sides[1:] == sides[:-1]).all(axis=1))
+    cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])
+    length = np.linalg.norm(vertices[sides[shared, 0]] - vertices[sides[shared, 1]], axis=1)
+    return bool(length[cosine < CREASE].sum() > 0.5 * length[cosine < BEND].sum())
+
+
 def _unbalanced(faces: NDArray[np.int64], vertices: int, patch: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell which (t,) faces have an edge that their patch does not pass as often in one direction as in the other."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
@@ -161,8 +180,8 @@ def _facet_normals(positions: NDArray[np.float64], triangles: NDArray[np.int64])
     return _unit(normals, np.array(UP))
 
 
-def _completed(own: NDArray[np.float64] | None, made: NDArray[np.float64]) -> NDArray[np.float64]:
-    return made if own is None else _unit(own, made)
+def _completed(own: NDArray[np.float64] | None, made: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    return made if own is None or made is None else _unit(own, made)
 
 
 def _unit(vectors: NDArray[np.float64], otherwise: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import igl
 import numpy as np
 import pytest
 
@@ -14,6 +15,17 @@ def cube():
     """The unit cube: 8 vertices, 6 quads, and the 12 triangles of their fans."""
     triangles = np.array([[a, *rest] for a, b, c, d in QUADS for rest in ((b, c), (c, d))])
     return SimpleNamespace(vertices=VERTICES.copy(), quads=[list(quad) for quad in QUADS], triangles=triangles)
+
+
+@pytest.fixture
+def ball():
+    """A round surface of 162 vertices; its edges are all soft."""
+    vertices, triangles = igl.icosahedron()
+    for _ in range(2):
+        vertices, triangles = igl.upsample(vertices, triangles)
+    return SimpleNamespace(
+        vertices=vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles=triangles.astype(np.int64)
+    )
 
 
 @pytest.fixture

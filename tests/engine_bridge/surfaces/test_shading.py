@@ -2,7 +2,7 @@ import igl
 import numpy as np
 import pytest
 
-from engine_bridge.surfaces.shading import in_open_part, shaded, wrongly_wound
+from engine_bridge.surfaces.shading import in_open_part, is_angular, shaded, wrongly_wound
 from engine_bridge.surfaces.surface import Material, Piece, Surface
 from puppetline.errors import MeshError
 
@@ -65,27 +65,27 @@ def test_open_parts_are_those_with_an_end(cube):
     assert found.tolist() == [False] * 12 + [True] * 10 + [False] * 6
 
 
-def test_normals_are_smooth_across_vertices_at_one_place(cube):
-    positions, triangles = soup(cube.vertices, cube.triangles)
-    (piece,) = shaded(Surface([Piece("", positions, triangles)]), "cube").pieces
-    expected = igl.per_vertex_normals(cube.vertices, cube.triangles)[cube.triangles].reshape(-1, 3)
+def test_normals_are_smooth_across_vertices_at_one_place(ball):
+    positions, triangles = soup(ball.vertices, ball.triangles)
+    (piece,) = shaded(Surface([Piece("", positions, triangles)]), "ball").pieces
+    expected = igl.per_vertex_normals(ball.vertices, ball.triangles)[ball.triangles].reshape(-1, 3)
     np.testing.assert_allclose(piece.normals, expected, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(piece.normals, axis=1), 1)
     np.testing.assert_array_equal(piece.positions, positions)
     assert (piece.material.double_sided, piece.uvs) == (False, None)
 
 
-def test_degenerate_and_doubled_faces_do_not_bend_normals(cube):
-    more = np.concatenate([cube.triangles, [[0, 0, 1], [3, 3, 3]], cube.triangles[[4, 7]]])
-    (piece,) = shaded(Surface([Piece("", cube.vertices, more)]), "cube").pieces
-    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(cube.vertices, cube.triangles), atol=1e-12)
+def test_degenerate_and_doubled_faces_do_not_bend_normals(ball):
+    more = np.concatenate([ball.triangles, [[0, 0, 1], [3, 3, 3]], ball.triangles[[4, 7]]])
+    (piece,) = shaded(Surface([Piece("", ball.vertices, more)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-12)
 
 
-def test_backs_that_have_their_own_vertices_look_the_other_way(cube):
-    lid_off = cube.triangles[:-2]
-    both = Surface([Piece("front", cube.vertices, lid_off), Piece("back", cube.vertices, lid_off[:, [1, 0, 2]])])
+def test_backs_that_have_their_own_vertices_look_the_other_way(ball):
+    lid_off = ball.triangles[:-2]
+    both = Surface([Piece("front", ball.vertices, lid_off), Piece("back", ball.vertices, lid_off[:, [1, 0, 2]])])
     front, back = shaded(both, "box").pieces
-    np.testing.assert_allclose(front.normals, igl.per_vertex_normals(cube.vertices, lid_off), atol=1e-12)
+    np.testing.assert_allclose(front.normals, igl.per_vertex_normals(ball.vertices, lid_off), atol=1e-12)
     np.testing.assert_array_equal(back.normals, -front.normals)
     np.testing.assert_array_equal(back.triangles, lid_off[:, [1, 0, 2]])
     assert not front.material.double_sided
@@ -138,9 +138,9 @@ def test_pieces_of_open_parts_have_two_sides(cube):
     ]  # fmt: skip
 
 
-def test_isolated_vertices_have_a_normal_too(cube):
-    positions = np.concatenate([cube.vertices, [[0.0, 0, 9]]])
-    (piece,) = shaded(Surface([Piece("", positions, cube.triangles)]), "cube").pieces
+def test_isolated_vertices_have_a_normal_too(ball):
+    positions = np.concatenate([ball.vertices, [[0.0, 0, 9]]])
+    (piece,) = shaded(Surface([Piece("", positions, ball.triangles)]), "ball").pieces
     assert np.linalg.norm(piece.normals, axis=1) == pytest.approx(1)
 
 
@@ -156,6 +156,19 @@ def test_a_surface_without_a_size_to_speak_of_is_refused(cube, size):
 
 
 @pytest.mark.parametrize("size", [1e-29, 1e-9, 1e9, 9e17])
-def test_normals_do_not_depend_on_the_size(cube, size):
-    (piece,) = shaded(Surface([Piece("", cube.vertices * size, cube.triangles)]), "cube").pieces
-    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(cube.vertices, cube.triangles), atol=1e-9)
+def test_normals_do_not_depend_on_the_size(ball, size):
+    (piece,) = shaded(Surface([Piece("", ball.vertices * size, ball.triangles)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-9)
+
+
+def test_what_is_mostly_hard_edges_stays_without_normals_and_a_ball_does_not(cube, ball):
+    assert shaded(Surface([Piece("", cube.vertices, cube.triangles)]), "cube").pieces[0].normals is None
+    (piece,) = shaded(Surface([Piece("", ball.vertices, ball.triangles)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, ball.vertices, atol=0.02)
+
+
+@pytest.mark.parametrize(("angle", "hard"), [(39, False), (41, True)])
+def test_an_edge_is_hard_from_40_degrees_on(angle, hard):
+    turn = np.radians(angle)
+    ridge = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [-np.cos(turn), 0, -np.sin(turn)]])
+    assert is_angular(ridge, np.array([[0, 2, 1], [0, 1, 3]])) is hard

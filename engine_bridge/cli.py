@@ -117,13 +117,20 @@ def demo(characters: tuple[str, ...], output: Path) -> None:
     help="Bridge joints that are lost for no longer than this; hold them over longer gaps.",
 )
 @click.option(
-    "--tolerance",
-    default=0.0005,
+    "--as",
+    "form",
+    default="morph",
     show_default=True,
+    type=click.Choice(["morph", "skin", "frames"]),
+    help="A few morph targets; bones that the mesh is bound to; or a morph target for each keyframe, for short clips.",
+)
+@click.option(
+    "--tolerance",
     type=Finite(0, 1, min_open=True),
-    help="Largest error of a vertex, as a fraction of the character's diagonal.",
+    help="Largest error of a vertex, as a fraction of the character's diagonal.  [default: 0.0005; of a skin 0.002]",
 )
 @click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
+@click.option("--bones", type=click.IntRange(1, 128), metavar="N", help="N bones, whatever the error; with --as skin.")
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip as well.")
 @click.option("--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="For logs without a clock.")
 @click.option("--log-up", type=click.Choice(["y", "z"]), help="For BVH. [default: detected]")
@@ -137,6 +144,9 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     from engine_bridge.convert import convert as run
     from engine_bridge.files import check_writable
 
+    for option, form in (("targets", "morph"), ("bones", "skin")):
+        if choices[option] is not None and choices["form"] != form:
+            raise click.UsageError(f"--{option} goes with --as {form}.")
     options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
     if preview is not None:
         check_writable(preview, ".png", inputs=(log, puppet))
@@ -153,18 +163,29 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 def _describe(summary: "Summary") -> str:
     """Put a conversion's summary into a few lines."""
     apart = summary.parts_apart
-    over = "" if summary.error <= summary.tolerance else ": as close as this number of targets comes"
     return "\n".join(
         [
             f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
-            f"  morph targets  {summary.targets}, largest error {summary.error:.2g} of the diagonal "
-            f"(tolerance {summary.tolerance:g}){over}",
+            _describe_form(summary),
             f"  edge stretch   {summary.stretch_p1:.3f} / {summary.stretch_p50:.3f} / {summary.stretch_p99:.3f} "
             "(1st, 50th, 99th percentile)",
             *([] if apart is None else [f"  parts apart    {apart:.2g} of the diagonal at most"]),
             *([f"  to solve for   {'; '.join(summary.repairs)}"] if summary.repairs else []),
             *(f"  note: {note}" for note in summary.notes),
         ]
+    )
+
+
+def _describe_form(summary: "Summary") -> str:
+    """Say what the animation is made of, and how close it is."""
+    if summary.form == "frames":
+        return f"  morph targets  {summary.targets}, one for each keyframe, as solved"
+    name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
+    over = "" if summary.error <= summary.tolerance else f": as close as this number of {name.split()[-1]} comes"
+    mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"
+    return (
+        f"  {name:13}  {count}, largest error {summary.error:.2g} of the diagonal{mean} "
+        f"(tolerance {summary.tolerance:g}){over}"
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import platformdirs
@@ -15,11 +15,14 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINTS, SkeletonFrame
 from capture.timeline import Timeline, choose, resample
 from engine_bridge import puppet as puppet_file
+from engine_bridge import skinning
 from engine_bridge.files import check_writable
-from engine_bridge.gltf import morph_basis
+from engine_bridge.gltf import frames_animation, morph_basis
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.character import Character, load_character
+from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.morph_basis import MorphBasis
+from engine_bridge.gltf.skin_animation import animate_skin
 from engine_bridge.performance import Performance, check_handles
 from engine_bridge.puppet import Puppet
 from puppetline.errors import PuppetError, SkeletonLogError, at
@@ -35,6 +38,11 @@ REST_SECONDS = 0.5
 
 SHORTEST_CLIP = 2
 """Frames; one alone is a pose and not an animation."""
+
+Form = Literal["morph", "skin", "frames"]
+
+TOLERANCE: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0}
+"""Largest error as a fraction of the diagonal where the user does not say: a few rigid bones follow less closely."""
 
 Progress = Callable[[str, float], None]
 """Told the name of a stage and the share of it that is done."""
@@ -54,10 +62,14 @@ class Settings:
         Seconds without a joint that are bridged; over longer gaps it is held.
     rest_at : float
         Second of the log at which the performer stands as the character does at rest.
-    tolerance : float
-        Largest error of the animation against the solver, as a fraction of the diagonal.
+    form : {"morph", "skin", "frames"}
+        What the animation is made of: a few morph targets, bones, or a morph target for each keyframe.
+    tolerance : float or None
+        Largest error of the animation against the solver, as a fraction of the diagonal; None for that of `TOLERANCE`.
     targets : int or None
         A limit to the number of morph targets.
+    bones : int or None
+        The number of bones.
     log : ReadOptions
         What the log does not say itself.
     """
@@ -66,9 +78,16 @@ class Settings:
     fps: float = 30.0
     max_gap: float = 0.4
     rest_at: float = 0.0
-    tolerance: float = 0.0005
+    form: Form = "morph"
+    tolerance: float | None = None
     targets: int | None = None
+    bones: int | None = None
     log: ReadOptions = field(default_factory=ReadOptions)
+
+    @property
+    def allowed(self) -> float:
+        """The tolerance that holds."""
+        return TOLERANCE[self.form] if self.tolerance is None else self.tolerance
 
 
 @dataclass(frozen=True)
@@ -112,13 +131,20 @@ class Clip:
 
 @dataclass(frozen=True)
 class Summary:
-    """What `convert` has to say about its result."""
+    """What `convert` has to say about its result.
+
+    `error` and `rms` are distances of vertices from where the solver puts them, over all vertices and keyframes, as
+    fractions of the diagonal.
+    """
 
     output: str
+    form: Form
     frames: int
     seconds: float
     targets: int
+    bones: int
     error: float
+    rms: float | None
     tolerance: float
     stretch_p1: float
     stretch_p50: float
@@ -247,39 +273,87 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     ------
     OutputError
     """
-    rig = clip.rig
-    basis = morph_basis.fit(
-        rig.model,
-        Binding.of_solver_mesh(rig.model, rig.mesh),
-        clip.frames,
-        tolerance=settings.tolerance,
-        most=settings.targets,
-        progress=lambda share: progress("Fitting morph targets", share),
-    )
-    take = Take(
-        name=name,
-        times=clip.timeline.times.astype(np.float32),
-        weights=basis.weights,
-        root=None if rig.puppet.root is None else clip.root,
-    )
-    document = animate(rig.character, take, lambda part: _displacements(clip, basis, part))
+    document, made = _FORMS[settings.form](clip, name, settings, progress)
     document.save(output)
     p1, p50, p99 = clip.stretch
     return Summary(
         output=str(output),
+        form=settings.form,
         frames=len(clip.frames),
         seconds=float(clip.timeline.times[-1]),
-        targets=len(basis.directions),
-        error=basis.error / float(rig.model.diagonal),
-        tolerance=settings.tolerance,
+        targets=made.targets,
+        bones=made.bones,
+        error=made.error,
+        rms=made.rms,
+        tolerance=settings.allowed,
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
         parts_apart=clip.parts_apart,
         bytes=output.stat().st_size,
-        repairs=tuple(rig.mesh.repairs.describe()),
-        notes=(*rig.character.document.notes, *clip.notes),
+        repairs=tuple(clip.rig.mesh.repairs.describe()),
+        notes=(*clip.rig.character.document.notes, *made.notes, *clip.notes),
     )
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What became of a clip: see `Summary`."""
+
+    error: float
+    rms: float | None = None
+    targets: int = 0
+    bones: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Take:
+    root = None if clip.rig.puppet.root is None else clip.root
+    return Take(name, clip.timeline.times.astype(np.float32), weights, root)
+
+
+def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, _Made]:
+    rig = clip.rig
+    basis = morph_basis.fit(
+        rig.model,
+        Binding.of_solver_mesh(rig.model, rig.mesh),
+        clip.frames,
+        tolerance=settings.allowed,
+        most=settings.targets,
+        progress=lambda share: progress("Fitting morph targets", share),
+    )
+    document = animate(rig.character, _take(clip, name, basis.weights), lambda part: _displacements(clip, basis, part))
+    return document, _Made(error=basis.error / float(rig.model.diagonal), targets=len(basis.directions))
+
+
+def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, _Made]:
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    skin = skinning.fit(
+        rig.model,
+        rig.mesh,
+        clip.frames,
+        tolerance=settings.allowed,
+        bones=settings.bones,
+        progress=lambda share: progress("Fitting bones", share),
+    )
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, notes = animate_skin(rig.character, _take(clip, name, no_weights), skin, rig.mesh.of_render)
+    return document, _Made(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+
+
+def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, _Made]:
+    rig, count = clip.rig, len(clip.frames)
+    made = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
+    progress("Making keyframes", 1.0)
+    document = animate(rig.character, _take(clip, name, frames_animation.weights(count)), made.__getitem__)
+    return document, _Made(error=0.0, targets=count)
+
+
+_FORMS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, _Made]]] = {
+    "morph": _as_morph,
+    "skin": _as_skin,
+    "frames": _as_frames,
+}
 
 
 def _displacements(
@@ -319,9 +393,13 @@ def convert(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(log, puppet))
+    if settings.form == "skin":
+        skinning.require_dem_bones()
     timeline, notes = load_timeline(log, settings)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
+    if settings.form == "frames":
+        frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
     clip = perform(rig, timeline, settings, notes, progress)

@@ -1,5 +1,6 @@
 """The animated character: morph targets, their weights over time, and the root's way through space."""
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ from engine_bridge.gltf.character import Character, Part, rest_weights
 from engine_bridge.gltf.document import ARRAY_BUFFER, Document, damaged
 from engine_bridge.gltf.scene import top_nodes
 from engine_bridge.gltf.schema import Animation, Mesh, Node, Primitive, copied
+from engine_bridge.surfaces.surface import FARTHEST
 from puppetline.errors import at
 
 
@@ -63,12 +65,15 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
         gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
     animation: Animation = {"name": take.name, "channels": [], "samplers": []}
     clock = document.add(take.times, bounds=True)
-    for node in dict.fromkeys(part.node for part in character.parts):
-        mesh = own_mesh(document, node)
+    numbered: dict[int, list[tuple[int, Part]]] = {}
+    for number, part in enumerate(character.parts):
+        numbered.setdefault(part.node, []).append((number, part))
+    shown = Counter(node.get("mesh") for node in gltf["nodes"])
+    for node, parts in numbered.items():
+        mesh = own_mesh(document, node, shown)
         before = rest_weights(gltf["nodes"][node], mesh)
-        for number, part in enumerate(character.parts):
-            if part.node == node:
-                _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
+        for number, part in parts:
+            _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
         _pad_targets(document, mesh, len(before) + take.weights.shape[1])
         if take.weights.shape[1]:
             _widen_animations(document, node, len(before), take.weights.shape[1])
@@ -82,14 +87,23 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     return document
 
 
-def own_mesh(document: Document, node: int) -> Mesh:
-    """Give a node a mesh that no other node shows: in its own space the same motion is another displacement."""
+def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
+    """Give a node a mesh that no other node shows: in its own space the same motion is another displacement.
+
+    Parameters
+    ----------
+    document : Document
+    node : int
+    shown : Counter
+        How many nodes show each mesh; is kept up to date.
+    """
     gltf = document.gltf
-    shown = gltf["nodes"][node]["mesh"]
-    if sum(other.get("mesh") == shown for other in gltf["nodes"]) > 1:
-        gltf["meshes"].append(copied(gltf["meshes"][shown]))
-        gltf["nodes"][node]["mesh"] = shown = len(gltf["meshes"]) - 1
-    return gltf["meshes"][shown]
+    mesh = gltf["nodes"][node]["mesh"]
+    if shown[mesh] > 1:
+        shown[mesh] -= 1
+        gltf["meshes"].append(copied(gltf["meshes"][mesh]))
+        gltf["nodes"][node]["mesh"] = mesh = len(gltf["meshes"]) - 1
+    return gltf["meshes"][mesh]
 
 
 def _add_targets(
@@ -102,7 +116,7 @@ def _add_targets(
     """Append a part's targets to its primitive, turned from world coordinates into its own."""
     targets = primitive.setdefault("targets", [])
     linear = part.to_world[:, :3, :3]
-    to_local = np.linalg.pinv(linear).astype(np.float32)
+    to_local = _inverse(linear)
     from_normals = linear.transpose(0, 2, 1).astype(np.float32)
     if part.normals is not None:
         # a node's scale changes the length of the unit normals in the file: displacements must keep their share of it
@@ -115,6 +129,12 @@ def _add_targets(
         targets.append(target)
 
 
+def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Invert (n, 3, 3) matrices; what one of them shrinks to nothing is not moved in it."""
+    inverse = np.linalg.pinv(linear)
+    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= FARTHEST, inverse, 0).astype(np.float32)
+
+
 def _turned(matrices: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Multiply (n, 3) vectors by one (1, 3, 3) matrix, or each by its own."""
     return vectors @ matrices[0].T if len(matrices) == 1 else np.einsum("nij,nj->ni", matrices, vectors)
@@ -124,7 +144,7 @@ def _pad_targets(document: Document, mesh: Mesh, count: int) -> None:
     """Give points and lines of a mesh as many targets, which do nothing: a mesh must have one number of them."""
     for primitive in mesh["primitives"]:
         missing = count - len(primitive.get("targets", []))
-        if missing > 0:
+        if missing > 0 and "POSITION" in primitive["attributes"]:
             vertices = document.gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
             still = document.add(np.zeros((vertices, 3), dtype=np.float32), ARRAY_BUFFER, bounds=True)
             primitive.setdefault("targets", []).extend({"POSITION": still} for _ in range(missing))

@@ -228,12 +228,12 @@ def normal_targets(
     fitted = np.zeros((count, normals.size), dtype=np.float32)
     for column, frame in zip(solve.T, frames[chosen], strict=True):
         now = igl.per_vertex_normals(binding.vertices(to_file_units(frame, model)).astype(np.float64), mesh.faces)
-        turned = _turn(normals, smooth[follows], now[follows])
+        turned = turn(normals, smooth[follows], now[follows])
         fitted += column[:, None] * (turned - normals).astype(np.float32).ravel()
     return fitted.reshape(count, *normals.shape)
 
 
-def _turn(vectors: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+def turn(vectors: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn each vector by the smallest rotation that takes one unit vector to another (Rodrigues); all (n, 3)."""
     axis = np.cross(before, after)
     cosine = np.einsum("nc,nc->n", before, after)[:, None]

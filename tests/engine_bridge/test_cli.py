@@ -207,6 +207,21 @@ def test_convert_writes_the_file_and_prints_results_only(run, stage, tmp_path):
     assert names(tmp_path) == before | {"out.glb", "out.png"}
 
 
+def test_convert_says_what_a_skin_and_a_vertex_cache_are_made_of(run, stage):
+    skin = run("convert", "take.log", "--puppet", stage.name, "-o", "skin.glb", "--as", "skin", "--bones", 5)
+    assert "bones          5, largest error 0.0" in skin.stdout
+    assert "root mean square 0.00" in skin.stdout
+    frames = run("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
+    assert "morph targets  58, one for each keyframe, as solved" in frames.stdout
+
+
+@pytest.mark.parametrize(("option", "form", "wanted"), [("--bones", "morph", "skin"), ("--targets", "skin", "morph")])
+def test_an_option_of_another_form_is_refused(option, form, wanted):
+    result = CliRunner().invoke(main, ["convert", "x", "--puppet", "x", "-o", "x", "--as", form, option, "4"])
+    assert result.exit_code == 2
+    assert f"{option} goes with --as {wanted}." in result.output
+
+
 def test_json_of_convert_and_inspect_is_json_and_nothing_else(run, stage):
     converted = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
     assert (converted.returncode, converted.stderr) == (0, "")

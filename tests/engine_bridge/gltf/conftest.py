@@ -336,7 +336,7 @@ class Raw:
     def array(self, index):
         accessor = self.file.accessors[index]
         view = self.file.bufferViews[accessor.bufferView]
-        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[accessor.type]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
         kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
         start = view.byteOffset + (accessor.byteOffset or 0)
         stride = view.byteStride or np.dtype(kind).itemsize * width

@@ -2,9 +2,12 @@ import json
 
 import igl
 import numpy as np
+import pygltflib as gltf
 import pytest
 
 from engine_bridge.convert import Settings, convert
+from engine_bridge.gltf.animation import Take, animate
+from engine_bridge.gltf.character import load_character
 
 KEYS = slice(None, None, 2)
 """39 times over 58 frames: every second one is a key's, those between are halfway between two keys."""
@@ -66,7 +69,7 @@ def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
         world = np.einsum("nij,fnj->fni", np.broadcast_to(linear, (len(rest), 3, 3)), local) + offset
         worst = max(worst, np.linalg.norm(world - moved[:, of] - own, axis=-1).max())
     assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
-    assert worst / mesh.diagonal <= Settings().tolerance + 1e-6
+    assert worst / mesh.diagonal <= export.summary.tolerance + 1e-6
 
 
 def test_what_the_file_came_with_is_in_it_to_the_bit(export, raw):
@@ -164,3 +167,34 @@ def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
         assert [channel.target.path for a in file.animations for channel in a.channels] == ["translation"] * root
         assert file.meshes[0].weights == [0.25, 0]
         assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]
+
+
+STILL = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+
+
+def animated_without_motion(path):
+    """What becomes of a character file that a target moves by 1 in each direction, though its weight stays 0."""
+    character = load_character(path)
+    moved = [(np.ones((1, *part.vertices.shape), np.float32), None) for part in character.parts]
+    animate(character, STILL, moved.__getitem__).save(path)
+    return character, load_character(path)
+
+
+def test_a_primitive_without_positions_gets_no_targets(glb, tmp_path):
+    primitive = glb.primitive(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16))
+    glb.node(glb.mesh(primitive, gltf.Primitive(attributes=gltf.Attributes())))
+    _, again = animated_without_motion(glb.save(tmp_path / "a.glb"))
+    assert [len(each.get("targets", [])) for each in again.document.gltf["meshes"][0]["primitives"]] == [1, 0]
+
+
+def test_what_a_node_shrinks_to_nothing_is_not_moved_in_it(glb, tmp_path):
+    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
+    mesh = glb.mesh(glb.primitive(np.eye(4, 3), sides))
+    glb.node(mesh)
+    glb.node(mesh, scale=[1e-40] * 3)
+    before, after = animated_without_motion(glb.save(tmp_path / "a.glb"))
+    np.testing.assert_array_equal(after.vertices, before.vertices)
+    targets = [
+        after.document.array(each["primitives"][0]["targets"][0]["POSITION"]) for each in after.document.gltf["meshes"]
+    ]
+    assert sorted(target.max() for target in targets) == [0, 1]

@@ -1,0 +1,107 @@
+"""Give every character file a puppet, move it by one recorded clip, and print a row of what came of it.
+
+python -m benchmarks.characters LOG OUTPUT FILE_OR_FOLDER [FILE_OR_FOLDER …]
+
+Folders are searched. OUTPUT is a folder for the puppets, the animated characters and a contact sheet of all: the rest
+pose and four moments of each.
+"""
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from engine_bridge import puppet as puppet_file
+from engine_bridge.convert import Clip, Settings, load_rig, load_timeline, perform, write
+from engine_bridge.gltf.character import CHARACTER_FILES, load_character
+from engine_bridge.preview import View, contact_sheet, render
+from engine_bridge.proposal import new_puppet
+from puppetline.errors import PuppetlineError
+from solver import reduced_model
+from solver.binding import Binding
+from solver.deformer import to_file_units
+
+VALIDATOR = Path(__file__).parents[1] / "tests" / "peers" / "validate.mjs"
+MOMENTS = 4
+TILE_SIZE = (200, 200)
+HEADER = """| character | vertices | parts | repaired | pre-computation, s | handles | targets | largest error | \
+stretch p99 | parts apart, worst | validator before → after |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+
+def main() -> None:
+    log, output, *places = map(Path, sys.argv[1:])
+    output.mkdir(parents=True, exist_ok=True)
+    files = sorted({file for place in places for file in (_characters(place) if place.is_dir() else [place])})
+    print(HEADER)
+    tiles, labels = [], []
+    for file in files:
+        try:
+            row, pictures = _play(file, log, output)
+        except PuppetlineError as error:
+            row = f"refused: found {error.found}; expected {error.expected}" + " |" * 9
+        else:
+            tiles += pictures
+            labels += [file.stem, *[""] * MOMENTS]
+        print(f"| {file.name} | {row} |", flush=True)
+    contact_sheet(tiles, labels, 1 + MOMENTS, output / "characters.png", f"{len(labels) // (1 + MOMENTS)} characters")
+
+
+def _characters(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.suffix.lower() in CHARACTER_FILES]
+
+
+def _play(file: Path, log: Path, output: Path) -> tuple[str, list[np.ndarray]]:
+    puppet = output / f"{file.stem}.toml"
+    puppet_file.dump(new_puppet(file, puppet, handles={}, maps={}).puppet, puppet)
+    character = load_character(file)
+    mesh = character.solver_mesh()
+    start = time.perf_counter()
+    reduced_model.build(mesh)
+    seconds = time.perf_counter() - start
+    rig = load_rig(puppet)
+    timeline, notes = load_timeline(log, Settings())
+    clip = perform(rig, timeline, Settings(), notes, lambda *_: None)
+    found = write(clip, output / f"{file.stem}.glb", log.stem, Settings(), lambda *_: None)
+    columns = [
+        f"{len(character.vertices):,}",
+        mesh.parts,
+        "; ".join(mesh.repairs.describe()) or "–",
+        f"{seconds:.2f}",
+        len(rig.puppet.handle),
+        found.targets,
+        f"{found.error:.2g}",
+        f"{found.stretch_p99:.3f}",
+        "–" if found.parts_apart is None else f"{found.parts_apart:.2g}",
+        f"{_faults(file)} → {_faults(Path(found.output))}",
+    ]
+    return " | ".join(map(str, columns)), _pictures(clip)
+
+
+def _faults(path: Path) -> str:
+    """Return the validator's errors and warnings; a dash for what is no glTF."""
+    node = shutil.which("node")
+    if node is None or path.suffix.lower() not in (".glb", ".gltf"):
+        return "–"
+    text = subprocess.run([node, VALIDATOR, path], capture_output=True, text=True, check=True).stdout
+    report = json.loads(text)[str(path)]
+    return f"{report['errors']}/{report['warnings']}"
+
+
+def _pictures(clip: Clip) -> list[np.ndarray]:
+    """Draw the rest pose, and the moments evenly spaced over the clip."""
+    rig = clip.rig
+    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
+    chosen = np.linspace(0, len(clip.frames) - 1, MOMENTS + 1).astype(int)[1:]
+    solved = np.array([binding.vertices(to_file_units(clip.frames[index], rig.model)) for index in chosen])
+    poses = np.concatenate([rig.character.vertices[None], solved[:, rig.mesh.of_render]]) @ rig.puppet.character.basis.T
+    view = View.around(poses)
+    return [render(pose, rig.character.triangles, view, TILE_SIZE, rig.character.colors) for pose in poses]
+
+
+if __name__ == "__main__":
+    main()

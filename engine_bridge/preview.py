@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.files import written_whole
+from solver.patches import wound_alike
 
 SUPERSAMPLING = 2
 MAP_SIZE = 256
@@ -248,7 +249,7 @@ def _smooth_normals(mesh: NDArray[np.float64], triangles: NDArray[np.int64]) -> 
     places, faces = mesh[first], place_of[triangles]
     i, j, k = np.sort(faces, axis=1).T
     _, first = np.unique((i * len(places) + j) * len(places) + k, return_index=True)
-    faces, _ = igl.bfs_orient(faces[np.sort(first)])
+    faces, _ = wound_alike(faces[np.sort(first)])
     normals: NDArray[np.float64] = np.nan_to_num(igl.per_vertex_normals(places, faces))[place_of]
     return normals
 

@@ -2,14 +2,18 @@
 
 import base64
 import io
-from functools import cached_property
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from engine_bridge.gltf import schema
 from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.schema import Primitive
+
+MOST_PIXELS = 8192 * 8192
+"""Of all pictures of a character; whichever goes beyond is not shown."""
 
 
 class Appearance:
@@ -22,6 +26,8 @@ class Appearance:
 
     def __init__(self, document: Document) -> None:
         self._document = document
+        self._pixels = 0
+        self._pictures: dict[int, NDArray[np.uint8] | None] = {}
 
     def of(self, primitive: Primitive, count: int) -> NDArray[np.float64] | None:
         """Return vertex colour times the material's colour times its texture where the vertex lies on it.
@@ -43,38 +49,44 @@ class Appearance:
             texture = surface["baseColorTexture"]
             uv = self._document.attribute(primitive, f"TEXCOORD_{texture.get('texCoord', 0)}", count, 2)
             source = self._document.gltf["textures"][texture["index"]].get("source")
-            picture = None if source is None else self._pictures.get(source)
+            picture = None if source is None else self._picture(source)
             if uv is not None and picture is not None:
                 colors *= _sample(picture, uv)
         return colors
 
-    @cached_property
-    def _pictures(self) -> dict[int, NDArray[np.float32]]:
-        """(height, width, 3) linear RGB of each picture that can be opened."""
-        found = {}
-        for index, image in enumerate(self._document.gltf["images"]):
+    def _picture(self, source: int) -> NDArray[np.uint8] | None:
+        """Return the (height, width, 3) sRGB of a picture, or None where it cannot be opened."""
+        if source not in self._pictures:
             try:
-                if "bufferView" in image:
-                    view = self._document.gltf["bufferViews"][image["bufferView"]]
-                    start = view.get("byteOffset", 0)
-                    content = bytes(self._document.blob[start : start + view["byteLength"]])
-                else:
-                    content = base64.b64decode(image.get("uri", "").partition(",")[2])
-                picture = Image.open(io.BytesIO(content))
-                picture.thumbnail((1024, 1024))
-                found[index] = _linear(np.asarray(picture.convert("RGB"), dtype=np.float32) / np.float32(255))
-            except Exception:  # noqa: S112 - a preview without this picture is what is left, whatever is wrong
-                continue
-        return found
+                self._pictures[source] = self._opened(self._document.gltf["images"][source])
+            except Exception:
+                self._pictures[source] = None
+        return self._pictures[source]
+
+    def _opened(self, image: schema.Image) -> NDArray[np.uint8]:
+        if "bufferView" in image:
+            view = self._document.gltf["bufferViews"][image["bufferView"]]
+            start = view.get("byteOffset", 0)
+            content = bytes(self._document.blob[start : start + view["byteLength"]])
+        else:
+            content = base64.b64decode(image.get("uri", "").partition(",")[2])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of its size, which is checked here
+            picture = Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP"))
+        self._pixels += picture.width * picture.height
+        if self._pixels > MOST_PIXELS:
+            raise ValueError(f"{self._pixels} pixels")
+        picture.thumbnail((1024, 1024))
+        return np.asarray(picture.convert("RGB"))
 
 
-def _sample(picture: NDArray[np.float32], uv: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Take the nearest pixel of each vertex; a picture repeats beyond its edges."""
+def _sample(picture: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Take the nearest pixel of each vertex in linear RGB; a picture repeats beyond its edges."""
     height, width = picture.shape[:2]
     place = np.nan_to_num(uv) % 1.0
     column = np.minimum((place[:, 0] * width).astype(int), width - 1)
     row = np.minimum((place[:, 1] * height).astype(int), height - 1)
-    return picture[row, column]
+    return _linear(picture[row, column].astype(np.float32) / np.float32(255))
 
 
 def _linear(srgb: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -153,6 +153,7 @@ def make_character(
     return from_document(assemble(shaded(Surface([piece]), title), title))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused when they are welded
 def from_document(document: Document) -> Character:
     """Find the surfaces of a document's scene.
 
@@ -221,7 +222,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
         if normals is not None:
-            normals = _unit((normals[:, None] @ np.linalg.pinv(linear))[:, 0])
+            normals = _unit(np.nan_to_num((normals[:, None] @ np.linalg.pinv(linear))[:, 0], posinf=0, neginf=0))
         yield Part(
             node=node,
             primitive=index,

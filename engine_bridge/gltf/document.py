@@ -15,7 +15,7 @@ from PIL import Image
 
 from engine_bridge.files import written_whole
 from engine_bridge.gltf import schema
-from engine_bridge.gltf.schema import Accessor, Buffer, BufferView, Gltf, Kind, Primitive
+from engine_bridge.gltf.schema import Accessor, BufferView, Gltf, Kind, Primitive
 from puppetline.errors import MeshError, OutputError, at
 
 COMPONENTS: dict[int, type] = {
@@ -33,6 +33,9 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 MAGIC = b"glTF"
 LARGEST_GLB = 2**32 - 1
 """Bytes; a .glb states its length in 32 bits."""
+
+SPARE_LEVELS = 200
+"""How much deeper than a file's its description could be nested."""
 
 UNPACKERS = {
     "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
@@ -262,33 +265,48 @@ class Document:
                 self.notes.append(f"The copy of the mesh that is packed with {extension} is left out.")
 
     def _take_in_buffers(self, path: Path, binary: bytes) -> None:
-        """Join all buffers into one."""
-        starts = []
+        """Join all buffers into one; a file is there once, however many buffers name it."""
+        starts: list[int] = []
+        taken: dict[Path | int, tuple[int, int]] = {}
         for number, buffer in enumerate(self.gltf["buffers"]):
-            starts.append(self._pad())
-            self.blob += _buffer_bytes(path, buffer, binary if number == 0 else b"")
+            uri = buffer.get("uri")
+            source = number if uri is None or uri.startswith("data:") else _beside(path, uri)
+            if source not in taken:
+                start = self._pad()
+                self.blob += _buffer_bytes(path, uri, binary if number == 0 else b"")
+                taken[source] = start, len(self.blob) - start
+            start, there = taken[source]
+            if there < buffer["byteLength"]:
+                raise damaged(path, f"{there:,} bytes of data of {buffer['byteLength']:,} announced")
+            starts.append(start)
         for view in self.gltf["bufferViews"]:
             view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
             view["buffer"] = 0
 
     def _take_in_images(self, path: Path) -> None:
         """Bring pictures that lie beside the file into the buffer: the result may be written elsewhere."""
+        taken: dict[Path, tuple[str, int]] = {}
         for image in self.gltf["images"]:
             uri = image.get("uri")
             if uri is None or uri.startswith("data:"):
                 continue
             file = _beside(path, uri)
-            try:
-                content = file.read_bytes()
-            except FileNotFoundError:
-                content = _white_pixel()
-                self.notes.append(f"The picture {uri!r} is not there: white takes its place.")
-            except OSError as error:
-                raise _not_beside(path, uri) from error
+            if file not in taken:
+                content = self._picture(path, uri)
+                kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+                taken[file] = kind, self.add_view(content)
             image.setdefault("name", file.stem)
-            image["mimeType"] = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
-            image["bufferView"] = self.add_view(content)
+            image["mimeType"], image["bufferView"] = taken[file]
             del image["uri"]
+
+    def _picture(self, path: Path, uri: str) -> bytes:
+        try:
+            return _beside(path, uri).read_bytes()
+        except FileNotFoundError:
+            self.notes.append(f"The picture {uri!r} is not there: white takes its place.")
+            return _white_pixel()
+        except OSError as error:
+            raise _not_beside(path, uri) from error
 
 
 def _description(path: Path, text: bytes) -> Gltf:
@@ -302,11 +320,23 @@ def _description(path: Path, text: bytes) -> Gltf:
         if not isinstance(values, dict):
             raise ValueError(f"a {type(values).__name__} and not an object")
         gltf = schema.checked(values)
+        _check_that_it_can_be_written(values)
     except (ValueError, RecursionError) as error:
         raise damaged(path, f"a description that is not glTF ({error})") from error
     if not gltf["asset"]["version"].startswith("2."):
         raise damaged(at(path, field="asset.version"), f"glTF {gltf['asset']['version'][:20]}")
     return gltf
+
+
+def _check_that_it_can_be_written(values: dict[str, Any]) -> None:
+    """Raise an error for numbers like 1e999, halves of characters, and brackets nested too deeply.
+
+    What writes it will stand deeper in the call stack: so much nesting must be to spare.
+    """
+    deeper: Any = values
+    for _ in range(SPARE_LEVELS):
+        deeper = [deeper]
+    json.dumps(deeper, ensure_ascii=False, allow_nan=False).encode()
 
 
 def _chunks(path: Path, content: bytes) -> tuple[bytes, bytes]:
@@ -331,31 +361,26 @@ def _component(code: int, where: str) -> np.dtype[Any]:
     return np.dtype(COMPONENTS[code])
 
 
-def _buffer_bytes(path: Path, buffer: Buffer, binary: bytes) -> bytes:
+def _buffer_bytes(path: Path, uri: str | None, binary: bytes) -> bytes:
     """Return one buffer's bytes: the binary chunk, a data URI, or a file in the same folder or below."""
-    uri, size = buffer.get("uri"), buffer["byteLength"]
     if uri is None:
-        found = binary
-    elif uri.startswith("data:"):
+        return binary
+    if uri.startswith("data:"):
         try:
-            found = base64.b64decode(uri.partition(",")[2], validate=True)
+            return base64.b64decode(uri.partition(",")[2], validate=True)
         except (binascii.Error, ValueError) as error:
             raise damaged(path, f"a data URI that is not base64 ({error})") from error
-    else:
-        try:
-            found = _beside(path, uri).read_bytes()
-        except OSError as error:
-            raise _not_beside(path, uri) from error
-    if len(found) < size:
-        raise damaged(path, f"{len(found):,} bytes of data of {size:,} announced")
-    return found[:size]
+    try:
+        return _beside(path, uri).read_bytes()
+    except OSError as error:
+        raise _not_beside(path, uri) from error
 
 
 def _beside(path: Path, uri: str) -> Path:
     """Return where a file that a glTF names must lie: in its folder or below."""
     try:
         file = (path.parent / unquote(uri).replace("\\", "/")).resolve()
-        if file.is_relative_to(path.parent.resolve()):
+        if file.is_relative_to(path.parent.resolve()) and (file.is_file() or not file.exists()):
             return file
     except (OSError, ValueError):  # a name too long, a zero byte in it, links in a circle
         pass

@@ -11,11 +11,19 @@ from engine_bridge.gltf.document import Document, damaged
 from engine_bridge.gltf.schema import Gltf, Node, Primitive
 from puppetline.errors import MeshError, at
 
+MOST_SETS = 16
+"""Sets of 4 joints that a vertex may follow; any number of them could share one array of a small file."""
+
 
 def top_nodes(gltf: Gltf) -> list[int]:
     """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
     if gltf["scenes"]:
         return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", []))
+    return _roots(gltf)
+
+
+def _roots(gltf: Gltf) -> list[int]:
+    """Return the nodes that are nobody's children."""
     children = {child for node in gltf["nodes"] for child in node.get("children", [])}
     return [index for index in range(len(gltf["nodes"])) if index not in children]
 
@@ -28,8 +36,12 @@ def shown_nodes(document: Document) -> list[int]:
     MeshError
         Nodes that are no tree.
     """
-    nodes = document.gltf["nodes"]
-    return [index for index, _ in _walk(document, top_nodes(document.gltf)) if "mesh" in nodes[index]]
+    nodes, tops = document.gltf["nodes"], top_nodes(document.gltf)
+    shown = [index for index, _ in _walk(document, tops) if "mesh" in nodes[index]]
+    inner = set(tops).difference(_roots(document.gltf))
+    if inner:  # what it hangs on is not shown, and yet moves it
+        raise _no_tree(document, min(inner), "a node at the top of the scene that has a parent")
+    return shown
 
 
 def world_transforms(document: Document) -> NDArray[np.float64]:
@@ -38,10 +50,8 @@ def world_transforms(document: Document) -> NDArray[np.float64]:
     Nodes outside the shown scene count from the top of their own tree: joints may stand there.
     """
     gltf = document.gltf
-    children = {child for node in gltf["nodes"] for child in node.get("children", [])}
-    roots = [index for index in range(len(gltf["nodes"])) if index not in children]
     transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
-    for index, parent in _walk(document, roots):
+    for index, parent in _walk(document, _roots(gltf)):
         above = np.eye(4) if parent is None else transforms[parent]
         transforms[index] = above @ _local_transform(gltf["nodes"][index])
     return transforms
@@ -55,25 +65,29 @@ def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | Non
     while waiting:
         index, parent = waiting.pop()
         if index in seen:
-            raise MeshError(
-                at(document.name, field=f"nodes[{index}]"),
-                found="a node that is its own ancestor, or has two parents",
-                expected="a tree of nodes",
-                fix="The file is damaged: export it again.",
-            )
+            raise _no_tree(document, index, "a node that is its own ancestor, or has two parents")
         seen.add(index)
         yield index, parent
         waiting.extend((child, index) for child in reversed(nodes[index].get("children", [])))
+
+
+def _no_tree(document: Document, node: int, found: str) -> MeshError:
+    return MeshError(
+        at(document.name, field=f"nodes[{node}]"),
+        found=found,
+        expected="a tree of nodes",
+        fix="The file is damaged: export it again.",
+    )
 
 
 def _local_transform(node: Node) -> NDArray[np.float64]:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     transform = np.eye(4)
-    rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]))
+    rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=np.float64)
     if rotation.any():
-        transform[:3, :3] = Rotation.from_quat(rotation).as_matrix()
-    transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]))
+        transform[:3, :3] = Rotation.from_quat(rotation / np.abs(rotation).max()).as_matrix()
+    transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=np.float64)
     transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return transform
 
@@ -114,6 +128,8 @@ def skinning(
             raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
         joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
+    if len(sets) > MOST_SETS:
+        raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
     indices = _columns(document, primitive, [f"JOINTS_{name}" for name in sets], count)
     weights = _columns(document, primitive, [f"WEIGHTS_{name}" for name in sets], count)
     if not sets or indices.shape != weights.shape:

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from pydantic import ConfigDict, FailFast, Field, TypeAdapter, ValidationError, with_config
 from typing_extensions import TypedDict  # pydantic asks for this one below Python 3.12
 
 T = TypeVar("T")
@@ -21,6 +21,7 @@ Numbers2 = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Numbers3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Numbers4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
+Many = Annotated[list[T], FailFast()]  # one fault is enough: a list of them all would outgrow the file
 Attributes = dict[str, Index]
 Kind = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
 
@@ -46,21 +47,21 @@ class AssetTable(TypedDict):
 class Scene(Named):
     """The nodes at the top."""
 
-    nodes: NotRequired[list[Index]]
+    nodes: NotRequired[Many[Index]]
 
 
 @with_config(_OPEN)
 class Node(Named):
     """A place in the tree, and what is shown there."""
 
-    children: NotRequired[list[Index]]
+    children: NotRequired[Many[Index]]
     mesh: NotRequired[Index]
     skin: NotRequired[Index]
     matrix: NotRequired[Matrix]
     translation: NotRequired[Numbers3]
     rotation: NotRequired[Numbers4]
     scale: NotRequired[Numbers3]
-    weights: NotRequired[list[Number]]
+    weights: NotRequired[Many[Number]]
 
 
 @with_config(_OPEN)
@@ -71,22 +72,22 @@ class Primitive(Named):
     indices: NotRequired[Index]
     material: NotRequired[Index]
     mode: NotRequired[Index]
-    targets: NotRequired[list[Attributes]]
+    targets: NotRequired[Many[Attributes]]
 
 
 @with_config(_OPEN)
 class Mesh(Named):
     """Primitives with one set of morph target weights."""
 
-    primitives: list[Primitive]
-    weights: NotRequired[list[Number]]
+    primitives: Many[Primitive]
+    weights: NotRequired[Many[Number]]
 
 
 @with_config(_OPEN)
 class Skin(Named):
     """The joints that vertices follow."""
 
-    joints: list[Index]
+    joints: Many[Index]
     inverseBindMatrices: NotRequired[Index]
     skeleton: NotRequired[Index]
 
@@ -128,8 +129,8 @@ class Accessor(Named):
     byteOffset: NotRequired[Index]
     normalized: NotRequired[bool]
     sparse: NotRequired[Sparse]
-    min: NotRequired[list[Number]]
-    max: NotRequired[list[Number]]
+    min: NotRequired[Many[Number]]
+    max: NotRequired[Many[Number]]
 
 
 @with_config(_OPEN)
@@ -225,8 +226,8 @@ class Sampler(TypedDict):
 class Animation(Named):
     """Channels that play together."""
 
-    channels: list[Channel]
-    samplers: list[Sampler]
+    channels: Many[Channel]
+    samplers: Many[Sampler]
 
 
 @with_config(_OPEN)
@@ -235,19 +236,19 @@ class Gltf(Named):
 
     asset: AssetTable
     scene: NotRequired[Index]
-    scenes: list[Scene]
-    nodes: list[Node]
-    meshes: list[Mesh]
-    skins: list[Skin]
-    accessors: list[Accessor]
-    bufferViews: list[BufferView]
-    buffers: list[Buffer]
-    images: list[Image]
-    textures: list[Texture]
-    materials: list[Material]
-    animations: list[Animation]
-    extensionsUsed: list[str]
-    extensionsRequired: list[str]
+    scenes: Many[Scene]
+    nodes: Many[Node]
+    meshes: Many[Mesh]
+    skins: Many[Skin]
+    accessors: Many[Accessor]
+    bufferViews: Many[BufferView]
+    buffers: Many[Buffer]
+    images: Many[Image]
+    textures: Many[Texture]
+    materials: Many[Material]
+    animations: Many[Animation]
+    extensionsUsed: Many[str]
+    extensionsRequired: Many[str]
 
 
 LISTS = tuple(name for name in Gltf.__annotations__ if name in Gltf.__required_keys__ and name != "asset")

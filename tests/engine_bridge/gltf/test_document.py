@@ -1,6 +1,7 @@
 import base64
 import io
 import json
+import os
 import struct
 
 import numpy as np
@@ -400,3 +401,47 @@ def test_a_picture_elsewhere_is_refused(tmp_path, uri):
     with pytest.raises(MeshError) as error:
         Document.load(folder / "a.gltf")
     assert repr(uri) in error.value.found
+
+
+def test_a_file_that_many_buffers_and_pictures_name_is_taken_in_once(tmp_path):
+    (tmp_path / "a.bin").write_bytes(b"12345678")
+    (tmp_path / "a.png").write_bytes(b"\x89PNG 8 bytes")
+    buffers = [{"byteLength": size, "uri": uri} for size in (8, 3) for uri in ("a.bin", "./a.bin", "%61.bin")]
+    views = [{"buffer": number, "byteOffset": 1, "byteLength": 2} for number in range(len(buffers))]
+    images = [{"uri": "a.png"}, {"uri": "./a.png"}]
+    document = Document.load(
+        write_gltf(tmp_path / "a.gltf", description(buffers=buffers, bufferViews=views, images=images))
+    )
+    assert bytes(document.blob) == b"12345678\x89PNG 8 bytes"
+    assert [view["byteOffset"] for view in document.gltf["bufferViews"]] == [1] * 6 + [8]
+    assert [image["bufferView"] for image in document.gltf["images"]] == [6, 6]
+
+
+def test_each_buffer_of_a_shared_file_has_to_have_its_bytes(tmp_path):
+    (tmp_path / "a.bin").write_bytes(b"12345678")
+    buffers = [{"byteLength": size, "uri": "a.bin"} for size in (8, 9)]
+    error = refused(write_gltf(tmp_path / "a.gltf", description(buffers=buffers)))
+    assert error.found == "8 bytes of data of 9 announced"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are Unix's")
+@pytest.mark.parametrize("table", ["buffers", "images"])
+def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path, table):
+    os.mkfifo(tmp_path / "pipe.bin")
+    entry = {"uri": "pipe.bin", "byteLength": 1}
+    assert (
+        "which is not a file beside it"
+        in refused(write_gltf(tmp_path / "a.gltf", description(**{table: [entry]}))).found
+    )
+
+
+@pytest.mark.parametrize("value", [b"1e999", b'"\\ud800"', b"-1e999"])
+def test_what_could_not_be_written_again_is_refused_wherever_it_stands(tmp_path, value):
+    path = tmp_path / "a.gltf"
+    path.write_bytes(b'{"asset": {"version": "2.0"}, "extras": {"own": [%s]}}' % value)
+    assert "a description that is not glTF" in refused(path).found
+
+
+def test_of_many_faults_the_first_is_told(tmp_path):
+    error = refused(write_gltf(tmp_path / "a.gltf", description(nodes=[{}, *[1] * 100_000])))
+    assert error.found == "a description that is not glTF (nodes[1]: Input should be a valid dictionary)"

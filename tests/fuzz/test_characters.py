@@ -1,0 +1,61 @@
+"""Damaged character files: each is refused, or read and written as an animated .glb that holds the same again."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from engine_bridge.gltf.character import load_character
+from solver.reduced_model import ModelParameters, build
+
+REAL = {
+    "gltf/nested.glb": 30,
+    "gltf/cubevc.glb": 30,
+    "gltf/khronos_Fox.glb": 8,
+    "gltf/kenney/character.glb": 8,
+    "nasty/wallhole.obj": 30,
+    "nasty/negative_indices.obj": 30,
+    "nasty/not_convex.obj": 30,
+    "nasty/two_triangles.off": 30,
+    "nasty/busted.STL": 5,
+    "suzanne.obj": 8,
+    "fuze/fuze.obj": 8,
+}
+"""Small files of other people, and how often each is damaged in each way."""
+
+
+def test_each_undamaged_file_goes_all_the_way(whole, go):
+    assert len(go(whole).triangles) >= 48
+
+
+def test_damaged_files_are_read_or_refused(corpus_and_kind, try_damaged):
+    path, kind = corpus_and_kind
+    outcomes = try_damaged(path, kind, 100)
+    assert min(outcomes.values()) >= 3  # else the damage is too little or too much
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, kit, try_damaged, name):
+    original = real_data / "mesh" / name
+    path = tmp_path / "own" / original.name
+    if "/" in name:  # with its pictures
+        shutil.copytree(original.parent, path.parent)
+    else:
+        path.parent.mkdir()
+    whole = original.read_bytes()
+    for kind in kit.of_kind(name):
+        path.write_bytes(whole)
+        outcomes = try_damaged(path, kind, REAL[name])
+        assert sum(outcomes.values()) >= 1
+
+
+@pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
+def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, kit, try_damaged, name):
+    def road(path):
+        model = build(load_character(path).solver_mesh(), ModelParameters(fields=4, isolines=5))
+        for array in (model.A, model.B, model.gram, model.ladder, model.covariance, model.edges):
+            assert np.isfinite(array).all()
+
+    (folder / name).write_bytes(kit.corpus[name])
+    outcomes = try_damaged(folder / name, "arrays" if name.endswith(".glb") else "bytes", 25, road)
+    assert min(outcomes.values()) >= 2

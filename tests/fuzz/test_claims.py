@@ -1,0 +1,293 @@
+"""Small files that claim, name or unfold to much: the answer takes no more memory and time than a good file's."""
+
+import contextlib
+import json
+import os
+import struct
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.surfaces.readers import read_surface
+from puppetline.errors import MeshError
+
+MEASURE = Path(__file__).with_name("measure.py")
+
+MB = 2**20
+HUNDRED = 10**8
+
+needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="limits and peaks of memory are asked of Linux")
+
+
+def png(width, height):
+    """A black picture in as few bytes as possible."""
+    rows = zlib.compress(bytes((width + 7) // 8 + 1) * height, 9)
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+
+
+def with_bytes(gltf, binary, more):
+    """Append a buffer view and return its index and the bytes."""
+    binary += bytes(-len(binary) % 4)
+    gltf["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(more)})
+    gltf["buffers"][0]["byteLength"] = len(binary) + len(more)
+    return len(gltf["bufferViews"]) - 1, binary + more
+
+
+def counted(which, count):
+    def change(gltf, binary):
+        primitive = gltf["meshes"][0]["primitives"][0]
+        index = primitive["indices"] if which == "indices" else primitive["attributes"][which]
+        gltf["accessors"][index]["count"] = count
+        return binary
+
+    return change
+
+
+def zeros(gltf, binary):
+    del gltf["accessors"][0]["bufferView"]
+    gltf["accessors"][0]["count"] = HUNDRED
+    return binary
+
+
+def buffer(gltf, binary):
+    gltf["buffers"][0]["byteLength"] = HUNDRED
+    return binary
+
+
+def no_stride(gltf, binary):
+    gltf["bufferViews"][0]["byteStride"] = 0
+    gltf["accessors"][0]["count"] = HUNDRED
+    return binary
+
+
+def sparse(gltf, binary):
+    gltf["accessors"][0]["sparse"] = {
+        "count": HUNDRED,
+        "indices": {"bufferView": 0, "componentType": 5125},
+        "values": {"bufferView": 0},
+    }
+    return binary
+
+
+def same_mesh_again_and_again(gltf, binary):
+    gltf["meshes"][0]["primitives"] *= 3000
+    gltf["nodes"] = [{"mesh": 0}] * 3000
+    gltf["scenes"] = [{"nodes": list(range(3000))}]
+    return binary
+
+
+def same_array_again_and_again(gltf, binary):
+    gltf["accessors"].append({"componentType": 5126, "count": 20_000, "type": "VEC3"})
+    shared = {"attributes": {"POSITION": len(gltf["accessors"]) - 1}}
+    gltf["meshes"][0]["primitives"] += [shared] * 8000
+    return with_bytes(gltf, binary, bytes(20_000))[1]
+
+
+def more_joints_than_any(gltf, binary):
+    attributes = gltf["meshes"][0]["primitives"][0]["attributes"]
+    for number in range(5000):
+        attributes |= {f"JOINTS_{number}": attributes["JOINTS_0"], f"WEIGHTS_{number}": attributes["WEIGHTS_0"]}
+    return binary
+
+
+def faults_without_end(gltf, binary):
+    gltf["nodes"] = [1] * 300_000
+    return binary
+
+
+def painted_with(picture, copies):
+    def change(gltf, binary):
+        view, binary = with_bytes(gltf, binary, picture)
+        primitive, material = gltf["meshes"][0]["primitives"][0], gltf["materials"][0]
+        gltf["images"] = [{"bufferView": view}] * copies
+        gltf["textures"] = [{"source": number} for number in range(copies)]
+        surface = material["pbrMetallicRoughness"]
+        gltf["materials"] = [
+            {"pbrMetallicRoughness": {**surface, "baseColorTexture": {"index": number}}} for number in range(copies)
+        ]
+        gltf["meshes"][0]["primitives"] = [{**primitive, "material": number} for number in range(copies)]
+        return binary
+
+    return change
+
+
+def names_itself(kind):
+    def change(gltf, binary):
+        gltf[kind] += [{"byteLength": 1, "uri": "itself.glb"}] * 3000
+        gltf["extras"] = "x" * 10**6
+        return binary
+
+    return change
+
+
+GLTF = {
+    "positions": ("textured.glb", counted("POSITION", HUNDRED)),
+    "indices": ("textured.glb", counted("indices", HUNDRED)),
+    "positions beyond 64 bits": ("textured.glb", counted("POSITION", 2**64)),
+    "zeros": ("textured.glb", zeros),
+    "buffer": ("textured.glb", buffer),
+    "no stride": ("textured.glb", no_stride),
+    "sparse": ("textured.glb", sparse),
+    "same mesh": ("textured.glb", same_mesh_again_and_again),
+    "same array": ("textured.glb", same_array_again_and_again),
+    "joints": ("skinned.glb", more_joints_than_any),
+    "faults": ("textured.glb", faults_without_end),
+}
+"""All of these are refused."""
+
+UNFOLDED = {
+    "one large picture": painted_with(png(30_000, 30_000), 1),
+    "one long picture": painted_with(png(2**27, 1), 1),
+    "many pictures": painted_with(png(1024, 1024), 1000),
+    "bytes that are the file": names_itself("buffers"),
+    "pictures that are the file": names_itself("images"),
+}
+"""All of these are read, as far as there is room."""
+
+
+def announced(content, old, new):
+    assert old in content
+    return content.replace(old, new)
+
+
+def surfaces(corpus):
+    """Mesh files of a kilobyte or so that claim a gigabyte or so."""
+    stl, obj, off = corpus["binary.stl"], corpus["a.obj"], corpus["a.off"]
+    files = {"count.stl": stl[:80] + b"\xff" * 4 + stl[84:], "index.obj": obj + b"f 1 2 1000000000\n"}
+    files["vertices.off"] = announced(off, b"26 48 0", b"1000000000 48 0")
+    files["faces.off"] = announced(off, b"26 48 0", b"26 1000000000 0")
+    files["corners.off"] = off.replace(b"\n3 ", b"\n1000000000 ", 1)
+    for kind in ("text", "little", "big"):
+        ply = corpus[f"{kind}.ply"]
+        for element, count in (("vertex", 26), ("face", 48)):
+            large = f"element {element} 1000000000".encode()
+            files[f"{kind}_{element}.ply"] = announced(ply, f"element {element} {count}".encode(), large)
+        listed = b"property list uint int vertex_indices"
+        if kind != "text":
+            files[f"{kind}_list.ply"] = announced(ply, b"property list uchar int vertex_indices", listed)
+    return files
+
+
+def chunks(whole):
+    """A .glb that says that all of it, or its description, is as long as can be."""
+    for place in (8, 12):
+        yield whole[:place] + b"\xff" * 4 + whole[place + 4 :]
+
+
+def measured(good, paths):
+    """What `measure.py` says of files: the error's kind, peak in bytes and seconds of each."""
+    command = [sys.executable, MEASURE, good, *paths]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    lines = subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout.splitlines()
+    assert len(lines) == len(paths)
+    return [json.loads(line) for line in lines]
+
+
+@pytest.fixture
+def good(kit, folder):
+    """Write a good .glb of at least as many bytes as asked for."""
+    points, faces = igl.icosahedron()
+    faces = faces.astype(np.uint32)
+
+    def write(size):
+        vertices, triangles, content = points, faces, b""
+        while len(content) < size:
+            vertices, triangles = igl.upsample(vertices, triangles)
+            position, index = vertices.astype(np.float32).tobytes(), triangles.astype(np.uint32).tobytes()
+            gltf = {
+                "asset": {"version": "2.0"},
+                "buffers": [{"byteLength": len(position) + len(index)}],
+                "bufferViews": [
+                    {"buffer": 0, "byteLength": len(position)},
+                    {"buffer": 0, "byteOffset": len(position), "byteLength": len(index)},
+                ],
+                "accessors": [
+                    {"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3"},
+                    {"bufferView": 1, "componentType": 5125, "count": triangles.size, "type": "SCALAR"},
+                ],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+                "nodes": [{"mesh": 0}],
+            }
+            content = kit.pack(gltf, position + index)
+        path = folder / f"good_{size}.glb"
+        path.write_bytes(content)
+        return path
+
+    return write
+
+
+def changed(kit, origin, change):
+    gltf, binary = kit.parts(origin)
+    binary = change(gltf, binary)
+    return kit.pack(gltf, binary)
+
+
+@pytest.fixture
+def check(folder, good):
+    """Read files that all end alike, in no more than 5 times the memory and time of a good file of their size."""
+
+    def run(contents, kind):
+        for name, content in contents.items():
+            (folder / name).write_bytes(content)
+        sizes = {name: 4 ** int(np.ceil(np.log2(max(len(content), 10_000)) / 2)) for name, content in contents.items()}
+        goods = {size: good(size) for size in sorted(set(sizes.values()))}
+        smallest = next(iter(goods.values()))
+        results = measured(smallest, [*goods.values(), *(folder / name for name in contents)])
+        _, peaks, seconds = zip(*results[: len(goods)], strict=True)
+        peak, second = dict(zip(goods, peaks, strict=True)), dict(zip(goods, seconds, strict=True))
+        for (name, size), (found, more, took) in zip(sizes.items(), results[len(goods) :], strict=True):
+            assert found == kind, name
+            assert more < 5 * (peak[size] + MB), f"{name}: {more / MB:.0f} MB"
+            assert took < 5 * second[size], f"{name}: {took:.2f} s"
+
+    return run
+
+
+@needs_linux
+def test_a_claim_is_refused_in_the_memory_and_time_of_a_good_file(kit, check):
+    contents = {f"{name}.glb": changed(kit, origin, change) for name, (origin, change) in GLTF.items()}
+    contents |= {f"chunk {number}.glb": content for number, content in enumerate(chunks(kit.corpus["textured.glb"]))}
+    check(contents | surfaces(kit.corpus), "MeshError")
+
+
+@needs_linux
+@pytest.mark.parametrize("name", UNFOLDED)
+def test_what_unfolds_is_read_within_bounds(kit, folder, name):
+    path = folder / "itself.glb"
+    path.write_bytes(changed(kit, "textured.glb", UNFOLDED[name]))
+    ((found, more, _),) = measured(path, [path])
+    assert found is None
+    assert more < 400 * MB
+
+
+def test_nesting_of_any_depth_is_written_again_or_refused(kit, folder, go):
+    gltf, binary = kit.parts("textured.glb")
+    written = []
+    for depth in (1, 100, 400, *range(500, 1100, 7), 100_000):
+        gltf["extras"] = kit.raw + "[" * depth + "]" * depth
+        (folder / "deep.glb").write_bytes(kit.pack(gltf, binary))
+        with contextlib.suppress(MeshError):
+            go(folder / "deep.glb")
+            written.append(depth)
+    assert written[:3] == [1, 100, 400]
+    assert written[-1] < 1100
+
+
+def test_materials_that_are_not_there_do_not_cost_a_look_through_the_folder_each(kit, folder):
+    materials = b"".join(b"newmtl m%d\nmap_Kd no%d.png\n" % (number, number) for number in range(3000))
+    (folder / "skin.mtl").write_bytes(materials)
+    (folder / "a.obj").write_bytes(kit.corpus["a.obj"])
+    assert len(read_surface(folder / "a.obj").notes) >= 3000
+
+
+def test_a_line_that_names_no_library_for_long_is_read_once(kit, folder):
+    (folder / "a.obj").write_bytes(b"mtllib " + b"a " * 100_000 + b"\n" + kit.corpus["a.obj"])
+    assert len(read_surface(folder / "a.obj").pieces) == 2

@@ -7,20 +7,17 @@ number t: the integer part names the isoline below, the fraction blends towards 
 
 from typing import Literal
 
-import igl
 import numpy as np
+import robust_laplacian
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, diags
+from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from solver.mesh import SolverMesh
 from solver.parts import TOUCHING, Contacts
 
-LEAST_SLACK = 1e-4
-"""By how much, in mean edge lengths, two sides of a triangle are at least longer than the third."""
-
 FIELD_TIE = 100.0
-"""Conductance of each contact between two parts, where a cotangent is about 1: fields hardly jump there."""
+"""Conductance of a contact between two parts that touch, where a cotangent is about 1: fields hardly jump there."""
 
 SHIFT = -0.1
 """Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
@@ -29,20 +26,24 @@ SHIFT = -0.1
 def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     """Build the surface operator of a character, each of its parts by itself.
 
+    Cotangents on the tufted cover, whose edges are flipped until it is Delaunay (Sharp and Crane, *A Laplacian for
+    Nonmanifold Triangle Meshes*, 2020): slivers and edges of many faces do no harm, and no weight is negative.
+
     Returns
     -------
     L : (n, n) sparse float64
-        Cotangent Laplacian, negative semidefinite, rows summing to zero.
+        Negative semidefinite, rows summing to zero.
     mass : (n,) float64
-        Voronoi area of each vertex.
+        Area of each vertex: a third of that of its triangles in the cover.
     """
-    mass = np.asarray(igl.massmatrix(mesh.vertices, mesh.faces, igl.MASSMATRIX_TYPE_VORONOI).diagonal())
-    return _cotangents(mesh), np.maximum(mass, 1e-12 * mass.max())
+    L, M = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
+    mass = M.diagonal()
+    return csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
 
 
-def for_fields(L: csr_matrix, ties: Contacts) -> csr_matrix:
+def for_fields(L: csr_matrix, ties: Contacts, diagonal: float) -> csr_matrix:
     """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines."""
-    return _tied(L, ties, np.full(len(ties.vertices), FIELD_TIE))
+    return _tied(L, ties, FIELD_TIE * _nearness(ties, diagonal))
 
 
 def for_energy(L: csr_matrix, ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> csr_matrix:
@@ -52,36 +53,19 @@ def for_energy(L: csr_matrix, ties: Contacts, mass: NDArray[np.float64], diagona
     its vertex or of the surface opposite, whichever is less, lest a large triangle tear at a small one.
     """
     area = np.minimum(mass[ties.vertices], np.einsum("kc,kc->k", ties.blend, mass[ties.corners]))
-    return _tied(L, ties, area / np.maximum(TOUCHING * diagonal, ties.gap) ** 2)
+    return _tied(L, ties, area / (TOUCHING * diagonal) ** 2 * _nearness(ties, diagonal))
+
+
+def _nearness(ties: Contacts, diagonal: float) -> NDArray[np.float64]:
+    """Return 1 for parts that touch, and less with the square of the distance for those that keep one."""
+    touching = TOUCHING * diagonal
+    return (touching / np.maximum(touching, ties.gap)) ** 2
 
 
 def _tied(L: csr_matrix, ties: Contacts, weight: NDArray[np.float64]) -> csr_matrix:
     """Add Σ weight · jump² to the form of −L: rows still sum to zero, and L stays negative semidefinite."""
     jump = ties.difference(L.shape[0])
     return csr_matrix(L - jump.T @ diags(weight) @ jump) if len(weight) else L
-
-
-def _cotangents(mesh: SolverMesh) -> csr_matrix:
-    """Build the cotangent Laplacian, its edges made a trifle longer where a mesh has needles.
-
-    A triangle whose corners are nearly on a line has cotangents without bound, and one of them spoils the whole system.
-    The same length is added to every edge, as little as lifts the flattest triangle off its line (Sharp and Crane, *A
-    Laplacian for Nonmanifold Triangle Meshes*, 2020); a mesh without needles stays exactly as it is.
-    """
-    points = mesh.vertices[mesh.faces]
-    lengths = np.linalg.norm(np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1), axis=2)  # opposite each corner
-    slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
-    lengths = lengths + max(0.0, LEAST_SLACK * float(lengths.mean()) - float(slack.min()))
-    squares, half = lengths**2, lengths.sum(axis=1) / 2
-    area = np.sqrt(half * (half[:, None] - lengths).prod(axis=1))
-    weights = (squares.sum(axis=1, keepdims=True) - 2 * squares) / (
-        8 * area[:, None]
-    )  # half the cotangent of each corner
-    n = len(mesh.vertices)
-    a, b = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
-    one_way = coo_matrix((weights.ravel(), (a, b)), shape=(n, n))
-    adjacency = csr_matrix(one_way + one_way.T)
-    return csr_matrix(adjacency - diags(np.asarray(adjacency.sum(axis=1)).ravel()))
 
 
 def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -11,10 +11,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from puppetline.errors import MeshError
+from solver.patches import wound_alike
 
 WELD_TOLERANCE = 1e-6
 """Render vertices no farther apart than this, as a fraction of the diagonal, are one solver vertex."""
-
 
 LEAST_VERTICES = 100
 """A coarser surface is split until it has as many, so that isolines have triangles to cross: a cube has 8."""
@@ -276,9 +276,14 @@ def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     return (sides.min(axis=1, initial=np.inf) > 0) & (height > 1e-10 * sides.max(axis=1, initial=0) ** 2)
 
 
-def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Return the indices of faces, ascending, without those between the same corners as an earlier one."""
-    return np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])
+def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Say which faces are not between the same corners as an earlier one."""
+    corners = np.sort(faces, axis=1)
+    order = np.lexsort(corners.T)
+    again = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
+    first = np.ones(len(faces), dtype=bool)
+    first[order[1:][again]] = False
+    return first
 
 
 def _oriented(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -288,7 +293,7 @@ def _oriented(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArra
     that it encloses. An open one is left as most of its area is in the file, and where the file is of two minds it
     takes the side that bulges.
     """
-    turned, patch = igl.bfs_orient(faces)
+    turned, patch = wound_alike(faces)
     corners = vertices[turned] - vertices.mean(axis=0)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     area = np.linalg.norm(normal, axis=1)

@@ -102,10 +102,11 @@ class PartSeparation:
 def contacts(mesh: SolverMesh) -> Contacts:
     """Find what ties the parts of a character to each other, so that all of it hangs together.
 
-    1. A vertex is in contact with the nearest surface of another part within `TOUCHING`, unless the two surfaces face
-       each other across a gap, as those of a hand beside a hip do.
+    1. A vertex is in contact with the nearest surface of another part where that is within `TOUCHING`, or where one of
+       the vertex's edges goes through it; not where the two surfaces face each other across a gap, as those of a hand
+       beside a hip do.
     2. What is still separate is joined where it comes nearest to the rest, again and again until all is one (Borůvka's
-       algorithm): at all of its vertices that are there no more than `TOUCHING` farther away than the nearest.
+       algorithm).
     3. Surfaces that face each other across a gap are tied as well, where they are close along the surface too. Where it
        is a long way from one to the other they belong to two limbs, which will part.
 
@@ -118,18 +119,97 @@ def contacts(mesh: SolverMesh) -> Contacts:
     if part.max() == 0:
         nothing = np.zeros((0, 3))
         return Contacts(np.zeros(0, dtype=np.int64), nothing.astype(np.int64), nothing, np.zeros(0))
-    tree, of_face = SurfaceTree(mesh.vertices[mesh.faces]), part[mesh.faces[:, 0]]
-    face, blend, _ = tree.nearest(mesh.vertices, part, of_face, TOUCHING * mesh.diagonal)
-    vertices = np.flatnonzero(face >= 0)
-    touching = Contacts(vertices, mesh.faces[face[vertices]], blend[vertices], np.zeros(len(vertices)))
-    facing = _facing(mesh, touching)
-    found = [_only(touching, ~facing)]
+    tree = SurfaceTree(mesh.vertices[mesh.faces])
+    touching = TOUCHING * mesh.diagonal
+    near = _nearest(mesh, tree, part, np.maximum(touching, _longest_edges(mesh)))
+    height, cosine = _relief(mesh, near)
+    through = _goes_through(mesh, near, height)
+    close = near.distance <= touching
+    facing = close & ~through & _by_majority(mesh, near, close, (height > GAP * mesh.diagonal) & (cosine < FACING))
+    found = [near.contacts(mesh, (close & ~facing) | through)]
     while (group := _groups(mesh, found)).max() > 0:
         found.append(_join(mesh, tree, group))
+    for some in found:
+        facing[some.vertices] = False
     if facing.any():
-        across = _only(touching, facing)
+        across = near.contacts(mesh, facing)
         found.append(_only(across, _detour(mesh, found, across) <= DETOUR * mesh.diagonal))
     return _all(found)
+
+
+@dataclass(frozen=True)
+class _Near:
+    """The nearest surface point of another part, or group of parts, for each of n vertices.
+
+    Attributes
+    ----------
+    face : (n,) int64
+        −1 where there is none within reach; the others then mean nothing, and the distance is infinite.
+    blend : (n, 3) float64
+    distance : (n,) float64
+    """
+
+    face: NDArray[np.int64]
+    blend: NDArray[np.float64]
+    distance: NDArray[np.float64]
+
+    def contacts(self, mesh: SolverMesh, chosen: NDArray[np.bool_]) -> Contacts:
+        """Tie the vertices that are chosen; only what is farther than `TOUCHING` keeps a distance."""
+        distance = self.distance[chosen]
+        gap = np.where(distance > TOUCHING * mesh.diagonal, distance, 0.0)
+        return Contacts(np.flatnonzero(chosen), mesh.faces[self.face[chosen]], self.blend[chosen], gap)
+
+
+def _nearest(
+    mesh: SolverMesh, tree: SurfaceTree, label: NDArray[np.int32], within: NDArray[np.float64] | float
+) -> _Near:
+    return _Near(*tree.nearest(mesh.vertices, label, label[mesh.faces[:, 0]], np.broadcast_to(within, len(label))))
+
+
+def _longest_edges(mesh: SolverMesh) -> NDArray[np.float64]:
+    """Return the length of the longest edge at each vertex (n,)."""
+    longest = np.zeros(len(mesh.vertices))
+    lengths = np.linalg.norm(mesh.vertices[mesh.edges[:, 0]] - mesh.vertices[mesh.edges[:, 1]], axis=1)
+    for end in mesh.edges.T:
+        np.maximum.at(longest, end, lengths)
+    return longest
+
+
+def _relief(mesh: SolverMesh, near: _Near) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return each vertex's height over the nearest surface, negative inside, and the cosine between the two normals.
+
+    The surface's normal is that of its vertices, blended, so that it is one for both sides of an edge.
+    """
+    normals = igl.per_vertex_normals(mesh.vertices, mesh.faces)
+    corners = mesh.faces[near.face]
+    there = np.einsum("nc,ncx->nx", near.blend, normals[corners])
+    there /= np.maximum(np.linalg.norm(there, axis=1, keepdims=True), 1e-12)
+    away = mesh.vertices - np.einsum("nc,ncx->nx", near.blend, mesh.vertices[corners])
+    return np.einsum("nx,nx->n", away, there), np.einsum("nx,nx->n", normals, there)
+
+
+def _by_majority(mesh: SolverMesh, near: _Near, close: NDArray[np.bool_], said: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Let neighbours that are close to the same part agree on what most of them say: corners and rims err."""
+    part = mesh.components[mesh.faces[near.face, 0]]
+    a, b = mesh.edges[close[mesh.edges].all(axis=1) & (part[mesh.edges[:, 0]] == part[mesh.edges[:, 1]])].T
+    n = len(mesh.vertices)
+    patch = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
+    return (np.bincount(patch, said) > 0.5 * np.bincount(patch))[patch]
+
+
+def _goes_through(mesh: SolverMesh, near: _Near, height: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which vertices are the nearer ends of edges that go through the surface of another part.
+
+    One end is outside, the other inside, and together they are no farther from the surface than the edge is long.
+    """
+    a, b = mesh.edges.T
+    part = mesh.components[mesh.faces[near.face, 0]]
+    length = np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
+    known = (near.face[a] >= 0) & (near.face[b] >= 0) & (part[a] == part[b])
+    crossing = known & (height[a] * height[b] < 0) & (near.distance[a] + near.distance[b] <= length)
+    through = np.zeros(len(mesh.vertices), dtype=bool)
+    through[np.where(near.distance[a] <= near.distance[b], a, b)[crossing]] = True
+    return through
 
 
 def _only(some: Contacts, chosen: NDArray[np.bool_]) -> Contacts:
@@ -145,17 +225,6 @@ def _all(found: list[Contacts]) -> Contacts:
     )
 
 
-def _facing(mesh: SolverMesh, touching: Contacts) -> NDArray[np.bool_]:
-    """Say which contacts are across a gap between two surfaces that face each other."""
-    corners = mesh.vertices[touching.corners]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    own = igl.per_vertex_normals(mesh.vertices, mesh.faces)[touching.vertices]
-    away = mesh.vertices[touching.vertices] - np.einsum("kc,kcx->kx", touching.blend, corners)
-    outside = np.einsum("kx,kx->k", away, normal) > GAP * mesh.diagonal
-    return outside & (np.einsum("kx,kx->k", own, normal) < FACING)
-
-
 def _groups(mesh: SolverMesh, found: list[Contacts]) -> NDArray[np.int32]:
     """Return the (n,) number of the group of tied parts that each vertex belongs to."""
     part = mesh.components
@@ -165,20 +234,20 @@ def _groups(mesh: SolverMesh, found: list[Contacts]) -> NDArray[np.int32]:
 
 
 def _join(mesh: SolverMesh, tree: SurfaceTree, group: NDArray[np.int32]) -> Contacts:
-    """Tie every group but the largest to the group that it is nearest to."""
-    vertices = np.flatnonzero(group != np.bincount(group).argmax())
-    seeking = group[vertices]
-    face, blend, distance = tree.nearest(mesh.vertices[vertices], seeking, group[mesh.faces[:, 0]])
-    target = group[mesh.faces[face, 0]]
-    by_distance = np.lexsort((distance, seeking))
-    first = by_distance[np.unique(seeking[by_distance], return_index=True)[1]]
-    nearest = np.zeros(group.max() + 1, dtype=np.int64)
-    nearest[seeking[first]] = first
-    of = nearest[seeking]
-    touching = TOUCHING * mesh.diagonal
-    tied = (target == target[of]) & (distance <= WIDE * distance[of] + touching)
-    gap = np.where(distance[of] > touching, distance, 0.0)
-    return Contacts(vertices[tied], mesh.faces[face[tied]], blend[tied], gap[tied])
+    """Tie every group of parts to the one that it is nearest to."""
+    near = _nearest(mesh, tree, group, np.inf)
+    count = int(group.max()) + 1
+    target = group[mesh.faces[near.face, 0]]
+    pair = np.minimum(group, target).astype(np.int64) * count + np.maximum(group, target)
+    pairs, of_vertex = np.unique(pair, return_inverse=True)
+    gap = np.full(len(pairs), np.inf)
+    np.minimum.at(gap, of_vertex, near.distance)
+    least = np.full(count, np.inf)
+    for one in np.divmod(pairs, count):
+        np.minimum.at(least, one, gap)
+    chosen = np.logical_or(*(gap == least[one] for one in np.divmod(pairs, count)))
+    reach = WIDE * gap + TOUCHING * mesh.diagonal
+    return near.contacts(mesh, chosen[of_vertex] & (near.distance <= reach[of_vertex]))
 
 
 def _detour(mesh: SolverMesh, found: list[Contacts], across: Contacts) -> NDArray[np.float64]:

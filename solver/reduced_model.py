@@ -198,7 +198,16 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
 
     surface, mass = propagation.laplacian(unit)
     ties = contacts(unit)
-    modes = propagation.propagation_fields(propagation.for_fields(surface, ties), mass, parameters.fields)
+    try:
+        tied = propagation.for_fields(surface, ties, unit.diagonal)
+        modes = propagation.propagation_fields(tied, mass, parameters.fields)
+    except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
+        raise MeshError(
+            mesh.name,
+            found=f"a surface that has no smooth functions ({error})",
+            expected="parts that are near each other for their size, and triangles that are not all needles",
+            fix="Remove what lies far away from the character, or remesh it.",
+        ) from error
     weights = propagation.field_weights(rest, mass, modes)
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 

@@ -49,7 +49,7 @@ class SurfaceTree:
         points: NDArray[np.float64],
         of_point: NDArray[np.integer],
         of_triangle: NDArray[np.integer],
-        within: float = np.inf,
+        within: NDArray[np.float64],
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """Find the nearest surface point with another label for each point.
 
@@ -59,7 +59,7 @@ class SurfaceTree:
         of_point : (n,) int
             Labels, from 0.
         of_triangle : (t,) int
-        within : float
+        within : (n,) float64
             How far to look.
 
         Returns
@@ -85,7 +85,7 @@ class SurfaceTree:
             self._low,
             self._high,
             label,
-            within * within,
+            np.square(within),
         )
         return np.where(slot < 0, -1, self._order[slot]), blend, np.sqrt(square)
 
@@ -110,7 +110,7 @@ def _search(points, of_point, triangles, low, high, label, within):  # type: ign
     stack, distances = np.empty(128, dtype=np.int64), np.empty(128)
     blend = np.empty(3)
     for i in range(n):
-        p, best = points[i], within
+        p, best = points[i], within[i]
         top = 1
         stack[0], distances[0] = 1, 0.0
         while top:

@@ -105,39 +105,6 @@ def two_parts(figure):
 
 
 @pytest.fixture(scope="session")
-def naive_operator():
-    """The cotangent Laplacian and the mixed Voronoi areas of a mesh of one part as dense arrays, face by face."""
-
-    def build(vertices, faces):
-        n = len(vertices)
-        L, mass = np.zeros((n, n)), np.zeros(n)
-        for face in faces:
-            points = vertices[face]
-            area = np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0])) / 2
-            cosines = []
-            for corner in range(3):
-                u, v = points[corner - 2] - points[corner], points[corner - 1] - points[corner]
-                cosines.append(u @ v)
-                cotangent = u @ v / (2 * area)
-                a, b = face[corner - 2], face[corner - 1]
-                L[a, b] += cotangent / 2
-                L[b, a] += cotangent / 2
-                L[a, a] -= cotangent / 2
-                L[b, b] -= cotangent / 2
-            for corner in range(3):
-                if min(cosines) < 0:
-                    mass[face[corner]] += area / 2 if cosines[corner] < 0 else area / 4
-                    continue
-                for other in (corner - 1, corner - 2):
-                    opposite = ({0, 1, 2} - {corner % 3, other % 3}).pop()
-                    edge = points[corner] - points[other]
-                    mass[face[corner]] += cosines[opposite] / (2 * area) * (edge @ edge) / 8
-        return L, mass
-
-    return build
-
-
-@pytest.fixture(scope="session")
 def naive_interpolation():
     """W of X = W R and W_δ, entry by entry: w_i φ_ik(v) [x y z 1]_c and w_i φ_ik(v) δ_c."""
 

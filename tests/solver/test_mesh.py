@@ -2,13 +2,24 @@ import numpy as np
 import pytest
 
 from puppetline.errors import MeshError
-from solver.mesh import SolverMesh, snap, undirected_edges, weld
+from solver import mesh as solver_mesh
+from solver import reduced_model
+from solver.mesh import Repairs, SolverMesh, snap, undirected_edges, weld
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 CUBE = np.concatenate([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
 
 TRIANGLE = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]), np.arange(3))
+
+
+COARSE = solver_mesh.LEAST_VERTICES
+
+
+@pytest.fixture(autouse=True)
+def small_meshes(monkeypatch):
+    """Leave meshes as coarse as they are, so that a cube can show what welding does."""
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", 0)
 
 
 def split_cube():
@@ -93,6 +104,145 @@ def test_faces_that_collapse_when_their_corners_are_welded_are_dropped():
     positions = np.concatenate([CORNERS, CORNERS[[3]]])
     mesh = weld(positions, np.concatenate([CUBE, [[3, 8, 1]]]))
     np.testing.assert_array_equal(mesh.faces, CUBE)
+
+
+def test_what_was_repaired_is_counted_and_told():
+    middle, loose = [[0.5, 0.0, 0.0]], [[3.0, 3, 3], [4.0, 4, 4]]
+    positions = np.concatenate([CORNERS, middle, loose, CORNERS[[2, 5, 5]]])
+    faces = np.concatenate([[[0, 8, 4], [0, 4, 4]], CUBE, CUBE[[3, 7, 7]], [[1, 12, 13]]])
+    faces[faces == 2] = 11
+    mesh = weld(positions, faces)
+    assert mesh.repairs == Repairs(welded=2, degenerate=3, doubled=3, isolated=4)
+    assert mesh.repairs.describe() == [
+        "2 vertices that share a place with another are welded to it",
+        "3 faces without area are left out",
+        "3 doubled faces are left out",
+        "4 vertices that belong to no face follow the nearest surface",
+    ]
+
+
+def test_a_mesh_that_is_fine_needs_no_repair(figure):
+    mesh = weld(figure.vertices, figure.faces)
+    assert mesh.repairs == Repairs()
+    assert mesh.repairs.describe() == []
+    np.testing.assert_array_equal(mesh.faces, figure.faces)
+    np.testing.assert_array_equal(mesh.vertices, figure.vertices)
+
+
+# --- which side is out
+
+
+def sides(mesh):
+    """Corner positions of each face, beginning with the smallest index: equal for faces turned the same way."""
+    first = mesh.faces.argmin(axis=1)[:, None]
+    return np.take_along_axis(mesh.faces, (first + np.arange(3)) % 3, axis=1)
+
+
+def flipped(faces, chosen):
+    return np.where(chosen[:, None], faces[:, ::-1], faces)
+
+
+def dome(figure):
+    """The upper part of the figure, open below."""
+    return figure.faces[(figure.vertices[figure.faces][:, :, 1] > 1.3).all(axis=1)]
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.9, 1.0])
+def test_a_closed_surface_faces_outwards_whatever_the_file_says(figure, share):
+    chosen = np.random.default_rng(0).random(len(figure.faces)) < share
+    mesh = weld(figure.vertices, flipped(figure.faces, chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(figure))
+    assert mesh.repairs == Repairs(turned=int(chosen.sum()))
+
+
+@pytest.mark.parametrize("inwards", [False, True])
+def test_an_open_surface_keeps_the_side_that_most_of_it_has_in_the_file(figure, inwards):
+    faces = dome(figure)[:, ::-1] if inwards else dome(figure)
+    chosen = np.random.default_rng(1).random(len(faces)) < 0.15
+    mesh, whole = weld(figure.vertices, flipped(faces, chosen)), weld(figure.vertices, faces)
+    np.testing.assert_array_equal(sides(mesh), sides(whole))
+    assert mesh.repairs.turned == chosen.sum()
+    assert whole.repairs.turned == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_open_surface_of_two_minds_bulges_outwards(figure, seed):
+    chosen = np.random.default_rng(seed).random(len(dome(figure))) < 0.5
+    mesh = weld(figure.vertices, flipped(dome(figure), chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(weld(figure.vertices, dome(figure))))
+
+
+def test_each_part_is_turned_by_itself(figure):
+    beside = figure.vertices + np.array([9.0, 0, 0])
+    faces = np.concatenate([figure.faces[:, ::-1], figure.faces + len(beside)])
+    mesh = weld(np.concatenate([figure.vertices, beside]), faces)
+    assert mesh.parts == 2
+    assert mesh.repairs.turned == len(figure.faces)
+    np.testing.assert_array_equal(sides(mesh)[: len(figure.faces)], sides(figure))
+
+
+def test_neighbours_agree_around_an_edge_of_three_faces(figure):
+    """A fin on an edge of the figure, and faces turned at random."""
+    a, b = figure.edges[100]
+    tip = figure.vertices[[a, b]].mean(axis=0) * 1.5
+    faces = np.concatenate([figure.faces, [[a, b, len(figure.vertices)]]])
+    chosen = np.random.default_rng(2).random(len(faces)) < 0.3
+    mesh = weld(np.concatenate([figure.vertices, [tip]]), flipped(faces, chosen))
+    assert mesh.nonmanifold_edges == 1
+    assert mesh.border_edges == 2
+    np.testing.assert_array_equal(sides(mesh)[:-1], sides(figure))
+
+
+def test_a_surface_with_one_side_only_is_no_obstacle():
+    """A Möbius strip has no outside to agree on."""
+    angle = np.linspace(0, 2 * np.pi, 30, endpoint=False)
+    rims = [
+        np.column_stack([np.cos(angle), np.sin(angle), np.zeros(30)]) * (1 + s * np.cos(angle / 2))[:, None]
+        + s * np.sin(angle / 2)[:, None] * [0, 0, 1]
+        for s in (-0.3, 0.3)
+    ]
+    here = np.arange(30)
+    there, across, far = (here + 1) % 30, here + 30, (here + 1) % 30 + 30
+    there[-1], far[-1] = 30, 0
+    faces = np.concatenate([np.column_stack([here, across, there]), np.column_stack([across, far, there])])
+    mesh = weld(np.concatenate(rims), faces)
+    np.testing.assert_array_equal(np.sort(mesh.faces, axis=1), np.sort(faces, axis=1))
+    assert mesh.border_edges == 60
+    assert mesh.parts == 1
+
+
+def test_normals_stay_outwards_far_from_the_origin(figure):
+    offset = np.array([1e6, -2e6, 5e5])
+    chosen = np.random.default_rng(3).random(len(figure.faces)) < 0.5
+    mesh = weld(figure.vertices + offset, flipped(figure.faces, chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(figure))
+    np.testing.assert_array_equal(mesh.of_render, np.arange(len(figure.vertices)))
+
+
+# --- too coarse
+
+
+def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monkeypatch):
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    positions, triangles = split_cube()
+    mesh = weld(positions, triangles)
+    assert len(mesh.vertices) == 386
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert (mesh.parts, mesh.border_edges, mesh.nonmanifold_edges) == (1, 0, 0)
+    assert mesh.repairs == Repairs(welded=16, split=12 * 64 - 12)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
+    assert np.all(np.einsum("tx,tx->t", normals, corners.mean(axis=1) - 0.5) > 0)
+
+
+@pytest.mark.parametrize("name", ["joined_tetrahedra", "negative_indices", "not_convex"])
+def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, surface, name):
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    mesh = real_mesh(f"nasty/{name}.obj")
+    model = reduced_model.build(mesh)
+    np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)
+    assert len(mesh.vertices) >= COARSE
 
 
 def test_diagonal_edges_and_components_of_two_cubes():

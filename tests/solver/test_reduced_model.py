@@ -6,8 +6,8 @@ import pytest
 from scipy.sparse import csr_matrix
 
 from puppetline.errors import MeshError
-from solver import reduced_model
-from solver.mesh import SolverMesh, weld
+from solver import fields, reduced_model
+from solver.mesh import SolverMesh
 from solver.reduced_model import ModelParameters, ReducedModel, build, cache_key, load, load_or_build, save
 
 PARAMETERS = ModelParameters()
@@ -68,11 +68,10 @@ def test_any_affine_map_on_all_isolines_is_that_map(creature, creature_model, de
     np.testing.assert_allclose(dense @ np.tile(affine, (80, 1)), expected, atol=1e-12)
 
 
-def test_energy_matrices_are_those_of_the_dense_operators(
-    creature, creature_model, naive_operator, naive_interpolation
-):
+def test_energy_matrices_are_those_of_the_dense_operators(creature, creature_model, naive_interpolation):
     rest = creature_model.to_model(creature.vertices)
-    L, mass = naive_operator(rest, creature.faces)
+    L, mass = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))
+    L = L.toarray()
     W, W_delta = naive_interpolation(rest, creature_model.ladder, creature_model.weights, 10, L @ rest)
     KW = np.diag(mass**-0.5) @ L @ W
     A, B = KW.T @ KW, KW.T @ np.diag(mass**-0.5) @ W_delta
@@ -150,7 +149,8 @@ def closed_strip(count):
     vertices = np.concatenate([ring, [[0.1, 1, 0], [0, -1, 0.2]]])
     here, there = np.arange(count), (np.arange(count) + 1) % count
     top, bottom = np.full(count, count), np.full(count, count + 1)
-    return weld(vertices, np.concatenate([np.column_stack([here, there, bottom]), np.column_stack([there, here, top])]))
+    faces = np.concatenate([np.column_stack([here, there, bottom]), np.column_stack([there, here, top])])
+    return SolverMesh(vertices, faces, np.arange(count + 2))
 
 
 def test_a_mesh_with_too_few_vertices_is_refused():

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +71,7 @@ def _play(file: Path, log: Path, output: Path) -> tuple[str, list[np.ndarray]]:
     columns = [
         f"{len(character.vertices):,}",
         mesh.parts,
-        "; ".join(mesh.repairs.describe()) or "–",
+        ", ".join(f"{count:,} {name}" for name, count in asdict(mesh.repairs).items() if count) or "–",
         f"{seconds:.2f}",
         len(rig.puppet.handle),
         found.targets,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.files import written_whole
+from engine_bridge.surfaces.shading import is_angular
 from solver.patches import wound_alike
 
 SUPERSAMPLING = 2
@@ -233,25 +234,31 @@ def _facing_normals(
     share: NDArray[np.float32],
     towards: NDArray[np.float64],
 ) -> NDArray[np.float32]:
-    """Return (p, 3) smooth unit normals, on the viewer's side of a triangle even if it is wound the other way."""
-    smooth = _interpolate(_smooth_normals(mesh, triangles), corners, share)
+    """Return (p, 3) unit normals, on the viewer's side of a triangle even if it is wound the other way.
+
+    They are smooth, but for a surface of mostly hard edges.
+    """
     a, b, c = np.moveaxis(mesh[corners], 1, 0)
     flat = np.cross(b - a, c - a)
+    places, faces, place_of = _welded(mesh, triangles)
+    smooth = flat
+    if not is_angular(places, faces):
+        smooth = _interpolate(np.nan_to_num(igl.per_vertex_normals(places, faces))[place_of], corners, share)
     side = np.sign(flat @ towards) * np.sign(np.einsum("px,px->p", smooth, flat))
     return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-12))[:, None]).astype(np.float32)
 
 
-def _smooth_normals(mesh: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return (n, 3) vertex normals that know no seams of texture, and that no doubled or turned triangle cancels."""
+def _welded(
+    mesh: NDArray[np.float64], triangles: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return places, faces and each vertex's place: no seams of texture, no doubled or turned triangles."""
     # one number a point and a face: rows would take ten times as long to sort
     x, y, z = mesh.T
     _, first, place_of = np.unique(x + np.e * y + np.pi * z, return_index=True, return_inverse=True)
     places, faces = mesh[first], place_of[triangles]
     i, j, k = np.sort(faces, axis=1).T
     _, first = np.unique((i * len(places) + j) * len(places) + k, return_index=True)
-    faces, _ = wound_alike(faces[np.sort(first)])
-    normals: NDArray[np.float64] = np.nan_to_num(igl.per_vertex_normals(places, faces))[place_of]
-    return normals
+    return places, wound_alike(faces[np.sort(first)])[0], place_of
 
 
 def _floor_shade(

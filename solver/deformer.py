@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
+from puppetline.errors import MeshError
 from solver import rotations
 from solver.mesh import SolverMesh
 from solver.reduced_model import ReducedModel
@@ -41,6 +42,11 @@ class Deformer:
         Rotation updates a frame.
     mode : {"covariance", "triangles"}
         Rotations from all crossed triangles (default), or from the paper's 10 an isoline.
+
+    Raises
+    ------
+    MeshError
+        A surface so broken that its energy has no minimum.
     """
 
     def __init__(
@@ -63,7 +69,15 @@ class Deformer:
 
         stiffness = HANDLE_STIFFNESS * np.trace(model.A) / np.einsum("hj,hj->", rows, rows)
         pin = np.trace(model.A) / len(model.A)
-        factor = cho_factor(model.A + stiffness * rows.T @ rows + pin * model.null_space)
+        try:
+            factor = cho_factor(model.A + stiffness * rows.T @ rows + pin * model.null_space)
+        except np.linalg.LinAlgError as error:
+            raise MeshError(
+                mesh.name,
+                found=f"a surface whose deformation has no single answer ({error})",
+                expected="one whose triangles are not all needles or crossed",
+                fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
+            ) from error
         self._from_turns = cho_solve(factor, model.B)
         self._from_handles = cho_solve(factor, stiffness * rows.T)
         self._constant = cho_solve(factor, pin * model.null_space @ rest)

@@ -23,6 +23,10 @@ SHIFT = -0.1
 """Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
 
 
+TOLERANCE = 1e-9
+"""Of eigenvalues, relative: far below the float32 in which ladder coordinates are kept."""
+
+
 def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     """Build the surface operator of a character, each of its parts by itself.
 
@@ -96,7 +100,7 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, options={"SymmetricMode": True})
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
     start = np.cos(np.arange(n, dtype=np.float64))
-    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start)
+    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE)
     vectors = vectors[:, np.argsort(values)][:, 1:]
     largest = np.argmax(np.abs(vectors), axis=0)
     return vectors * np.sign(vectors[largest, np.arange(count)])

@@ -13,6 +13,7 @@ def test_the_module_is_the_command():
 def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
     script = (
         "import os, signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent may have it ignored\n"
         "class Interrupt:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
         "        if name == 'engine_bridge.cli': os.kill(os.getpid(), signal.SIGINT)\n"

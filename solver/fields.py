@@ -26,6 +26,9 @@ SHIFT = -0.1
 TOLERANCE = 1e-9
 """Of eigenvalues, relative: far below the float32 in which ladder coordinates are kept."""
 
+RESTARTS = 300
+"""Of ARPACK, which needs a handful where there is a solution."""
+
 
 def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     """Build the surface operator of a character, each of its parts by itself.
@@ -91,6 +94,11 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     -------
     (n, count) float64
         Orthonormal in the mass inner product, eigenvalues ascending.
+
+    Raises
+    ------
+    RuntimeError
+        A matrix that is singular to SuperLU, or one on which ARPACK does not converge.
     """
     n = L.shape[0]
     M = diags(mass)
@@ -100,7 +108,7 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, options={"SymmetricMode": True})
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
     start = np.cos(np.arange(n, dtype=np.float64))
-    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE)
+    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS)
     vectors = vectors[:, np.argsort(values)][:, 1:]
     largest = np.argmax(np.abs(vectors), axis=0)
     return vectors * np.sign(vectors[largest, np.arange(count)])

@@ -1,13 +1,14 @@
 import dataclasses
 import logging
 
+import igl
 import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
 from puppetline.errors import MeshError
 from solver import fields, reduced_model
-from solver.mesh import SolverMesh
+from solver.mesh import SolverMesh, weld
 from solver.reduced_model import ModelParameters, ReducedModel, build, cache_key, load, load_or_build, save
 
 PARAMETERS = ModelParameters()
@@ -328,3 +329,13 @@ def test_cache_key_is_equal_for_equal_input_only(small):
         cache_key(mesh, ModelParameters(fields=2, isolines=4)),
     }
     assert len(keys) == 5
+
+
+def test_parts_a_world_apart_are_refused_with_a_reason():
+    ball, faces = igl.icosahedron()
+    ball, faces = igl.upsample(ball, faces, 2)
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    apart = np.concatenate([ball + step for step in 1e4 * np.arange(5)])
+    mesh = weld(apart, np.concatenate([faces + number * len(ball) for number in range(5)]))
+    with pytest.raises(MeshError, match="a surface that has no smooth functions"):
+        build(mesh)

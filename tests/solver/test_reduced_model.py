@@ -331,11 +331,13 @@ def test_cache_key_is_equal_for_equal_input_only(small):
     assert len(keys) == 5
 
 
-def test_parts_a_world_apart_are_refused_with_a_reason():
+def test_parts_a_world_apart_still_have_a_model_that_keeps_the_rest_pose():
     ball, faces = igl.icosahedron()
     ball, faces = igl.upsample(ball, faces, 2)
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     apart = np.concatenate([ball + step for step in 1e4 * np.arange(5)])
     mesh = weld(apart, np.concatenate([faces + number * len(ball) for number in range(5)]))
-    with pytest.raises(MeshError, match="a surface that has no smooth functions"):
-        build(mesh)
+    model = build(mesh)
+    rest = model.to_model(mesh.vertices)
+    W = reduced_model.position_matrix(rest, model.ladder.astype(np.float64), model.weights, model.isolines)
+    np.testing.assert_allclose(W @ model.rest_controls, rest, atol=1e-12)

@@ -10,15 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
 
-import igl
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.files import written_whole
-from engine_bridge.surfaces.shading import is_angular
-from solver.patches import wound_alike
 
 SUPERSAMPLING = 2
 MAP_SIZE = 256
@@ -34,6 +31,9 @@ SKY_LIGHTS, KEY_LIGHTS = 28, 20
 KEY_AZIMUTH, KEY_ELEVATION, KEY_SPREAD = -40.0, 52.0, 6.0
 """Degrees: the key light from over the camera's left shoulder, and its angular radius, which softens the shadow."""
 GOLDEN_ANGLE = 180 * (3 - 5**0.5)
+
+SOFT = np.cos(np.radians(40))
+"""Cosine of the angle between two triangles up to which their edge is soft."""
 
 GAP, LABEL_HEIGHT, TITLE_HEIGHT = 10, 30, 52
 """Pixels around the tiles of a sheet, for the label under each and for the title above all."""
@@ -124,7 +124,7 @@ def render(
     row, column = np.nonzero(shown >= 0)
     corners = triangles[shown[row, column]]
     share = _barycentric(screen[corners, :2], np.column_stack([column + 0.5, row + 0.5]))
-    normals = _facing_normals(mesh, triangles, corners, share, axes[2])
+    normals = _facing_normals(mesh, triangles, shown[row, column], share, axes[2])
     light = _irradiance(_interpolate(mesh, corners, share), normals, *lights)
     light += np.array(BOUNCE, np.float32) * (1 - normals[:, 1:2]) / 2
     albedo = np.array(CLAY, np.float32) if colors is None else _interpolate(colors, corners, share)
@@ -230,35 +230,42 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 def _facing_normals(
     mesh: NDArray[np.float64],
     triangles: NDArray[np.int64],
-    corners: NDArray[np.int64],
+    shown: NDArray[np.integer],
     share: NDArray[np.float32],
     towards: NDArray[np.float64],
 ) -> NDArray[np.float32]:
-    """Return (p, 3) unit normals, on the viewer's side of a triangle even if it is wound the other way.
+    """Return (p, 3) unit normals on the viewer's side of a triangle even if it is wound the other way.
 
-    They are smooth, but for a surface of mostly hard edges.
+    They are smooth but for hard edges, and know no seams of texture.
     """
-    a, b, c = np.moveaxis(mesh[corners], 1, 0)
-    flat = np.cross(b - a, c - a)
-    places, faces, place_of = _welded(mesh, triangles)
-    smooth = flat
-    if not is_angular(places, faces):
-        smooth = _interpolate(np.nan_to_num(igl.per_vertex_normals(places, faces))[place_of], corners, share)
-    side = np.sign(flat @ towards) * np.sign(np.einsum("px,px->p", smooth, flat))
-    return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-12))[:, None]).astype(np.float32)
-
-
-def _welded(
-    mesh: NDArray[np.float64], triangles: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return places, faces and each vertex's place: no seams of texture, no doubled or turned triangles."""
-    # one number a point and a face: rows would take ten times as long to sort
+    # one number a point: rows would take ten times as long to sort
     x, y, z = mesh.T
-    _, first, place_of = np.unique(x + np.e * y + np.pi * z, return_index=True, return_inverse=True)
-    places, faces = mesh[first], place_of[triangles]
-    i, j, k = np.sort(faces, axis=1).T
-    _, first = np.unique((i * len(places) + j) * len(places) + k, return_index=True)
-    return places, wound_alike(faces[np.sort(first)])[0], place_of
+    place_of = np.unique(x + np.e * y + np.pi * z, return_inverse=True)[1]
+    places = place_of[triangles]
+    around = np.argsort(places.ravel(), kind="stable") // 3
+    starts = np.searchsorted(np.sort(places.ravel()), np.arange(places.max() + 2))
+    a, b, c = np.moveaxis(mesh[triangles], 1, 0)
+    flat = np.cross(b - a, c - a)
+    smooth = np.empty((len(triangles), 3, 3))
+    _corner_normals(flat, places, starts, around, smooth)
+    smooth = np.einsum("pk,pkx->px", share, smooth[shown])
+    side = np.where(flat[shown] @ towards < 0, -1.0, 1.0)
+    return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-300))[:, None]).astype(np.float32)
+
+
+@numba.njit(cache=True)
+def _corner_normals(flat, places, starts, around, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Sum, for each corner of each triangle, the normals of those around it across soft edges, on its own side."""
+    length = np.sqrt((flat * flat).sum(axis=1))
+    for t in range(len(flat)):
+        for k in range(3):
+            place = places[t, k]
+            out[t, k] = flat[t]
+            for j in range(starts[place], starts[place + 1]):
+                other = around[j]
+                cosine = flat[t, 0] * flat[other, 0] + flat[t, 1] * flat[other, 1] + flat[t, 2] * flat[other, 2]
+                if other != t and abs(cosine) > SOFT * length[t] * length[other]:
+                    out[t, k] += flat[other] if cosine > 0 else -flat[other]
 
 
 def _floor_shade(

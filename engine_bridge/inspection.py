@@ -9,6 +9,7 @@ from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge import puppet as puppet_file
 from engine_bridge.gltf.character import CHARACTER_FILES, Character, load_character, rest_weights
+from engine_bridge.gltf.document import MAGIC
 from puppetline.errors import PuppetlineError
 from solver import orientation
 
@@ -32,7 +33,9 @@ def inspect(path: Path) -> dict[str, Any]:
         return _puppet(path)
     if recognize(path) is not None:
         return _log(path)
-    if path.suffix.lower() in CHARACTER_FILES:
+    with path.open("rb") as file:
+        is_glb = file.read(len(MAGIC)) == MAGIC
+    if is_glb or path.suffix.lower() in CHARACTER_FILES:
         return _character(path)
     raise PuppetlineError(
         path,

@@ -1,5 +1,6 @@
 """A first puppet for any mesh: handles at its extremities, and joints that suit where they are."""
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -107,7 +108,7 @@ def propose(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
         named["rump"] = (None, int(np.argmax(-front - np.abs(left))))
     if not feet:  # something to stand on
         named["base"] = (None, int(np.argmax(-up - np.abs(left))))
-    return [_handle(name, joint, mesh.vertices[vertex]) for name, (joint, vertex) in named.items()]
+    return [_handle(name, joint, mesh, vertex) for name, (joint, vertex) in named.items()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +266,7 @@ def _arms_and_wings(tips: list[_Tip], four_legged: bool) -> tuple[_Pair | None, 
     return arms, max(wings, key=_least, default=None)
 
 
-def _handle(name: str, joint: str | None, position: NDArray[np.float64]) -> HandleTable:
-    x, y, z = (float(f"{value:.6g}") for value in position)
+def _handle(name: str, joint: str | None, mesh: SolverMesh, vertex: int) -> HandleTable:
+    decimals = 5 - math.floor(math.log10(mesh.diagonal))
+    x, y, z = (round(float(value), decimals) for value in mesh.vertices[vertex])
     return HandleTable(name=name, position=(x, y, z), joint=joint, gain=TAIL_GAIN if name == "tail" else 1.0)

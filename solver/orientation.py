@@ -18,6 +18,9 @@ from solver.mesh import SolverMesh
 SURE_UP, SURE_FRONT = 0.8, 0.6
 """Probabilities from which the shape is believed over the convention of the file format."""
 
+NEARLY = 0.6
+"""Where the shape is not sure, the convention stands if it is at least this likely beside the likeliest."""
+
 SAMPLES = 6000
 """Surface points that are looked at."""
 
@@ -47,7 +50,7 @@ class Orientation:
     Attributes
     ----------
     up, front : str
-        x, -x, y, -y, z or -z. Where the shape does not say, y and z as in glTF.
+        x, -x, y, -y, z or -z. Where the shape does not say, y and z as in glTF, or z and -y.
     scale : float
         Metres a mesh unit.
     confidence : float
@@ -85,7 +88,7 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
         ups[axis] += chance
     up, up_is_clear = _choose(ups, SURE_UP, "y")
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
-    front, front_is_clear = _choose(fronts, SURE_FRONT, "z" if up == "y" else None)
+    front, front_is_clear = _choose(fronts, SURE_FRONT, {"y": "z", "z": "-y"}.get(up))
     scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
     unclear = "not clear from the shape: taken as"
     reasons = (
@@ -97,11 +100,13 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
 
 
 def _choose(chances: dict[str, float], sure: float, convention: str | None) -> tuple[str, bool]:
-    """Return the likeliest direction, or where it is not sure the convention's; and whether it is sure."""
+    """Return the likeliest direction, or the convention's where that is nearly as likely; and whether it is sure."""
     likeliest = max(chances, key=lambda each: chances[each])
     if chances[likeliest] >= sure * sum(chances.values()):
         return likeliest, True
-    return convention if convention in chances else likeliest, False
+    if convention is not None and chances.get(convention, 0.0) >= NEARLY * chances[likeliest]:
+        return convention, False
+    return likeliest, False
 
 
 def _posture(up: str, front: str) -> str:

@@ -4,6 +4,7 @@ import base64
 import binascii
 import io
 import json
+import re
 import struct
 from pathlib import Path
 from typing import Any, NoReturn
@@ -33,6 +34,17 @@ ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 MAGIC = b"glTF"
 LARGEST_GLB = 2**32 - 1
 """Bytes; a .glb states its length in 32 bits."""
+
+PICTURES = {
+    b"\x89PNG": "image/png",
+    b"\xff\xd8": "image/jpeg",
+    b"RIFF": "image/webp",
+    b"\xabKTX 20": "image/ktx2",
+}
+"""How pictures begin."""
+
+WHOLE = re.compile(r"-?[1-9][0-9]*\.0+|0\.0+")
+"""A whole number with a fraction of zero: where glTF wants an integer, it is one."""
 
 SPARE_LEVELS = 200
 """How much deeper than a file's its description could be nested."""
@@ -248,7 +260,7 @@ class Document:
         A viewer that knows the extension would show the packed copy, whose vertices are in another order.
         """
         for extension, command in UNPACKERS.items():
-            if extension in self.gltf["extensionsRequired"]:
+            if extension in self.gltf["extensionsRequired"] or self._only_packed(extension):
                 raise MeshError(
                     self.name,
                     found=f"data packed with {extension}",
@@ -263,6 +275,16 @@ class Document:
             if extension in self.gltf["extensionsUsed"]:
                 self.gltf["extensionsUsed"].remove(extension)
                 self.notes.append(f"The copy of the mesh that is packed with {extension} is left out.")
+
+    def _only_packed(self, extension: str) -> bool:
+        """Tell whether there are primitives whose positions stand nowhere but in an extension."""
+        return any(
+            extension in primitive.get("extensions", {})
+            and "bufferView" not in self.gltf["accessors"][primitive["attributes"]["POSITION"]]
+            for mesh in self.gltf["meshes"]
+            for primitive in mesh["primitives"]
+            if "POSITION" in primitive["attributes"]
+        )
 
     def _take_in_buffers(self, path: Path, binary: bytes) -> None:
         """Join all buffers into one; a file is there once, however many buffers name it."""
@@ -293,8 +315,8 @@ class Document:
             file = _beside(path, uri)
             if file not in taken:
                 content = self._picture(path, uri)
-                kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
-                taken[file] = kind, self.add_view(content)
+                kind = next((kind for start, kind in PICTURES.items() if content.startswith(start)), None)
+                taken[file] = kind or image.get("mimeType", "image/jpeg"), self.add_view(content)
             image.setdefault("name", file.stem)
             image["mimeType"], image["bufferView"] = taken[file]
             del image["uri"]
@@ -316,7 +338,7 @@ def _description(path: Path, text: bytes) -> Gltf:
         raise ValueError(f"{name} is no JSON number")
 
     try:
-        values = json.loads(text, parse_constant=refuse)
+        values = json.loads(text, parse_constant=refuse, parse_float=_number)
         if not isinstance(values, dict):
             raise ValueError(f"a {type(values).__name__} and not an object")
         gltf = schema.checked(values)
@@ -326,6 +348,10 @@ def _description(path: Path, text: bytes) -> Gltf:
     if not gltf["asset"]["version"].startswith("2."):
         raise damaged(at(path, field="asset.version"), f"glTF {gltf['asset']['version'][:20]}")
     return gltf
+
+
+def _number(text: str) -> float:
+    return int(text.partition(".")[0]) if WHOLE.fullmatch(text) else float(text)
 
 
 def _check_that_it_can_be_written(values: dict[str, Any]) -> None:

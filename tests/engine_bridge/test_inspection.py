@@ -93,3 +93,8 @@ def test_what_is_nothing_known_is_refused(tmp_path):
         inspect(tmp_path / "notes.txt")
     assert error.value.found == "nothing that is known here"
     assert all(kind in error.value.expected for kind in ("puppet", "skeleton log", ".glb", ".obj"))
+
+
+def test_a_character_is_known_whatever_its_file_is_called(blob_file, tmp_path):
+    (tmp_path / "avatar.vrm").write_bytes(blob_file.read_bytes())
+    assert inspect(tmp_path / "avatar.vrm") == inspect(blob_file)

@@ -445,3 +445,36 @@ def test_what_could_not_be_written_again_is_refused_wherever_it_stands(tmp_path,
 def test_of_many_faults_the_first_is_told(tmp_path):
     error = refused(write_gltf(tmp_path / "a.gltf", description(nodes=[{}, *[1] * 100_000])))
     assert error.found == "a description that is not glTF (nodes[1]: Input should be a valid dictionary)"
+
+
+@pytest.mark.parametrize(
+    ("start", "kind"),
+    [
+        (b"\x89PNG\r\n", "image/png"),
+        (b"\xff\xd8\xff\xe0", "image/jpeg"),
+        (b"RIFF\x04\0\0\0WEBP", "image/webp"),
+        (b"\xabKTX 20\xbb", "image/ktx2"),
+    ],
+)
+def test_a_picture_is_called_what_it_is(tmp_path, start, kind):
+    (tmp_path / "skin").write_bytes(start)
+    (tmp_path / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": "skin"}]}))
+    assert Document.load(tmp_path / "a.gltf").gltf["images"][0]["mimeType"] == kind
+
+
+def test_whole_numbers_may_have_a_fraction_of_zero(tetrahedron, tmp_path):
+    content, binary = unpack(tetrahedron)
+    text = json.dumps(content).replace('"count": 4', '"count": 4.0').replace('"buffer": 0', '"buffer": 0.00')
+    assert "4.0" in text
+    (tmp_path / "a.glb").write_bytes(pack(text.encode(), binary))
+    assert schema.compact(Document.load(tmp_path / "a.glb").gltf) == schema.compact(Document.load(tetrahedron).gltf)
+
+
+def test_positions_that_are_nowhere_but_packed_are_refused_with_the_command_that_unpacks_them(tetrahedron, tmp_path):
+    content, binary = unpack(tetrahedron)
+    content["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+    primitive = content["meshes"][0]["primitives"][0]
+    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    del content["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
+    (tmp_path / "a.glb").write_bytes(pack(content, binary))
+    assert "npx @gltf-transform/cli copy" in refused(tmp_path / "a.glb").fix

@@ -20,8 +20,16 @@ OPTION = re.compile(
 )
 """One option before the file name of a map."""
 
+PLAIN = re.compile(
+    r"-(?:(?:s|bm)(?:\s+\+?1(?:\.0*)?)+|[ot](?:\s+[-+]?0(?:\.0*)?)+|mm\s+0(?:\.0*)?\s+1(?:\.0*)?|(?:clamp|cc)\s+off"
+    r"|(?:blendu|blendv|boost|imfchan|texres|type)\s.*)\s+",
+    re.IGNORECASE,
+)
+"""An option that leaves a map as it is, or only says how it is sampled."""
+
 NOT_CARRIED = (
-    "map_ks", "map_ns", "map_ke", "map_pr", "map_pm", "map_ps", "map_refl", "refl", "disp", "map_disp", "decal"
+    "map_ks", "map_ns", "map_ke", "map_pr", "map_pm", "map_ps", "map_refl", "refl", "disp", "map_disp", "decal",
+    "map_tr",
 )  # fmt: skip
 """Maps that have no place here."""
 
@@ -71,6 +79,7 @@ class _Statements:
     def material(self) -> Material:
         opacity = self._opacity()
         texture = self._picture("map_kd")
+        cut_out = self._is_cut_out(texture)
         color = (1.0, 1.0, 1.0) if texture else self._color("kd") or Material.base_color[:3]
         for kind in NOT_CARRIED:
             if kind in self.lines:
@@ -82,8 +91,8 @@ class _Statements:
             roughness=self._roughness(),
             emissive=self._color("ke") or Material.emissive,
             texture=texture,
-            normal_texture=self._picture("norm") or self._bump(),
-            alpha_mode="BLEND" if opacity < 1 else "MASK" if self._is_cut_out(texture) else "OPAQUE",
+            normal_texture=self._normals(),
+            alpha_mode="BLEND" if opacity < 1 else "MASK" if cut_out else "OPAQUE",
         )
 
     def _numbers(self, kind: str) -> list[float]:
@@ -129,34 +138,46 @@ class _Statements:
             return float((2 / (self._number("ns", 0.0, most=1e6) + 2)) ** 0.25)
         return Material.roughness
 
-    def _file(self, kind: str) -> str:
-        """Return the file name of a map, without the options before it."""
-        name = self.lines.get(kind, (0, ""))[1] + " "
+    def _map(self, kind: str) -> tuple[str, list[str]]:
+        """Return the file name of a map and the options before it."""
+        name, options = self.lines.get(kind, (0, ""))[1] + " ", []
         while option := OPTION.match(name):
+            options.append(option.group())
             name = name[option.end() :]
-        return name.strip().strip('"')
+        return name.strip().strip('"'), options
 
     def _picture(self, kind: str) -> Picture | None:
-        name = self._file(kind)
+        """Return the picture of a map as it is, and note the options that would change it."""
+        name, options = self._map(kind)
         where = at(self.path, line=self.lines[kind][0] if name else None)
-        return self.folder.picture(name, self.path.parent, where) if name else None
+        picture = self.folder.picture(name, self.path.parent, where) if name else None
+        lost = [option.split()[0] for option in options if not PLAIN.fullmatch(option)]
+        if picture and lost:
+            self.folder.notes.append(f"Material {self.name!r}: {', '.join(lost)} of {kind} not carried.")
+        return picture
 
-    def _bump(self) -> Picture | None:
-        """Return the bump map where it holds normals, as many programs write it, and not heights."""
-        for kind in ("map_bump", "bump"):
-            picture = self._picture(kind)
-            if picture and _holds_normals(picture):
-                return picture
-            if picture:
-                self.folder.notes.append(f"Material {self.name!r}: {kind} holds heights and is not carried.")
-        return None
+    def _normals(self) -> Picture | None:
+        """Return the first map of normals, also where it is called a bump map, as many programs write it."""
+        normals, taken = None, ""
+        for kind in ("norm", "map_bump", "bump"):
+            if not taken:
+                picture = self._picture(kind)
+                if picture and (kind == "norm" or _holds_normals(picture)):
+                    normals, taken = picture, kind
+                elif picture:
+                    self.folder.notes.append(f"Material {self.name!r}: {kind} holds heights and is not carried.")
+            elif kind in self.lines and self._map(kind)[0] != self._map(taken)[0]:
+                self.folder.notes.append(f"Material {self.name!r}: {kind} is not carried beside {taken}.")
+        return normals
 
     def _is_cut_out(self, texture: Picture | None) -> bool:
         """Tell whether the opacity map is the texture's own alpha channel."""
         if "map_d" not in self.lines:
             return False
-        if texture and self._file("map_d") == self._file("map_kd"):
-            return "A" in Image.open(io.BytesIO(texture.content)).getbands()
+        if texture and self._map("map_d")[0] == self._map("map_kd")[0]:
+            with Image.open(io.BytesIO(texture.content)) as image:
+                if "A" in image.getbands():
+                    return True
         self.folder.notes.append(f"Material {self.name!r}: map_d is not carried.")
         return False
 

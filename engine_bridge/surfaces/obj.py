@@ -31,7 +31,7 @@ CONTINUED = "\t \t"
 """Stands for the end of a line that goes on in the next."""
 
 SILENT = re.compile(
-    "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|s|scrv|shadow_obj|sp|step|surf"
+    "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
     "|trace_obj|trim|usemap|vp|#.*"
 )
 """Statements of the format that say nothing of polygons, and comments."""
@@ -64,7 +64,7 @@ def read(path: Path, content: bytes) -> Surface:
         With the line that cannot be read.
     """
     statements = _Statements(path)
-    statements.read(decoded(path, content).replace("\\\n", CONTINUED))
+    statements.read(decoded(path, content).replace("\\\n", CONTINUED).removesuffix("\\"))
     return statements.surface()
 
 
@@ -83,6 +83,8 @@ class _Statements:
         self.backwards: list[tuple[int, int, int, int]] = []
         self.libraries: dict[str, int] = {}
         self.group = self.material = ""
+        self.smoothing = ""
+        self.smoothings: set[str] = set()
         self.lines_and_points = 0
         self.unknown: list[int] = []
 
@@ -96,6 +98,7 @@ class _Statements:
             "fo": self._face,  # what f was called once
             "g": self._group,
             "o": self._group,
+            "s": self._smooth,
             "usemtl": self._usemtl,
             "mtllib": self._mtllib,
         }
@@ -124,9 +127,14 @@ class _Statements:
             self.backwards.append((len(self.faces), len(self.vertices), len(self.coordinates), len(self.normals)))
         self.faces.add(line, rest.partition("#")[0])
         self.group_of.append(self.groups.setdefault((self.group, self.material), len(self.groups)))
+        self.smoothings.add(self.smoothing)
 
     def _group(self, _: int, rest: str) -> None:
         self.group = " ".join(rest.split())
+
+    def _smooth(self, _: int, rest: str) -> None:
+        group = rest.partition("#")[0].strip()
+        self.smoothing = "" if group in ("off", "0") else group
 
     def _usemtl(self, _: int, rest: str) -> None:
         self.material = rest.strip()
@@ -202,6 +210,8 @@ class _Statements:
         uvs = _texture_coordinates(self.coordinates.table(1))
         normals = self.normals.table(3)[:, :3]
         colors = linear(table[:, 3:6]) if table.shape[1] >= 6 else None
+        if colors is None and any(len(text.split()) >= 6 for text in self.vertices.texts):
+            self.notes.append("Vertex colours left out: some vertices have none.")
         names, materials = list(self.groups), self._materials()
         isolated = np.setdiff1d(np.arange(len(table)), corners[:, 0])
         vertex_of = np.empty(len(corners), dtype=np.int64)
@@ -256,6 +266,8 @@ class _Statements:
         return replace(piece, material=replace(material, texture=None, normal_texture=None))
 
     def _note_what_is_left_out(self) -> None:
+        if len(self.smoothings) > 1 and not len(self.normals):
+            self.notes.append("Smoothing groups are not carried: export the mesh with normals to keep its hard edges.")
         if self.lines_and_points:
             self.notes.append(f"{count(self.lines_and_points, 'statement')} of lines or points left out.")
         if self.unknown:

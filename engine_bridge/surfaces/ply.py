@@ -73,6 +73,8 @@ def read(path: Path, content: bytes) -> Surface:
     if uvs is not None:
         uvs = upper_left(uvs)
         material = _textured(path, pictures, notes) or material
+    elif pictures:
+        notes.append(f"No texture coordinates for the picture {pictures[0][1]!r}: left out.")
     return Surface([Piece("", positions, triangles, material, normals, uvs, colors)], notes)
 
 

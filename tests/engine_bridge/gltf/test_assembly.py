@@ -4,6 +4,7 @@ import trimesh
 from PIL import Image
 
 from engine_bridge.gltf.assembly import assemble
+from engine_bridge.gltf.character import from_document, load_character
 from engine_bridge.gltf.document import Document
 from engine_bridge.surfaces.readers import read_surface
 from engine_bridge.surfaces.surface import CLAY, Material, Picture, Piece, Surface
@@ -110,6 +111,22 @@ def test_indices_are_as_small_as_they_may_be(saved, vertices, kind):
     indices = document.gltf["meshes"][0]["primitives"][0]["indices"]
     assert document.gltf["accessors"][indices]["componentType"] == kind
     np.testing.assert_array_equal(document.array(indices), triangles.ravel())
+
+
+def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    vertices = ball.vertices + np.array([5e5, 4.6e6, 120])
+    pieces = [Piece(name, vertices, half) for name, half in zip("ab", np.split(ball.faces, 2), strict=True)]
+    document = saved(Surface(pieces))
+    left, right = (node["translation"] for node in document.gltf["nodes"])
+    assert left == right == np.float32(left).tolist()
+    for character in (from_document(assemble(Surface(pieces), "ball")), load_character(tmp_path / "figure.glb")):
+        np.testing.assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))
+
+
+def test_a_surface_near_the_origin_has_no_translation(saved):
+    (node,) = saved(Surface([Piece("", CORNERS + 5, SIDES)])).gltf["nodes"]
+    assert node == {"name": "figure", "mesh": 0}
 
 
 def test_the_document_says_what_the_surface_says_and_is_called_what_it_is_called():

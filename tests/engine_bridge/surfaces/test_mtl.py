@@ -67,12 +67,25 @@ def test_metal(read):
 
 @pytest.mark.parametrize(
     "options",
-    ["", "-s 1 1 1 -o 0.5 0 0 ", "-clamp on -blendu off ", "-mm 0 1 -bm 0.5 ", "-S 2 -t 1 1 -texres 512 -imfchan r "],
+    ["", "-s 1 1.0 1 -o 0 0 0 ", "-clamp off -blendu off ", "-mm 0 1 -bm 1.0 ", "-S 1 -t 0 0 -texres 512 -imfchan r "],
 )
-def test_a_texture_stands_in_place_of_the_colour_whatever_options_it_has(read, options, tmp_path):
+def test_a_texture_stands_in_place_of_the_colour(read, options, tmp_path):
     material, notes = read(f"Kd 0 0 0\nmap_Kd {options}skin one.png  ")
     assert material.texture.content == (tmp_path / "skin one.png").read_bytes()
     assert (material.texture.name, material.base_color, notes) == ("skin one", (1, 1, 1, 1), [])
+
+
+@pytest.mark.parametrize(
+    ("options", "lost"),
+    [
+        ("-s 2 2 1 -o 0.5 0 0 -clamp on", "-s, -o, -clamp"), ("-s 1 1 1 -o 0 -0.5", "-o"), ("-S 10", "-S"),
+        ("-mm 0 0.5 -bm 0.5 -blendu off", "-mm, -bm"), ("-t 1 1 -texres 512 -cc on", "-t, -cc"),
+    ],
+)  # fmt: skip
+def test_options_that_would_change_a_texture_are_told_of(read, options, lost, tmp_path):
+    material, notes = read(f"map_Kd {options} skin one.png")
+    assert material.texture.content == (tmp_path / "skin one.png").read_bytes()
+    assert notes == [f"Material 'wolf fur': {lost} of map_kd not carried."]
 
 
 def test_the_picture_s_own_alpha_channel_cuts_out(read):
@@ -90,6 +103,21 @@ def test_the_picture_s_own_alpha_channel_cuts_out(read):
 def test_normals_are_taken_from_whatever_calls_itself_bumps(read, kind):
     material, notes = read(f"{kind} bumps.png")
     assert (material.normal_texture.name, notes) == ("bumps", [])
+
+
+def test_an_opacity_map_is_told_of_where_it_is_not_in_the_texture(read):
+    lost = ["Material 'wolf fur': map_d is not carried."]
+    material, notes = read("d 0.5\nmap_Kd bumps.png\nmap_d skin one.png")
+    assert (material.alpha_mode, notes) == ("BLEND", lost)
+    assert read("map_Kd bumps.png\nmap_d bumps.png")[1] == lost
+    material, notes = read("d 0.5\nmap_Kd skin one.png\nmap_d skin one.png")
+    assert (material.alpha_mode, notes) == ("BLEND", [])
+
+
+def test_a_second_map_of_bumps_is_told_of(read):
+    material, notes = read("bump heights.png\nnorm bumps.png\nmap_Bump -bm 0.5 bumps.png")
+    assert material.normal_texture.name == "bumps"
+    assert notes == ["Material 'wolf fur': bump is not carried beside norm."]
 
 
 def test_heights_are_told_of(read):

@@ -90,7 +90,9 @@ def test_colours_behind_the_coordinates_are_linear_afterwards(read):
     piece = only(read("v 0 0 0 1 0.5 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1 1\nf 1 2 3\n"))
     np.testing.assert_array_equal(piece.colors, linear(np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])))
     assert piece.material.base_color == (1, 1, 1, 1)
-    assert only(read("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")).colors is None
+    surface = read("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
+    assert (only(surface).colors, surface.notes) == (None, ["Vertex colours left out: some vertices have none."])
+    assert read("v 0 0 0 1\nv 1 0 0 1\nv 0 1 0\nf 1 2 3\n").notes == []
 
 
 def test_groups_and_materials_become_pieces_in_order_of_their_first_faces(read, written):
@@ -135,6 +137,23 @@ def test_a_piece_without_texture_coordinates_has_no_picture(read, written, real_
     surface = read(f"mtllib a.mtl\nvt 0 0\n{SQUARE}usemtl a\no bare\nf 1 2 3\no other\nf 1/1 3/1 4/1\n")
     assert [piece.material.texture and piece.material.texture.name for piece in surface.pieces] == [None, "skin"]
     assert surface.notes == ["'bare' has no texture coordinates for the picture of material 'a'."]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "normals", "noted"),
+    [
+        ("s 1", "s off", "", 1), ("s 1", "s 2", "", 1), ("", "s 1", "", 1), ("s 1", "s 1", "", 0),
+        ("s 0", "s off", "", 0), ("s 1", "s off", "vn 0 0 1", 0),
+    ],
+)  # fmt: skip
+def test_smoothing_groups_are_told_of_where_no_normals_say_the_same(read, first, second, normals, noted):
+    surface = read(f"{SQUARE}{normals}\n{first}\nf 1 2 3\n{second}\nf 1 3 4\ns 9\n")
+    lost = "Smoothing groups are not carried: export the mesh with normals to keep its hard edges."
+    assert surface.notes == [lost] * noted
+
+
+def test_a_backslash_at_the_very_end_says_nothing(read):
+    assert only(read(f"{SQUARE}f 1 2 3 \\\n4\\")).triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
 def test_what_is_no_polygon_is_told_of(read):

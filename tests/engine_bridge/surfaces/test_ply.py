@@ -84,6 +84,14 @@ def test_texture_coordinates_normals_and_the_picture(cube, read, tmp_path, names
     assert piece.material.texture.content == (tmp_path / "skin of a cube.png").read_bytes()
 
 
+def test_a_picture_without_texture_coordinates_is_told_of(cube, read):
+    surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
+    assert (only(surface).material, surface.notes) == (
+        CLAY,
+        ["No texture coordinates for the picture 'skin.png': left out."],
+    )
+
+
 def test_texture_coordinates_of_corners_split_vertices(cube, read):
     body = XYZ.format(n=9) + FACES.format(n=6) + "property list uchar float texcoord\n"
     square = [0, 0, 1, 0, 1, 1, 0, 1]

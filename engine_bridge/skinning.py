@@ -125,7 +125,7 @@ def fit(
     tolerance : float
         Largest error that is allowed, as a fraction of the diagonal.
     bones : int, optional
-        The number of bones, whatever the error; at most 256. There may be fewer where the motion has no use for more.
+        The number of bones, whatever the error; at most 128. There may be fewer where the motion has no use for more.
     progress : callable, optional
         Told the share of the work that is done.
 

@@ -33,7 +33,7 @@ class Repairs:
     Attributes
     ----------
     welded : int
-        Vertices at a place where another one is already.
+        Vertices that follow the same solver vertex as an earlier one at their place.
     degenerate, doubled : int
         Faces without area, and faces between the same three vertices as another one.
     isolated : int
@@ -71,7 +71,8 @@ class SolverMesh:
     Attributes
     ----------
     vertices : (n, 3) float64
-        Welded positions in the mesh file's coordinates; every one belongs to a face.
+        Welded positions in the mesh file's coordinates; every one belongs to a face, and all its faces to one part
+        that hangs together at edges.
     faces : (t, 3) int64
         Triangles without zero area and without doubles; neighbours over an edge of two faces agree on the outside.
     of_render : (N,) int64
@@ -156,6 +157,9 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     stand there twice are dropped, the others turned so that neighbours agree on the outside. A surface with very few
     vertices is split. Render vertices in no face follow the nearest solver vertex.
 
+    Parts that share no edge each have their own vertex where they meet: at a point an eye would turn out of its socket,
+    while `solver.parts.contacts` ties it all round. A render vertex of several such parts follows one of them.
+
     Parameters
     ----------
     positions : (N, 3) float
@@ -176,10 +180,13 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     used, corners = np.unique(triangles, return_inverse=True)
     diagonal = float(np.linalg.norm(np.ptp(positions[used], axis=0)))
     first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
-    vertices = positions[used[first]]
+    corners = corners.reshape(-1, 3)
 
-    given = place_of[corners.reshape(-1, 3)]
-    solid = given[_has_area(vertices, given)]
+    given = place_of[corners]
+    has_area = _has_area(positions[used[first]], given)
+    origin, solid = _parted_at_points(given[has_area], len(first))
+    place_of[corners[has_area]] = solid
+    vertices = positions[used[first[origin]]]
     faces = solid[_first_of_doubles(solid)]
     if len(faces) < 4:
         raise MeshError(
@@ -201,7 +208,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     while len(fine_vertices) < LEAST_VERTICES:
         fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
     repairs = Repairs(
-        welded=len(used) - len(vertices),
+        welded=len(used) - int(np.count_nonzero(np.bincount(place_of))),
         degenerate=len(given) - len(solid),
         doubled=len(solid) - len(faces),
         isolated=int(isolated.sum()),
@@ -284,6 +291,38 @@ def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     first = np.ones(len(faces), dtype=bool)
     first[order[1:][again]] = False
     return first
+
+
+def _parted_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give each part that hangs together at edges its own copy of a vertex that it shares with others.
+
+    Parameters
+    ----------
+    faces : (t, 3) int64
+        Doubled ones may be among them: they belong to the part of the face that they double.
+    count : int
+        How many vertices there are.
+
+    Returns
+    -------
+    origin : (n,) int64
+        The vertex that each one is a copy of: the vertices that were there, then the copies.
+    parted : (t, 3) int64
+        The faces between them.
+    """
+    edges, of_side, _ = _edges(faces)
+    sides, t = len(of_side), len(faces)
+    links = np.arange(sides) // 3, t + of_side
+    nodes = t + len(edges)
+    part = connected_components(coo_matrix((np.ones(sides), links), shape=(nodes, nodes)), directed=False)[1][:t, None]
+    owner = np.zeros(count, dtype=np.int64)
+    owner[faces[::-1]] = part[::-1]  # the last one written stays: the part that comes first in the file
+    foreign = owner[faces] != part
+    pairs = np.column_stack([faces[foreign], np.broadcast_to(part, faces.shape)[foreign]])
+    copies, copy_of = np.unique(pairs, axis=0, return_inverse=True)
+    parted = faces.copy()
+    parted[foreign] = count + copy_of.reshape(-1)
+    return np.concatenate([np.arange(count), copies[:, 0]]), parted
 
 
 def _oriented(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:

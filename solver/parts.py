@@ -50,7 +50,7 @@ class Contacts:
     blend : (k, 3) float64
         Its barycentric coordinates.
     gap : (k,) float64
-        0 where the two parts touch; where one floats free, the distance that it keeps; in the mesh's units.
+        0 where the two parts touch; elsewhere the distance that they keep; in the mesh's units.
     """
 
     vertices: NDArray[np.int64]
@@ -74,7 +74,10 @@ class Contacts:
 
 
 class PartSeparation:
-    """Measures how far the parts of a character drift apart.
+    """Measures how far the parts of a character drift apart where they touch at rest, no farther than `TOUCHING`.
+
+    What floats free or is stuck deep into another part is tied over a distance, which changes as the surface bends
+    without anything coming apart that was together: it is not measured.
 
     Parameters
     ----------
@@ -82,20 +85,21 @@ class PartSeparation:
     """
 
     worst: float
-    """Largest distance between points in contact over all frames, less the gap of parts that float free, as a fraction
-    of the diagonal; 0 without contacts."""
+    """Largest distance over all frames between points that touch at rest, as a fraction of the diagonal; 0 where none
+    do."""
 
     def __init__(self, mesh: SolverMesh) -> None:
         self.worst = 0.0
-        self._contacts = contacts(mesh)
+        ties = contacts(mesh)
+        self._touching = _only(ties, ties.gap == 0)
         self._diagonal = mesh.diagonal
 
     def add(self, positions: NDArray[np.floating]) -> None:
         """Measure one frame of (n, 3) solver vertices, in the units of the mesh."""
-        held = self._contacts
+        held = self._touching
         if len(held.vertices):
             partner = np.einsum("kc,kcx->kx", held.blend, positions[held.corners])
-            apart = np.linalg.norm(positions[held.vertices] - partner, axis=1) - held.gap
+            apart = np.linalg.norm(positions[held.vertices] - partner, axis=1)
             self.worst = max(self.worst, float(apart.max()) / self._diagonal)
 
 

@@ -25,7 +25,7 @@ from solver.parts import contacts
 
 log = logging.getLogger(__name__)
 
-CACHE_VERSION = 2
+CACHE_VERSION = 3
 """Goes up whenever a stored model would differ from a new one."""
 
 GRAM_CHUNK = 8192

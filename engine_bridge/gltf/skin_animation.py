@@ -14,6 +14,10 @@ from engine_bridge.gltf.scene import top_nodes, world_transforms
 from engine_bridge.gltf.schema import Animation, Gltf, Node, Primitive
 from engine_bridge.skinning import Skinning
 
+LEAST_LENGTH = 1e-30
+UP = (0.0, 1.0, 0.0)
+"""A normal of what has none."""
+
 TRANSFORMS = ("translation", "rotation", "scale")
 STAYS = (*TRANSFORMS, "matrix", "children", "camera")
 """What is left behind where a mesh was shown when its node goes to the top of the scene."""
@@ -120,7 +124,7 @@ def _bring_into_world(document: Document, character: Character, nodes: Iterable[
 def _to_world(document: Document, node: int, primitive: Primitive, world: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (1 or n, 4, 4) transforms of points and lines."""
     shown = document.gltf["nodes"][node]
-    if "skin" not in shown:
+    if "skin" not in shown or "JOINTS_0" not in primitive["attributes"]:
         return world[None, node]
     return carried_by_skin(document, primitive, shown["skin"], _count(document, primitive), world)
 
@@ -136,7 +140,7 @@ def _transform(document: Document, primitive: Primitive, to_world: NDArray[np.fl
     count = _count(document, primitive)
     linear = to_world[:, :3, :3]
     matrices = {"POSITION": linear, "NORMAL": np.linalg.pinv(linear).swapaxes(1, 2), "TANGENT": linear}
-    flipped = np.sign(np.linalg.det(linear))
+    flipped = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
     lengths: dict[str, NDArray[np.float64]] = {}
     for name, matrix in matrices.items():
         base = document.attribute(primitive, name, count, 3, 4)
@@ -146,7 +150,8 @@ def _transform(document: Document, primitive: Primitive, to_world: NDArray[np.fl
         if name == "POSITION":
             turned += to_world[:, :3, 3]
         else:
-            lengths[name] = np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)
+            turned[np.linalg.norm(turned, axis=1) < LEAST_LENGTH] = UP  # of a part that is scaled to nothing
+            lengths[name] = np.linalg.norm(turned, axis=1, keepdims=True)
             turned /= lengths[name]
         if name == "TANGENT":
             turned = np.column_stack([turned, base[:, 3] * flipped])

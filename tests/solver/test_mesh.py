@@ -129,6 +129,53 @@ def test_a_mesh_that_is_fine_needs_no_repair(figure):
     np.testing.assert_array_equal(mesh.vertices, figure.vertices)
 
 
+# --- parts that meet at a point
+
+
+TWO_CUBES = np.concatenate([CORNERS, CORNERS + 1])  # the last corner of the one is the first of the other
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_that_meet_at_a_point_each_have_a_vertex_there(seed):
+    faces = np.random.default_rng(seed).permutation(np.concatenate([CUBE, CUBE + 8]))
+    mesh = weld(TWO_CUBES, faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], TWO_CUBES[faces])
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], TWO_CUBES)
+    np.testing.assert_array_equal(mesh.of_render[faces], mesh.faces)
+    assert mesh.repairs == Repairs()
+
+
+def test_a_render_vertex_of_two_parts_follows_one_of_them():
+    faces = np.concatenate([CUBE, np.array([7, *range(8, 15)])[CUBE]])
+    positions = np.concatenate([CORNERS, CORNERS[1:] + 1])
+    mesh = weld(positions, faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], positions[faces])
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert mesh.repairs == Repairs()
+
+
+def test_the_other_side_of_a_two_sided_part_follows_the_same_part():
+    faces = np.concatenate([CUBE, CUBE + 8, CUBE[:, ::-1] + 16, CUBE[:, ::-1] + 24])
+    mesh = weld(np.concatenate([TWO_CUBES, TWO_CUBES]), faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.of_render[16:], mesh.of_render[:16])
+    assert mesh.repairs == Repairs(welded=16, doubled=24)
+
+
+def test_parts_that_share_an_edge_are_one():
+    shifted = CORNERS + np.array([1, 1, 0])
+    mesh = weld(np.concatenate([CORNERS, shifted]), np.concatenate([CUBE, CUBE + 8]))
+    assert (mesh.parts, len(mesh.vertices), mesh.nonmanifold_edges) == (1, 14, 1)
+    assert mesh.repairs == Repairs(welded=2)
+
+
+def test_an_eye_welded_to_the_head_at_a_point_is_a_part(real_mesh):
+    mesh = real_mesh("suzanne.obj")
+    assert (mesh.parts, len(mesh.vertices)) == (3, 507)
+
+
 # --- which side is out
 
 

@@ -121,6 +121,19 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
     assert groups(mesh, ties) == 1
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_that_meet_at_a_point_are_tied_there(seed):
+    """Two boxes, corner to corner, the one welded to the other."""
+    (lower, faces), (upper, _) = box([0, 0, 0], [1, 1, 1], 0.25), box([1, 1, 1], [2, 2, 2], 0.25)
+    both = np.random.default_rng(seed).permutation(np.concatenate([faces, faces + len(lower)]))
+    mesh = weld(np.concatenate([lower, upper]), both)
+    ties = contacts(mesh)
+    assert mesh.parts == 2
+    np.testing.assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))
+    np.testing.assert_allclose(apart(mesh, ties), 0, atol=1e-12)
+    np.testing.assert_array_equal(ties.gap, 0)
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_whatever_lies_about_is_tied_into_one(seed):
     rng = np.random.default_rng(seed)
@@ -196,12 +209,19 @@ def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
     assert measure.worst == pytest.approx(0.05 / mesh.diagonal)
 
 
-def test_separation_does_not_see_the_gap_of_a_part_that_floats():
-    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), sphere([0.5, 1.8, 0.5], 0.3))
+@pytest.mark.parametrize(
+    "other",
+    [sphere([0.5, 1.8, 0.5], 0.3), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4)],
+    ids=["floats free", "is stuck deep into the other"],
+)
+def test_separation_does_not_see_what_does_not_touch_at_rest(other):
+    block, touching = box([0, 0, 0], [1, 1, 1], 0.25), box([0.2, -1, 0.2], [0.8, 0, 0.8], 0.2)
+    mesh = together(block, other, touching)
+    number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
     measure = PartSeparation(mesh)
-    measure.add(mesh.vertices)
+    measure.add(mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])
     assert measure.worst == pytest.approx(0, abs=1e-12)
-    measure.add(mesh.vertices + 0.1 * (mesh.components[:, None] == 1) * [0, 1, 0])
+    measure.add(mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])
     assert measure.worst == pytest.approx(0.1 / mesh.diagonal)
 
 

@@ -193,7 +193,10 @@ def test_a_skeleton_of_its_own_is_replaced_and_said_to_be(skins, raw):
 
 @pytest.fixture
 def furnished(glb, blob, tmp_path):
-    """The figure under a moving node, a hat on its node, and animations: of the node, of the hat, of a smile."""
+    """The figure under a moving node, a hat on its node, and animations: of the node, of the hat, of a smile.
+
+    Each of them once by the node and once by a pointer.
+    """
     smile = (blob.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
     faces = blob.faces.astype(np.uint32)
     above = glb.node(name="above", translation=[0, 0, 1])
@@ -215,6 +218,16 @@ def furnished(glb, blob, tmp_path):
     animation("walk", above, "translation", [[0, 0, 0], [1, 0, 0]])
     animation("tip", hat, "translation", [[0, 2, 0], [0, 3, 0]])
     animation("grin", body, "weights", [0, 1])
+
+    def pointer_animation(name, pointer, values):
+        animation(name, None, "pointer", values)
+        target = glb.file.animations[-1].channels[0].target
+        target.extensions = {"KHR_animation_pointer": {"pointer": pointer}}
+
+    glb.file.extensionsUsed = ["KHR_animation_pointer"]
+    pointer_animation("pointed walk", f"/nodes/{above}/translation", [[0, 0, 0], [1, 0, 0]])
+    pointer_animation("pointed tip", f"/nodes/{hat}/scale", [[1, 1, 1], [2, 2, 2]])
+    pointer_animation("pointed grin", f"/nodes/{body}/weights", [0, 1])
     return glb.save(tmp_path / "furnished.glb")
 
 
@@ -232,13 +245,53 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
     (place,) = (file.nodes[child] for child in next(node for node in file.nodes if node.name == "above").children)
     assert (place.mesh, place.name, place.scale) == (None, None, [-2, 2, 2])
     assert [file.nodes[child].name for child in place.children] == ["hat"]
-    assert [animation.name for animation in file.animations] == ["dance", "tip", "grin"]
-    assert "The character's own animations that moved what it hung on (1) are left out." in summary.notes
+    assert [animation.name for animation in file.animations] == ["dance", "tip", "grin", "pointed tip", "pointed grin"]
+    assert "The character's own animations that moved what it hung on (2) are left out." in summary.notes
     before, made = raw(furnished), raw(tmp_path / "out.glb")
     old, new = (f.file.meshes[0].primitives[0].attributes.TANGENT for f in (before, made))
     turned = before.array(old)[:, :3] @ (Rotation.from_euler("y", 90, degrees=True).as_matrix() @ np.diag([-1, 1, 1])).T
     np.testing.assert_allclose(made.array(new)[:, :3], turned, atol=1e-6)
     np.testing.assert_array_equal(made.array(new)[:, 3], -1)
+
+
+@pytest.mark.parametrize("scale", [[0, 0, 0], [1, 1, 0], [-1, 1, 0]])
+def test_what_is_scaled_to_nothing_keeps_unit_directions(
+    scale, glb, blob, take, write_puppet, tmp_path, raw, assert_valid_gltf
+):
+    count, faces = len(blob.vertices), blob.faces.astype(np.uint32)
+    towards_z = {
+        "NORMAL": np.tile(np.float32([0, 0, 1]), (count, 1)),
+        "TANGENT": np.tile(np.float32([0, 0, 1, -1]), (count, 1)),
+    }
+    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals)))
+    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, **towards_z)), scale=scale, name="hidden")
+    glb.save(tmp_path / "hidden.glb")
+    puppet = write_puppet(tmp_path / "hidden.toml", "hidden.glb")
+    convert(take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
+    assert_valid_gltf(tmp_path / "out.glb")
+    made = raw(tmp_path / "out.glb")
+    hidden = next(node for node in made.file.nodes if node.name == "hidden")
+    attributes = made.file.meshes[hidden.mesh].primitives[0].attributes
+    np.testing.assert_array_equal(made.array(attributes.POSITION), blob.vertices * np.float32(scale))
+    for name, before in towards_z.items():
+        np.testing.assert_array_equal(made.array(getattr(attributes, name)), before)
+
+
+def test_lines_without_joints_stand_where_their_node_is(variants, take, write_puppet, tmp_path, raw, assert_valid_gltf):
+    before = raw(variants["skinned"].path)
+    (mesh,) = before.file.meshes
+    bound = mesh.primitives[0].attributes.POSITION
+    mesh.primitives.append(gltf.Primitive(attributes=gltf.Attributes(POSITION=bound), mode=gltf.LINE_STRIP))
+    next(node for node in before.file.nodes if node.name == "elsewhere").translation = [1, 2, 3]
+    before.file.save(tmp_path / "lined.glb")
+    puppet = write_puppet(tmp_path / "lined.toml", "lined.glb")
+    convert(take, puppet, tmp_path / "out.glb", Settings(form="skin", bones=4))
+    assert_valid_gltf(tmp_path / "out.glb")
+    made = raw(tmp_path / "out.glb")
+    surface, lines = (primitive.attributes for primitive in made.file.meshes[0].primitives)
+    np.testing.assert_allclose(made.array(lines.POSITION), before.array(bound) + np.float32([1, 2, 3]), atol=1e-6)
+    np.testing.assert_allclose(made.array(surface.POSITION), variants["skinned"].shown[0], atol=1e-5)
+    np.testing.assert_array_equal(made.array(lines.JOINTS_0), 0)
 
 
 def test_the_same_input_gives_the_same_bytes(skins, take, tmp_path):

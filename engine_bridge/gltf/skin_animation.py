@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from engine_bridge.gltf.character import TRIANGLES, Character
 from engine_bridge.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.gltf.scene import skinning as carried_by_skin
 from engine_bridge.gltf.scene import top_nodes, world_transforms
-from engine_bridge.gltf.schema import Animation, Gltf, Node, Primitive
+from engine_bridge.gltf.schema import Animation, ChannelTarget, Gltf, Node, Primitive
 from engine_bridge.skinning import Skinning
 
 LEAST_LENGTH = 1e-30
@@ -91,9 +92,10 @@ def _leave_out(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
             placing.add(way)
             way = above.get(way)
 
+    moving = {f"/nodes/{node}/{transform}" for node in placing for transform in TRANSFORMS}
+
     def moves_it(animation: Animation) -> bool:
-        targets = [channel["target"] for channel in animation["channels"]]
-        return any(target.get("node") in placing and target["path"] in TRANSFORMS for target in targets)
+        return any(_pointer(channel["target"]) in moving for channel in animation["channels"])
 
     dropped = [animation for animation in gltf["animations"] if moves_it(animation)]
     gltf["animations"] = [animation for animation in gltf["animations"] if animation not in dropped]
@@ -101,6 +103,16 @@ def _leave_out(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
     if dropped:
         notes.append(f"The character's own animations that moved what it hung on ({len(dropped)}) are left out.")
     return tuple(notes)
+
+
+def _pointer(target: ChannelTarget) -> str:
+    """Return where in the file the property of a channel is, as KHR_animation_pointer writes it."""
+    if target["path"] != "pointer":
+        return f"/nodes/{target.get('node')}/{target['path']}"
+    found: Any = target
+    for name in ("extensions", "KHR_animation_pointer", "pointer"):
+        found = found.get(name) if isinstance(found, dict) else None
+    return str(found)
 
 
 def _bring_into_world(document: Document, character: Character, nodes: Iterable[int]) -> None:
@@ -122,9 +134,9 @@ def _bring_into_world(document: Document, character: Character, nodes: Iterable[
 
 
 def _to_world(document: Document, node: int, primitive: Primitive, world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (1 or n, 4, 4) transforms of points and lines."""
+    """Return the (1 or n, 4, 4) transforms of points and lines; a skin takes hold of none that has no joints."""
     shown = document.gltf["nodes"][node]
-    if "skin" not in shown or "JOINTS_0" not in primitive["attributes"]:
+    if "skin" not in shown or not {"POSITION", "JOINTS_0"} <= primitive["attributes"].keys():
         return world[None, node]
     return carried_by_skin(document, primitive, shown["skin"], _count(document, primitive), world)
 

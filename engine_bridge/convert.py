@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import platformdirs
 from numpy.typing import NDArray
 
 from capture import body
@@ -14,23 +13,20 @@ from capture.formats import read_log
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINTS, SkeletonFrame
 from capture.timeline import Timeline, choose, resample
-from engine_bridge import puppet as puppet_file
 from engine_bridge import skinning
 from engine_bridge.files import check_writable
 from engine_bridge.gltf import frames_animation, morph_basis
 from engine_bridge.gltf.animation import Take, animate
-from engine_bridge.gltf.character import Character, load_character
 from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.morph_basis import MorphBasis
 from engine_bridge.gltf.skin_animation import animate_skin
-from engine_bridge.performance import Performance, check_handles
+from engine_bridge.performance import Performance
 from engine_bridge.puppet import Puppet
-from puppetline.errors import PuppetError, SkeletonLogError, at
+from engine_bridge.rig import Rig, load_rig
+from puppetline.errors import SkeletonLogError, at
 from solver.binding import Binding
 from solver.deformer import to_file_units
-from solver.mesh import SolverMesh
 from solver.parts import PartSeparation
-from solver.reduced_model import ReducedModel, load_or_build
 from solver.stretch import EdgeStretch
 
 REST_SECONDS = 0.5
@@ -91,16 +87,6 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Rig:
-    """A puppet with all that is pre-computed for its character."""
-
-    puppet: Puppet
-    character: Character
-    mesh: SolverMesh
-    model: ReducedModel
-
-
-@dataclass(frozen=True)
 class Clip:
     """A solved clip, before it is written.
 
@@ -157,39 +143,6 @@ class Summary:
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values for JSON."""
         return asdict(self)
-
-
-def cache_folder() -> Path:
-    """Return where reduced models are kept between runs."""
-    return platformdirs.user_cache_path("puppetline") / "models"
-
-
-def load_rig(path: Path) -> Rig:
-    """Load a puppet file and prepare its character, from the cache where that was done before.
-
-    Raises
-    ------
-    PuppetlineError
-    """
-    puppet = puppet_file.load(path)
-    file = path.parent / puppet.character.mesh
-    if not file.is_file():
-        raise PuppetError(
-            at(path, field="[character], mesh"),
-            found=f"{puppet.character.mesh!r}, and there is no file {file}",
-            expected="a mesh file, its path relative to the puppet file",
-            fix="Correct the path, or put the mesh there.",
-        )
-    rig = make_rig(puppet, load_character(file))
-    check_handles(puppet.handle, rig.mesh, path)
-    return rig
-
-
-def make_rig(puppet: Puppet, character: Character) -> Rig:
-    """Prepare a character for a puppet."""
-    mesh = character.solver_mesh()
-    model, _ = load_or_build(mesh, puppet.solver.parameters, cache_folder())
-    return Rig(puppet, character, mesh, model)
 
 
 def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:

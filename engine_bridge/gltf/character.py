@@ -7,6 +7,7 @@ glTF already keeps all that it holds.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -78,8 +79,15 @@ class Character:
     @property
     def triangles(self) -> NDArray[np.int64]:
         """(T, 3) int64: the triangles of all parts as indices into `vertices`."""
-        starts = np.cumsum([0] + [len(part.vertices) for part in self.parts])
-        return np.concatenate([part.triangles + start for part, start in zip(self.parts, starts, strict=False)])
+        return np.concatenate(
+            [part.triangles + place.start for part, place in zip(self.parts, self.places, strict=True)]
+        )
+
+    @property
+    def places(self) -> list[slice]:
+        """Where each part's vertices are among `vertices`, and so in `SolverMesh.of_render`."""
+        ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
+        return [slice(start, end) for start, end in pairwise([0, *ends])]
 
     @cached_property
     def colors(self) -> NDArray[np.float64] | None:

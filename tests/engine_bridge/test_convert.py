@@ -6,8 +6,9 @@ import pytest
 from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from engine_bridge import convert as module
-from engine_bridge.convert import Settings, cache_folder, convert, load_rig, load_timeline
+from engine_bridge.convert import Settings, convert, load_timeline
 from engine_bridge.inspection import inspect
+from engine_bridge.rig import cache_folder, load_rig
 from puppetline.errors import MeshError, OutputError, PuppetError, SkeletonLogError
 from solver.binding import Binding
 from solver.deformer import to_file_units

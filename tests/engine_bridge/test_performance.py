@@ -3,10 +3,10 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX, mirrored
 from engine_bridge import puppet as puppet_file
-from engine_bridge.convert import make_rig
 from engine_bridge.gltf.character import make_character
 from engine_bridge.performance import Performance, check_handles
 from engine_bridge.puppet import CharacterTable, RetargetTable, RootTable, SmoothingTable
+from engine_bridge.rig import make_rig
 from puppetline.errors import PuppetError
 from solver.reduced_model import position_matrix
 

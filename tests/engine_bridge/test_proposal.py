@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from engine_bridge import puppet as puppet_file
-from engine_bridge.convert import load_rig
 from engine_bridge.gltf.character import make_character
 from engine_bridge.proposal import new_puppet, propose
 from engine_bridge.puppet import CharacterTable
+from engine_bridge.rig import load_rig
 from puppetline.errors import MeshError, PuppetError
 from solver import orientation
 from solver.mesh import SolverMesh

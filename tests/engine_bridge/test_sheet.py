@@ -3,7 +3,8 @@ import pytest
 from PIL import Image
 
 from engine_bridge import sheet
-from engine_bridge.convert import Settings, load_rig, load_timeline, perform
+from engine_bridge.convert import Settings, load_timeline, perform
+from engine_bridge.rig import load_rig
 from puppetline.errors import OutputError
 from solver.binding import Binding
 from solver.deformer import to_file_units

@@ -3,8 +3,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine_bridge.convert import Settings, load_rig, load_timeline, perform, write
+from engine_bridge.convert import Settings, load_timeline, perform, write
 from engine_bridge.gltf import morph_basis
+from engine_bridge.rig import load_rig
 from solver.binding import Binding
 from solver.deformer import to_file_units
 

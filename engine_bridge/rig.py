@@ -1,0 +1,57 @@
+"""A puppet made ready: its character read, welded and reduced, from the cache where that was done before."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from engine_bridge import puppet as puppet_file
+from engine_bridge.gltf.character import Character, load_character
+from engine_bridge.performance import check_handles
+from engine_bridge.puppet import Puppet
+from puppetline.errors import PuppetError, at
+from solver.mesh import SolverMesh
+from solver.reduced_model import ReducedModel, load_or_build
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A puppet with all that is pre-computed for its character."""
+
+    puppet: Puppet
+    character: Character
+    mesh: SolverMesh
+    model: ReducedModel
+
+
+def cache_folder() -> Path:
+    """Return where reduced models are kept between runs."""
+    return platformdirs.user_cache_path("puppetline") / "models"
+
+
+def load_rig(path: Path) -> Rig:
+    """Load a puppet file and prepare its character, from the cache where that was done before.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    puppet = puppet_file.load(path)
+    file = path.parent / puppet.character.mesh
+    if not file.is_file():
+        raise PuppetError(
+            at(path, field="[character], mesh"),
+            found=f"{puppet.character.mesh!r}, and there is no file {file}",
+            expected="a mesh file, its path relative to the puppet file",
+            fix="Correct the path, or put the mesh there.",
+        )
+    rig = make_rig(puppet, load_character(file))
+    check_handles(puppet.handle, rig.mesh, path)
+    return rig
+
+
+def make_rig(puppet: Puppet, character: Character) -> Rig:
+    """Prepare a character for a puppet."""
+    mesh = character.solver_mesh()
+    model, _ = load_or_build(mesh, puppet.solver.parameters, cache_folder())
+    return Rig(puppet, character, mesh, model)

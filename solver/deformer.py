@@ -1,13 +1,18 @@
 """A reduced model bound to handles: handle targets in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
 
+from typing import NamedTuple
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.transform import Rotation
 
 from puppetline.errors import MeshError
-from solver import rotations
+from solver import lanes, rotations
+from solver.lanes import BLOCK, ROWS, add_product
 from solver.mesh import SolverMesh
+from solver.polar import nearest_rotations
 from solver.reduced_model import ReducedModel
 from solver.rotations import RotationMode
 
@@ -20,6 +25,14 @@ ON_A_LINE = 0.02
 Controls = NDArray[np.float32]
 """(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
 the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) · n_iso − 1."""
+
+
+class _Affine(NamedTuple):
+    """Something that depends on the isolines' turns and the handles' targets, in the layout of `lanes`."""
+
+    turns: NDArray[np.float64]
+    handles: NDArray[np.float64]
+    constant: NDArray[np.float64]
 
 
 class Deformer:
@@ -78,23 +91,40 @@ class Deformer:
                 expected="one whose triangles are not all needles or crossed",
                 fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
             ) from error
-        self._from_turns = cho_solve(factor, model.B)
-        self._from_handles = cho_solve(factor, stiffness * rows.T)
-        self._constant = cho_solve(factor, pin * model.null_space @ rest)
-
+        from_turns = cho_solve(factor, model.B)
+        from_handles = cho_solve(factor, stiffness * rows.T)
+        constant = cho_solve(factor, pin * model.null_space @ rest)
         self._mode: RotationMode = mode
         reader = model.covariance if mode == "covariance" else model.edges
+        self._turn = lanes.of_matrices(model.B.shape[1] // 3)
+        self._seen = self._turn if mode == "covariance" else lanes.of_rows(len(reader))
+
+        def laid_out(reader: NDArray[np.float64], row: NDArray[np.int64]) -> _Affine:
+            return _Affine(
+                lanes.matrix(reader @ from_turns, row, self._turn),
+                lanes.matrix(reader @ from_handles, row, lanes.of_rows(len(rows))),
+                lanes.pack(reader @ constant, row),
+            )
+
+        self._surface = laid_out(reader, self._seen)
+        self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)))
+        self._wanted = lanes.pack(self.handles, lanes.of_rows(len(rows)))
         self._rest_frames = rotations.triangle_frames(model.edges @ rest)
-        self._read_turns = reader @ self._from_turns
-        self._read_handles = reader @ self._from_handles
-        self._read_constant = reader @ self._constant
         spread = np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False)
         self._on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
-        self._turns: NDArray[np.float64] | None = None
+        self._turns = lanes.pack(np.zeros((len(self._turn), 3)), self._turn)
+        self._started = False
+        self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
+        self._result = np.empty_like(self._controls.constant)
+
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """(3m, 3) float64: the isolines' rotations in the last frame, for row vectors."""
+        return lanes.unpack(self._turns, self._turn)
 
     def reset(self) -> None:
         """Forget the last frame: the next one starts from the rigid motion that fits the handles best."""
-        self._turns = None
+        self._started = False
 
     def _rigid_start(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the (3, 3) rotation nearest to the handles' motion, the least where they leave it open."""
@@ -114,34 +144,44 @@ class Deformer:
         about = (np.array([x, y, z]) @ direction) * direction if len(targets) > 1 else np.array([x, y, z])
         return turns @ Rotation.from_quat([*about, w]).as_matrix()
 
-    def solve(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, targets: NDArray[np.float64], out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return the control variables R that bring the handles to their targets.
 
         Parameters
         ----------
         targets : (h, 3) float64
             In the mesh file's coordinates.
+        out : (4m, 3) float64, optional
+            Written to, and returned: frames after the first then allocate no array.
 
         Returns
         -------
         (4m, 3) float64
             Model units.
         """
-        wanted = self.model.to_model(targets)
-        if self._turns is None:
-            self._turns = np.tile(self._rigid_start(targets), (self.model.B.shape[1] // 3, 1))
-        fixed = self._read_handles @ wanted + self._read_constant
-        for _ in range(self.iterations):
-            seen = self._read_turns @ self._turns + fixed
-            turns = (
-                rotations.from_covariance(seen)
-                if self._mode == "covariance"
-                else rotations.from_edges(seen, self._rest_frames)
-            )
-            self._turns = turns.reshape(-1, 3)
+        if not self._started:
+            self._started = True
+            self._turns[:] = lanes.pack(np.tile(self._rigid_start(targets), (len(self._turn) // 3, 1)), self._turn)
+        _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted)
+        if self._mode == "covariance":
+            _turn_isolines(self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
+        else:
+            self._compare_triangles()
         if self._on_a_line:
-            self._turns = self._without_roll(self._turns, targets)
-        return self._from_turns @ self._turns + self._from_handles @ wanted + self._constant
+            turns = self._without_roll(self.turns, targets)
+            self._turns[:] = lanes.pack(turns, self._turn)
+        out = np.empty_like(self.model.rest_controls) if out is None else out
+        _settle(self._controls, self._wanted, self._turns, self._result, out)
+        return out
+
+    def _compare_triangles(self) -> None:
+        """Update the turns as the paper does, from sampled triangles."""
+        _affine(self._surface, self._wanted, self._fixed)
+        for _ in range(self.iterations):
+            self._now[:] = self._fixed
+            add_product(self._surface.turns, self._turns, self._now)
+            found = rotations.from_edges(lanes.unpack(self._now, self._seen), self._rest_frames)
+            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._turn)
 
     def step(self, targets: NDArray[np.float64]) -> Controls:
         """Bring the handles to their targets, warm-started from the previous call.
@@ -157,6 +197,43 @@ class Deformer:
             (m, 3, 4) float32.
         """
         return to_file_units(self.solve(targets), self.model)
+
+
+@numba.njit(cache=True, nogil=True)
+def _pack_targets(targets, center, diagonal, wanted):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Lay (h, 3) targets out in blocks, in model units."""
+    for h in range(len(targets)):
+        place = h // ROWS * BLOCK + h % ROWS
+        for axis in range(3):
+            wanted[place + axis * ROWS] = (targets[h, axis] - center[axis]) / diagonal
+
+
+@numba.njit(cache=True, nogil=True)
+def _affine(of, wanted, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write what does not depend on the turns."""
+    out[:] = of.constant
+    add_product(of.handles, wanted, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def _turn_isolines(surface, wanted, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Look at the surface and turn the isolines with it, again and again."""
+    _affine(surface, wanted, fixed)
+    for _ in range(iterations):
+        now[:] = fixed
+        add_product(surface.turns, turns, now)
+        nearest_rotations(now, turns)
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle(controls, wanted, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the (4m, 3) control variables for these turns."""
+    _affine(controls, wanted, packed)
+    add_product(controls.turns, turns, packed)
+    for row in range(len(out)):
+        place = row // ROWS * BLOCK + row % ROWS
+        for axis in range(3):
+            out[row, axis] = packed[place + axis * ROWS]
 
 
 def displacement_to_file_units(R: NDArray[np.floating], model: ReducedModel) -> Controls:
@@ -190,7 +267,19 @@ def to_file_units(R: NDArray[np.floating], model: ReducedModel) -> Controls:
 
 
 def _to_file_units(R: NDArray[np.floating], model: ReducedModel, origin: NDArray[np.float64]) -> Controls:
-    transforms = np.swapaxes(R.reshape(*R.shape[:-2], -1, 4, 3).astype(np.float64), -1, -2).copy()
-    linear = transforms[..., :3]
-    transforms[..., 3] = transforms[..., 3] * model.diagonal + origin - linear @ model.center
-    return transforms.astype(np.float32)
+    out = np.empty((*R.shape[:-2], R.shape[-2] // 4, 3, 4), dtype=np.float32)
+    stack = np.ascontiguousarray(R).reshape(-1, 4, 3)
+    _transforms(stack, model.center, float(model.diagonal), origin, out.reshape(-1, 3, 4))
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _transforms(R, center, diagonal, origin, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write (k, 4, 3) control variables, which act on rows of model units, as (k, 3, 4) maps of the file's columns."""
+    for k in range(len(R)):
+        for row in range(3):
+            offset = R[k, 3, row] * diagonal + origin[row]
+            for column in range(3):
+                out[k, row, column] = R[k, column, row]
+                offset -= R[k, column, row] * center[column]
+            out[k, row, 3] = offset

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
+from solver import polar
 from solver.mesh import SolverMesh
-from solver.polar import nearest_rotations
 
 RotationMode = Literal["covariance", "triangles"]
 
@@ -119,10 +119,7 @@ def from_covariance(S: NDArray[np.float64]) -> NDArray[np.float64]:
     (m, 3, 3) float64
         Determinant +1.
     """
-    blocks = np.ascontiguousarray(S, dtype=np.float64).reshape(-1, 3, 3)
-    turns = np.empty_like(blocks)
-    nearest_rotations(blocks, turns)
-    return turns
+    return polar.of_matrices(S.reshape(-1, 3, 3))
 
 
 def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,13 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver.polar import nearest_rotations
-
-
-def nearest(S):
-    out = np.empty_like(S)
-    nearest_rotations(S, out)
-    return out
+from solver.polar import of_matrices as nearest
 
 
 def by_svd(S):
@@ -63,3 +57,8 @@ def test_what_a_flat_matrix_leaves_open_still_gives_a_rotation_that_fits(matrice
 def test_zero_and_axis_aligned_matrices_are_exact():
     S = np.array([np.zeros((3, 3)), np.eye(3), np.diag([2.0, 5.0, 1.0]), np.diag([1.0, -1.0, -1.0])])
     np.testing.assert_array_equal(nearest(S), [np.eye(3), np.eye(3), np.eye(3), S[3]])
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 80])
+def test_a_matrix_gives_the_same_rotation_whatever_lies_beside_it(matrices, count):
+    np.testing.assert_array_equal(nearest(matrices[:count]), nearest(matrices)[:count])

@@ -5,10 +5,11 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from solver import kernels
+from solver import kernels, tangents
 from solver.deformer import Controls
 from solver.mesh import SolverMesh
 from solver.reduced_model import ReducedModel
+from solver.row import WIDTH
 
 
 class Binding:
@@ -21,23 +22,14 @@ class Binding:
         Mesh file's coordinates.
     follows : (n,) int64
         The solver vertex whose ladder coordinates each of them takes.
-    normals : (n, 3) float, optional
-        Unit rest normals.
     """
 
-    def __init__(
-        self,
-        model: ReducedModel,
-        rest: NDArray[np.floating],
-        follows: NDArray[np.int64],
-        normals: NDArray[np.floating] | None = None,
-    ) -> None:
+    def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
         self.rest = np.ascontiguousarray(rest, dtype=np.float32)
-        self.has_normals = normals is not None
-        self.rest_normals = np.ascontiguousarray(np.zeros((0, 3)) if normals is None else normals, dtype=np.float32)
-        self._ladder = model.ladder[follows]
+        self._ladder = np.ascontiguousarray(model.ladder[follows])
         self._weights = model.weights
         self._isolines = model.isolines
+        self._rows = np.zeros((len(model.weights) * model.isolines, WIDTH), dtype=np.float32)
 
     @classmethod
     def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "Binding":
@@ -48,47 +40,84 @@ class Binding:
         """Return the binding of some of the vertices, by index."""
         part = copy(self)
         part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
-        part.rest_normals = self.rest_normals[chosen] if self.has_normals else self.rest_normals
         return part
 
-    def vertices(self, controls: Controls) -> NDArray[np.float32]:
+    def vertices(self, controls: Controls, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return X = W R.
 
         Parameters
         ----------
         controls : (m, 3, 4) float32
             Absolute, or of a displacement: the result is of the same kind.
+        out : (n, 3) float32, optional
+            Written to, and returned: no array is allocated then.
 
         Returns
         -------
         (n, 3) float32
             Mesh file's coordinates.
         """
-        out = np.empty_like(self.rest)
-        transforms = kernels.weighted(controls, self._weights)
-        kernels.blend_vertices(self.rest, self._ladder, transforms, self._isolines, out)
+        out = np.empty_like(self.rest) if out is None else out
+        kernels.table(controls, self._weights, self._rows)
+        kernels.blend_positions(self.rest, self._ladder, self._rows, self._isolines, out)
         return out
 
-    def normals(self, controls: Controls) -> NDArray[np.float32]:
-        """Return the unit normals of the deformed surface.
+
+class ShadedBinding(Binding):
+    """Vertices with normals that follow the deformed surface.
+
+    Parameters
+    ----------
+    model, rest, follows
+        As for `Binding`.
+    normals : (n, 3) float
+        Unit rest normals, smooth or with hard edges; a deformation keeps these hard.
+    triangles : (t, 3) int64
+        Of these vertices.
+    """
+
+    def __init__(
+        self,
+        model: ReducedModel,
+        rest: NDArray[np.floating],
+        follows: NDArray[np.int64],
+        normals: NDArray[np.floating],
+        triangles: NDArray[np.int64],
+    ) -> None:
+        super().__init__(model, rest, follows)
+        self._tangents = tangents.tangents(normals)
+        self._slopes = tangents.slopes(rest, triangles, self._ladder, follows, normals, self._tangents)
+
+    def only(self, chosen: NDArray[np.integer]) -> "ShadedBinding":
+        """Return the binding of some of the vertices, by index."""
+        part = copy(self)
+        part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
+        part._tangents, part._slopes = self._tangents[chosen], self._slopes[chosen]
+        return part
+
+    def vertices_and_normals(
+        self,
+        controls: Controls,
+        out: NDArray[np.float32] | None = None,
+        normals: NDArray[np.float32] | None = None,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the positions and the unit normals of the deformed surface.
 
         Parameters
         ----------
         controls : (m, 3, 4) float32
             Absolute.
+        out, normals : (n, 3) float32, optional
+            Written to, and returned: no array is allocated then.
 
         Returns
         -------
-        (n, 3) float32
-
-        Raises
-        ------
-        ValueError
-            Bound without normals.
+        positions, normals : (n, 3) float32
         """
-        if not self.has_normals:
-            raise ValueError("these vertices were bound without normals")
-        out = np.empty_like(self.rest)
-        transforms = kernels.weighted(controls, self._weights)
-        kernels.blend_normals(self.rest_normals, self._ladder, transforms, self._isolines, out)
-        return out
+        out = np.empty_like(self.rest) if out is None else out
+        normals = np.empty_like(self.rest) if normals is None else normals
+        kernels.table(controls, self._weights, self._rows)
+        kernels.blend_normals(
+            self.rest, self._tangents, self._slopes, self._ladder, self._rows, self._isolines, out, normals
+        )
+        return out, normals

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from solver.kernels import prominences
 from solver.mesh import SolverMesh
 from solver.parts import contacts
 
@@ -67,7 +67,7 @@ def extremities(mesh: SolverMesh, graph: csr_matrix) -> Extremities:
     outlying = _mean_distance(mesh, graph)
     order = np.argsort(-outlying, kind="stable")
     links = csr_matrix(graph + graph.T)
-    prominence = prominences(outlying, order, links.indptr, links.indices)
+    prominence = _prominences(outlying, order, links.indptr, links.indices)
     span = float(np.ptp(outlying))
     maxima = order[prominence[order] >= LEAST_PROMINENCE * span]
     kept: list[int] = []
@@ -91,3 +91,48 @@ def _mean_distance(mesh: SolverMesh, graph: csr_matrix) -> NDArray[np.float64]:
         nearest = np.minimum(nearest, distance)
         source = int(np.argmax(nearest))
     return total / SOURCES
+
+
+@numba.njit(cache=True, nogil=True)
+def _prominences(values, order, starts, neighbours):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return how far each local maximum of a function on a graph rises over the pass to a higher one.
+
+    Vertices are flooded from the top; where two basins meet, the lower summit's prominence is known.
+
+    Parameters
+    ----------
+    values : (n,) float64
+    order : (n,) int64
+        Vertices by descending value.
+    starts : (n + 1,) int
+    neighbours : (2e,) int
+        Adjacency in compressed rows.
+
+    Returns
+    -------
+    (n,) float64
+        0 for what is no maximum; the highest summit's is the range of the values.
+    """
+    n = len(values)
+    basin = np.full(n, -1)
+    result = np.zeros(n)
+    for v in order:
+        best = -1
+        for j in range(starts[v], starts[v + 1]):
+            root = neighbours[j]
+            if basin[root] < 0:
+                continue
+            while basin[root] != root:
+                basin[root] = basin[basin[root]]
+                root = basin[root]
+            if best < 0:
+                best = root
+            elif root != best:
+                low, high = (root, best) if values[root] < values[best] else (best, root)
+                result[low] = values[low] - values[v]
+                basin[low] = high
+                best = high
+        basin[v] = v if best < 0 else best
+    summit = order[0]
+    result[summit] = values[summit] - values[order[n - 1]]
+    return result

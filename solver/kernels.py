@@ -1,148 +1,104 @@
-"""The hot loops: control variables to vertices. Each is compiled on first use and kept compiled on disk."""
+"""The loops that touch every vertex: control variables to positions and normals.
+
+X = W R without W: a vertex blends the transforms of two isolines a field and applies the sum to its rest position.
+Each transform is a row of a table, field weights multiplied in (`table`); a vertex sums 16 of them (`row`).
+"""
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.row import item, load, plus_scaled, zeros
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _blend(position, transforms, isolines, t):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Blend the transforms of the two isolines that a vertex lies between, summed over the fields, into t (12,)."""
-    t[:] = 0
-    for i in range(len(position)):
-        below = min(int(position[i]), isolines - 2)
-        upper = position[i] - np.float32(below)
-        lower = np.float32(1) - upper
-        row = i * isolines + below
-        for c in range(12):
-            t[c] += lower * transforms[row, c] + upper * transforms[row + 1, c]
+ONE = np.float32(1)
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def blend_vertices(rest, ladder, transforms, isolines, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """X = W R without W: blend two isolines a field and apply the sum to the rest position.
-
-    Parameters
-    ----------
-    rest, out : (n, 3) float32
-    ladder : (n, n_e) float32
-    transforms : (n_e · n_iso, 12) float32
-        Rows of the 3 × 4 transforms, field weights multiplied in.
-    isolines : int
-    """
-    t = np.empty(12, dtype=np.float32)
-    for v in range(len(ladder)):
-        _blend(ladder[v], transforms, isolines, t)
-        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
-        for axis in range(3):
-            out[v, axis] = t[4 * axis] * x + t[4 * axis + 1] * y + t[4 * axis + 2] * z + t[4 * axis + 3]
-
-
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def blend_normals(normals, ladder, transforms, isolines, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Turn rest normals by the cofactor of the blended linear part, which keeps hard edges and needs no neighbours.
-
-    Parameters
-    ----------
-    normals, out : (n, 3) float32
-        Unit length.
-    ladder, transforms, isolines
-        As in `blend_vertices`.
-    """
-    t = np.empty(12, dtype=np.float32)
-    for v in range(len(ladder)):
-        _blend(ladder[v], transforms, isolines, t)
-        a, b, c0 = t[0], t[1], t[2]
-        d, e, f = t[4], t[5], t[6]
-        g, h, k = t[8], t[9], t[10]
-        x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
-        u = (e * k - f * h) * x + (f * g - d * k) * y + (d * h - e * g) * z
-        w = (c0 * h - b * k) * x + (a * k - c0 * g) * y + (b * g - a * h) * z
-        q = (b * f - c0 * e) * x + (c0 * d - a * f) * y + (a * e - b * d) * z
-        length = np.sqrt(u * u + w * w + q * q)
-        scale = np.float32(1) / length if length > 0 else np.float32(0)
-        out[v, 0], out[v, 1], out[v, 2] = u * scale, w * scale, q * scale
-
-
-@numba.njit(cache=True, nogil=True)
-def add_to_histogram(positions, edges, rest_lengths, width, histogram):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Count edge stretches |e| / |e_rest| into bins of equal width from 0.
-
-    Parameters
-    ----------
-    positions : (n, 3) float32
-    edges : (e, 2) int32
-    rest_lengths : (e,) float32
-    width : float
-    histogram : (bins,) int64
-        Added to; what lies beyond falls into the last bin.
-    """
-    last = len(histogram) - 1
-    for j in range(len(edges)):
-        a, b = edges[j, 0], edges[j, 1]
-        x = positions[a, 0] - positions[b, 0]
-        y = positions[a, 1] - positions[b, 1]
-        z = positions[a, 2] - positions[b, 2]
-        stretch = np.sqrt(x * x + y * y + z * z) / rest_lengths[j]
-        histogram[int(stretch / width) if stretch < last * width else last] += 1
-
-
-def weighted(controls: NDArray[np.float32], weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Multiply the field weights into controls and lay each transform out as a row of 12, as the loops want them.
+def table(controls: NDArray[np.float32], weights: NDArray[np.float64], out: NDArray[np.float32]) -> None:
+    """Multiply the field weights into controls, and lay each transform out as a row.
 
     Parameters
     ----------
     controls : (m, 3, 4) float32
     weights : (n_e,) float64
-
-    Returns
-    -------
-    (m, 12) float32
+    out : (m, 16) float32
+        Zero beyond the first 12 columns.
     """
     per_isoline = np.repeat(weights, len(controls) // len(weights)).astype(np.float32)
-    return controls.reshape(-1, 12) * per_isoline[:, None]
+    np.multiply(controls.reshape(-1, 12), per_isoline[:, None], out=out[:, :12])
 
 
-@numba.njit(cache=True, nogil=True)
-def prominences(values, order, starts, neighbours):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return how far each local maximum of a function on a graph rises over the pass to a higher one.
-
-    Vertices are flooded from the top; where two basins meet, the lower summit's prominence is known.
+@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def blend_positions(rest, ladder, rows, isolines, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Write the positions of vertices.
 
     Parameters
     ----------
-    values : (n,) float64
-    order : (n,) int64
-        Vertices by descending value.
-    starts : (n + 1,) int
-    neighbours : (2e,) int
-        Adjacency in compressed rows.
-
-    Returns
-    -------
-    (n,) float64
-        0 for what is no maximum; the highest summit's is the range of the values.
+    rest, out : (n, 3) float32
+    ladder : (n, n_e) float32
+    rows : (m, 16) float32
+        From `table`.
+    isolines : int
+        n_iso, in each field.
     """
-    n = len(values)
-    basin = np.full(n, -1)
-    result = np.zeros(n)
-    for v in order:
-        best = -1
-        for j in range(starts[v], starts[v + 1]):
-            root = neighbours[j]
-            if basin[root] < 0:
-                continue
-            while basin[root] != root:
-                basin[root] = basin[basin[root]]
-                root = basin[root]
-            if best < 0:
-                best = root
-            elif root != best:
-                low, high = (root, best) if values[root] < values[best] else (best, root)
-                result[low] = values[low] - values[v]
-                basin[low] = high
-                best = high
-        basin[v] = v if best < 0 else best
-    summit = order[0]
-    result[summit] = values[summit] - values[order[n - 1]]
-    return result
+    last = np.float32(isolines - 2)
+    for v in range(len(ladder)):
+        total = zeros()
+        for i in range(ladder.shape[1]):
+            below = int(min(ladder[v, i], last))
+            upper = ladder[v, i] - np.float32(below)
+            total = plus_scaled(total, ONE - upper, load(rows, i * isolines + below))
+            total = plus_scaled(total, upper, load(rows, i * isolines + below + 1))
+        x, y, z = _moved(total, rest[v, 0], rest[v, 1], rest[v, 2], ONE)
+        out[v, 0], out[v, 1], out[v, 2] = x, y, z
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def blend_normals(rest, tangents, slopes, ladder, rows, isolines, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Write the positions and the unit normals of vertices.
+
+    x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so that the derivative along a tangent a is
+    Σ_i (T_i a + (∂t_i/∂a) (T_i,k+1 − T_i,k) x₀): the tangents are carried by the surface itself, not only by its
+    transforms. Their cross product is the normal.
+
+    Parameters
+    ----------
+    rest, ladder, rows, isolines, out
+        As in `blend_positions`.
+    tangents : (n, 2, 3) float32
+        Their cross product is the rest normal.
+    slopes : (n, n_e, 2) float32
+        How fast each ladder coordinate changes along them.
+    normals : (n, 3) float32
+        Zero where the surface is squashed to a line.
+    """
+    last = np.float32(isolines - 2)
+    for v in range(len(ladder)):
+        total, along_a, along_b = zeros(), zeros(), zeros()
+        for i in range(ladder.shape[1]):
+            below = int(min(ladder[v, i], last))
+            lower, upper = load(rows, i * isolines + below), load(rows, i * isolines + below + 1)
+            step = plus_scaled(upper, -ONE, lower)
+            total = plus_scaled(plus_scaled(total, ONE, lower), ladder[v, i] - np.float32(below), step)
+            along_a = plus_scaled(along_a, slopes[v, i, 0], step)
+            along_b = plus_scaled(along_b, slopes[v, i, 1], step)
+        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        out[v, 0], out[v, 1], out[v, 2] = _moved(total, x, y, z, ONE)
+        ax, ay, az = _moved(along_a, x, y, z, ONE)
+        bx, by, bz = _moved(along_b, x, y, z, ONE)
+        a = _moved(total, tangents[v, 0, 0], tangents[v, 0, 1], tangents[v, 0, 2], ONE - ONE)
+        b = _moved(total, tangents[v, 1, 0], tangents[v, 1, 1], tangents[v, 1, 2], ONE - ONE)
+        ax, ay, az, bx, by, bz = ax + a[0], ay + a[1], az + a[2], bx + b[0], by + b[1], bz + b[2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        scale = ONE / length if length > 0 else np.float32(0)
+        normals[v, 0], normals[v, 1], normals[v, 2] = nx * scale, ny * scale, nz * scale
+
+
+@numba.njit(inline="always")
+def _moved(transform, x, y, z, w):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Apply a row's transform to (x, y, z, w)."""
+    return (
+        item(transform, 0) * x + item(transform, 1) * y + item(transform, 2) * z + item(transform, 3) * w,
+        item(transform, 4) * x + item(transform, 5) * y + item(transform, 6) * z + item(transform, 7) * w,
+        item(transform, 8) * x + item(transform, 9) * y + item(transform, 10) * z + item(transform, 11) * w,
+    )

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.binding import Binding
+from solver.binding import Binding, ShadedBinding
 from solver.deformer import Deformer, displacement_to_file_units, to_file_units
 from solver.mesh import weld
 from solver.reduced_model import build
@@ -28,10 +28,12 @@ def test_solver_vertices_are_the_blend(creature, creature_model, pose, surface):
 
 def test_rest_controls_leave_vertices_and_normals(creature, creature_model):
     n = len(creature.vertices)
-    binding = Binding(creature_model, creature.vertices, np.arange(n), any_normals(n))
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
     controls = to_file_units(creature_model.rest_controls, creature_model)
+    positions, normals = binding.vertices_and_normals(controls)
+    np.testing.assert_allclose(positions, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
     np.testing.assert_allclose(binding.vertices(controls), creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
-    np.testing.assert_allclose(binding.normals(controls), any_normals(n), atol=1e-5)
+    np.testing.assert_allclose(normals, any_normals(n), atol=1e-5)
 
 
 def test_displacements_add_up_to_the_deformed_vertices(creature, creature_model, pose):
@@ -69,29 +71,37 @@ def test_normals_are_those_of_the_deformed_surface(figure, figure_model):
     deformer = Deformer(figure_model, figure, handles, iterations=20)
     controls = deformer.step(deformer.handles + np.array([[-0.3, 0.5, 0.2], [0, 0, 0], [0, 0, 0]]))
     count = len(figure.vertices)
-    binding = Binding(figure_model, figure.vertices, np.arange(count), of_triangles(figure.vertices))
-    found = binding.normals(controls)
+    rest = figure.vertices
+    binding = ShadedBinding(figure_model, rest, np.arange(count), of_triangles(rest), figure.faces)
+    positions, found = binding.vertices_and_normals(controls)
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
-    expected = of_triangles(binding.vertices(controls).astype(np.float64))
+    expected = of_triangles(positions.astype(np.float64))
     angles = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, expected), -1, 1)))
-    assert np.median(angles) < 2
-    assert np.percentile(angles, 99) < 20
+    assert np.median(angles) < 0.1
+    assert np.percentile(angles, 99) < 2
 
 
 def test_a_part_moves_as_it_does_in_the_whole(creature, creature_model, pose):
     n = len(creature.vertices)
     controls = to_file_units(pose, creature_model)
     chosen = np.array([5, 3, 300, 41])
-    binding = Binding(creature_model, creature.vertices, np.arange(n), any_normals(n))
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
     part = binding.only(chosen)
     np.testing.assert_array_equal(part.vertices(controls), binding.vertices(controls)[chosen])
-    np.testing.assert_array_equal(part.normals(controls), binding.normals(controls)[chosen])
+    for found, whole in zip(part.vertices_and_normals(controls), binding.vertices_and_normals(controls), strict=True):
+        np.testing.assert_array_equal(found, whole[chosen])
     assert len(binding.rest) == n
 
 
-def test_normals_need_normals(creature, creature_model):
-    controls = to_file_units(creature_model.rest_controls, creature_model)
-    whole = Binding.of_solver_mesh(creature_model, creature)
-    for binding in (whole, whole.only(np.array([1, 2]))):
-        with pytest.raises(ValueError, match="without normals"):
-            binding.normals(controls)
+def test_results_are_written_where_they_are_wanted(creature, creature_model, pose):
+    n = len(creature.vertices)
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+    controls = to_file_units(pose, creature_model)
+    expected = binding.vertices_and_normals(controls)
+    own = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    found = binding.vertices_and_normals(controls, *own)
+    assert found[0] is own[0]
+    assert found[1] is own[1]
+    np.testing.assert_array_equal(own, expected)
+    assert binding.vertices(controls, own[0]) is own[0]
+    np.testing.assert_array_equal(own[0], binding.vertices(controls))

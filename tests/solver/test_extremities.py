@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.extremities import distances, extremities, surface_graph
+from solver.extremities import _prominences, distances, extremities, surface_graph
 from solver.mesh import SolverMesh, weld
 
 FIGURE_ENDS = np.array([[1.58, 1.3, 0], [-1.58, 1.3, 0], [0.66, -1.7, 0.1], [-0.66, -1.7, 0.1], [0.0, 2.1, 0.2]])
@@ -95,3 +95,73 @@ def test_the_armadillo_has_hands_feet_ears_and_a_tail(real_mesh):
     for direction in ([1, 0.3, 0], [-1, 0.3, 0], [0.4, -1, 0], [-0.4, -1, 0]):
         end = mesh.vertices[np.argmax(mesh.vertices @ direction)]
         assert np.linalg.norm(found - end, axis=1).min() < 0.1 * np.linalg.norm(high - low)
+
+
+# --- prominences
+
+
+def prominence(values, edges):
+    values = np.array(values, dtype=float)
+    lists = [sorted([b for a, b in edges if a == v] + [a for a, b in edges if b == v]) for v in range(len(values))]
+    starts = np.cumsum([0] + [len(neighbours) for neighbours in lists])
+    order = np.argsort(-values, kind="stable")
+    return _prominences(values, order, starts, np.concatenate(lists).astype(np.int64)).tolist()
+
+
+def path(count):
+    return [(i, i + 1) for i in range(count - 1)]
+
+
+def test_prominence_on_a_ridge_by_hand():
+    # summits 5, 4 and 7 with passes 2 and 1 between them
+    assert prominence([0, 5, 2, 4, 1, 7, 3], path(7)) == [0, 4, 0, 2, 0, 7, 0]
+
+
+def test_the_lower_of_two_summits_falls_to_the_pass_to_a_higher_one_and_not_to_the_nearest():
+    # 6 | 5 | 3 | 4 | 1 | 9: the 4 meets the 6 at 3; the 6 meets the 9 at 1
+    assert prominence([6, 5, 3, 4, 1, 9], path(6)) == [5, 0, 0, 1, 0, 8]
+
+
+def test_a_ring_has_two_passes_and_the_higher_one_counts():
+    assert prominence([8, 1, 6, 3], [*path(4), (3, 0)]) == [7, 0, 3, 0]
+
+
+def test_a_monotone_function_has_one_summit():
+    assert prominence([1, 2, 3, 4], path(4)) == [0, 0, 0, 3]
+
+
+def test_a_plateau_counts_once():
+    assert np.count_nonzero(prominence([0, 5, 5, 0, 3], path(5))) == 2
+
+
+def test_three_basins_that_meet_at_one_vertex():
+    assert prominence([9, 6, 4, 1], [(0, 3), (1, 3), (2, 3)]) == [8, 5, 3, 0]
+
+
+def naive_prominence(values, edges):
+    """Each summit: lower the water until a higher vertex comes into its island."""
+    result = np.zeros(len(values))
+    for v, height in enumerate(values):
+        for level in sorted(set(values), reverse=True):
+            if level > height:
+                continue
+            island, grown = {v}, True
+            while grown:
+                reached = {b for a, b in edges if a in island} | {a for a, b in edges if b in island}
+                new = {u for u in reached if values[u] >= level} - island
+                island, grown = island | new, bool(new)
+            if max(values[u] for u in island) > height:
+                result[v] = height - level
+                break
+        else:
+            result[v] = height - min(values)
+    return result
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_prominences_of_random_graphs_are_those_of_falling_water(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.permutation(30).astype(float)
+    edges = [*path(30), *map(tuple, rng.integers(0, 30, (15, 2)))]
+    edges = [(a, b) for a, b in edges if a != b]
+    np.testing.assert_allclose(prominence(values, edges), naive_prominence(values, edges))

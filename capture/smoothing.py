@@ -24,6 +24,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,11 +97,10 @@ class JointFilter:
 
     def reset(self) -> None:
         """Forget everything seen so far."""
-        unknown = np.full((len(JOINTS), 3), np.nan)
         # NaN marks what a joint does not have yet, and spreads by itself: all of it before the first measurement and
         # after a loss, the trend alone after one measurement.
         self._time = math.nan
-        self._measured = self._smoothed = self._trend = self._output = unknown
+        self._measured, self._smoothed, self._trend, self._output = np.full((4, len(JOINTS), 3), np.nan)
 
     def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
         """Take one frame and return its smoothed positions.
@@ -129,62 +129,78 @@ class JointFilter:
         frames = 1.0 if math.isnan(self._time) else FRAME_RATE * (time - self._time)
         self._time = time
 
-        known = (confidence > LOST) & np.isfinite(positions).all(axis=1)
-        raw = np.where(known[:, None], positions, np.nan)
-        radius = np.where(confidence > INFERRED, 1.0, 2.0)
-
-        measured = self._without_jitter(raw, radius * self.smoothing.jitter_radius)
-        velocity = (measured - self._measured) / frames
-        error = self._smoothed - self._measured
-        trend_error = np.where(np.isnan(self._trend), 0.0, self._trend - velocity)
         decay = _decay(self.smoothing.alpha, self.smoothing.gamma, frames)
-        smoothed = measured + decay[0, 0] * error + decay[0, 1] * trend_error
-
-        self._measured = measured
-        self._smoothed = np.where(np.isnan(smoothed), measured, smoothed)
-        self._trend = velocity + decay[1, 0] * error + decay[1, 1] * trend_error
-
-        ahead = self._smoothed + self.smoothing.prediction * np.nan_to_num(self._trend)
-        output = _within(ahead, raw, radius * self.smoothing.max_deviation)
-        self._output = np.where(known[:, None], output, self._output)
+        knobs = self.smoothing.jitter_radius, self.smoothing.max_deviation, self.smoothing.prediction
+        state = self._measured, self._smoothed, self._trend, self._output
+        _take(positions, confidence, frames, decay, knobs, state)
         return self._output.copy()
 
-    def _without_jitter(self, raw: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Draw measurements (20, 3) that are near the last smoothed position towards it, the nearer the more."""
-        move = raw - self._smoothed
-        distance = np.linalg.norm(move, axis=1)
-        near = distance < radius
-        weight = np.divide(distance, radius, out=np.ones_like(distance), where=near)
-        return np.where(near[:, None], self._smoothed + weight[:, None] * move, raw)
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _take(positions, confidence, frames, decay, knobs, state):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Take a frame: bring every joint's measurement, smoothed position, trend and output up to date."""
+    jitter_radius, max_deviation, prediction = knobs
+    measured, smoothed, trend, output = state
+    for j in range(len(positions)):
+        known = confidence[j] > LOST and np.isfinite(positions[j]).all()
+        widen = 1.0 if confidence[j] > INFERRED else 2.0
+        # a measurement near the last smoothed position is drawn towards it, the nearer the more
+        distance = _distance(positions[j], smoothed[j])
+        near = distance < widen * jitter_radius
+        share = distance / (widen * jitter_radius) if near else 1.0
+        for axis in range(3):
+            now = positions[j, axis] if known else np.nan
+            if near:
+                now = smoothed[j, axis] + share * (now - smoothed[j, axis])
+            velocity = (now - measured[j, axis]) / frames
+            error = smoothed[j, axis] - measured[j, axis]
+            trend_error = 0.0 if np.isnan(trend[j, axis]) else trend[j, axis] - velocity
+            moved = now + decay[0][0] * error + decay[0][1] * trend_error
+            measured[j, axis] = now
+            smoothed[j, axis] = now if np.isnan(moved) else moved
+            trend[j, axis] = velocity + decay[1][0] * error + decay[1][1] * trend_error
+            if known:
+                run_ahead = 0.0 if np.isnan(trend[j, axis]) else prediction * trend[j, axis]
+                output[j, axis] = smoothed[j, axis] + run_ahead
+        if known:
+            away = _distance(output[j], positions[j])
+            if away > widen * max_deviation:  # straight onto the sphere about the measurement
+                for axis in range(3):
+                    offset = output[j, axis] - positions[j, axis]
+                    output[j, axis] = positions[j, axis] + widen * max_deviation / away * offset
 
 
-def _within(
-    points: NDArray[np.float64], centres: NDArray[np.float64], radius: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Pull points (20, 3) that are outside the sphere about their centre straight onto it."""
-    away = points - centres
-    distance = np.linalg.norm(away, axis=1)
-    outside = distance > radius
-    scale = np.divide(radius, distance, out=np.ones_like(distance), where=outside)
-    return np.where(outside[:, None], centres + scale[:, None] * away, points)
+@numba.njit(cache=True, nogil=True)
+def _distance(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-def _decay(alpha: float, gamma: float, frames: float) -> NDArray[np.float64]:
-    """Return Aⁿ (2, 2), n = frames: what remains of the errors (e, u) after that many frames.
+@numba.njit(cache=True, nogil=True)
+def _decay(alpha, gamma, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return Aⁿ as two rows, n = frames: what remains of the errors (e, u) after that many frames.
 
     Cayley-Hamilton with the eigenvalues λ and μ of A: Aⁿ = μⁿ I + (λⁿ − μⁿ)/(λ − μ) (A − μ I). A has determinant
     1 − β ≥ 0 and trace 2 − β − γβ ≥ 0, so no eigenvalue is a negative real and the power is real.
     """
     if alpha == 1.0:
         # p̃ is the measurement and e is 0: only the trend's column counts. (For γ = 1 the first would have no root.)
-        return np.diag([0.0, (1.0 - gamma) ** frames])
-    step = np.array([[1.0 - alpha, 1.0 - alpha], [-gamma * alpha, 1.0 - gamma * alpha]])
+        return (0.0, 0.0), (0.0, (1.0 - gamma) ** frames)
     determinant = 1.0 - alpha
     half_trace = (1.0 + determinant - gamma * alpha) / 2.0
-    large = half_trace + cmath.sqrt(half_trace**2 - determinant)
+    large = half_trace + cmath.sqrt(half_trace**2 - determinant + 0j)
     small = determinant / large
     # The quotient by λ − μ is rewritten with x = log(μ/λ), so that nothing cancels where the eigenvalues (nearly) meet.
     log_ratio = cmath.log(small / large)
-    growth = np.expm1(frames * log_ratio) / np.expm1(log_ratio) if log_ratio else frames
-    power = small**frames * np.eye(2) + large ** (frames - 1.0) * growth * (step - small * np.eye(2))
-    return np.real(power)
+    growth = _expm1(frames * log_ratio) / _expm1(log_ratio) if log_ratio != 0 else frames + 0j
+    power, slope = small**frames, large ** (frames - 1.0) * growth
+    return (
+        ((power + slope * (1.0 - alpha - small)).real, (slope * (1.0 - alpha)).real),
+        ((slope * -gamma * alpha).real, (power + slope * (1.0 - gamma * alpha - small)).real),
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def _expm1(z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return exp(z) − 1 of a complex number, without cancellation near 0."""
+    x, y = z.real, z.imag
+    return complex(math.expm1(x) * math.cos(y) - 2.0 * math.sin(y / 2.0) ** 2, math.exp(x) * math.sin(y))

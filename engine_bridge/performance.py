@@ -68,7 +68,7 @@ class Performance:
         )
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
-        self.fit = fit_sizes(puppet, mesh, model, rest)
+        self.fit = fit_sizes(puppet, self.deformer, mesh, rest)
         self.root_scale = _root_scale(puppet, mesh, rest)
         self._retargeter = Retargeter(self.deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
         self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
@@ -117,11 +117,14 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str |
     ------
     PuppetError
     """
+    allowed = OFF_THE_MESH * mesh.diagonal
     for number, handle in enumerate(handles, 1):
+        if np.linalg.norm(mesh.vertices - handle.position, axis=1).min() <= allowed:
+            continue  # the surface is no farther away than its nearest vertex
         corners, blend = snap(mesh, np.array(handle.position))
         nearest = blend[0] @ mesh.vertices[corners[0]]
         distance = np.linalg.norm(nearest - handle.position)
-        if distance > OFF_THE_MESH * mesh.diagonal:
+        if distance > allowed:
             low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
             raise PuppetError(
                 at(where, field=f"[[handle]] {number} {handle.name!r}, position"),
@@ -135,7 +138,7 @@ def _numbers(point: NDArray[np.float64]) -> str:
     return "[" + ", ".join(f"{value:.4g}" for value in point) + "]"
 
 
-def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> Fit:
+def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:
     """Set the performer's size against the character's (the paper's Eq. 5, for want of a window).
 
     With ``scale = "auto"`` a limb of the performer that is stretched out fully takes its handles to the end of their
@@ -144,8 +147,10 @@ def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArr
     Parameters
     ----------
     puppet : Puppet
+    deformer : Deformer
+        Of the puppet's character and handles.
     mesh : SolverMesh
-    model : ReducedModel
+        The character.
     rest : (20, 3) float64
         The performer, sensor frame.
     """
@@ -155,7 +160,7 @@ def fit_sizes(puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArr
         return Fit(np.full(count, puppet.units_a_metre), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
-    reach = limb_reach(model, mesh, puppet.handle_positions, limbs)[of_handle]
+    reach = limb_reach(deformer, mesh, limbs)[of_handle]
     # the directions of the mesh in which the handle's joints may move it at all
     used = mapping.axes @ np.abs(puppet.character.basis)
     typical = np.einsum("has,ha->h", reach, used) / np.maximum(2 * used.sum(axis=1), 1)

@@ -1,5 +1,6 @@
 """A reduced model bound to handles: handle targets in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
 
+from copy import copy
 from typing import NamedTuple
 
 import numba
@@ -121,6 +122,15 @@ class Deformer:
     def turns(self) -> NDArray[np.float64]:
         """(3m, 3) float64: the isolines' rotations in the last frame, for row vectors."""
         return lanes.unpack(self._turns, self._turn)
+
+    def another(self, iterations: int) -> "Deformer":
+        """Return one of the same character and handles, with a state of its own."""
+        other = copy(self)
+        other.iterations = iterations
+        other._started = False
+        for buffer in ("_wanted", "_turns", "_fixed", "_now", "_result"):
+            setattr(other, buffer, getattr(self, buffer).copy())
+        return other
 
     def reset(self) -> None:
         """Forget the last frame: the next one starts from the rigid motion that fits the handles best."""

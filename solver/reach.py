@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.deformer import Deformer
+from solver.binding import Binding
+from solver.deformer import Deformer, to_file_units
 from solver.mesh import SolverMesh
-from solver.reduced_model import ReducedModel, position_matrix
+from solver.reduced_model import ReducedModel
 
 PROBES = np.array([0.025, 0.05, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4])
 """Displacements that are tried, fractions of the diagonal."""
@@ -22,9 +23,7 @@ SETTLE = 8
 """Rotation updates for each probe; each starts from the one before."""
 
 
-def limb_reach(
-    model: ReducedModel, mesh: SolverMesh, handles: NDArray[np.float64], limbs: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def limb_reach(deformer: Deformer, mesh: SolverMesh, limbs: NDArray[np.float64]) -> NDArray[np.float64]:
     """Measure how far each limb may go along the six axis directions.
 
     A limb's handles are drawn away together while all others stay, until the worst hundredth of the edges is, on
@@ -33,10 +32,10 @@ def limb_reach(
 
     Parameters
     ----------
-    model : ReducedModel
+    deformer : Deformer
+        Of the character and its handles; it is not moved.
     mesh : SolverMesh
-    handles : (h, 3) float64
-        Rest positions, mesh file's coordinates.
+        The character.
     limbs : (l, h) float64
         How far each handle goes when a limb goes 1; 0 for handles that are not of that limb.
 
@@ -46,16 +45,15 @@ def limb_reach(
         Along −x, +x, −y, +y, −z, +z; mesh units, from the smallest probe to the largest, which is also what a limb
         without handles gets.
     """
-    deformer = Deformer(model, mesh, handles, iterations=SETTLE)
-    strain = _EdgeStrain(model, mesh)
+    trial, strain = deformer.another(SETTLE), _EdgeStrain(deformer.model, mesh)
     reach = np.full((len(limbs), 3, 2), PROBES[-1])
     for limb, along in enumerate(limbs):
         if not along.any():
             continue
         for axis in range(3):
             for side, sign in enumerate((-1.0, 1.0)):
-                reach[limb, axis, side] = _probe(deformer, strain, np.outer(along, sign * np.eye(3)[axis]))
-    return reach * model.diagonal
+                reach[limb, axis, side] = _probe(trial, strain, np.outer(along, sign * np.eye(3)[axis]))
+    return reach * deformer.model.diagonal
 
 
 def _probe(deformer: Deformer, strain: "_EdgeStrain", direction: NDArray[np.float64]) -> float:
@@ -73,22 +71,21 @@ def _probe(deformer: Deformer, strain: "_EdgeStrain", direction: NDArray[np.floa
 
 
 class _EdgeStrain:
-    """Strain of a sample of edges, straight from the control variables."""
+    """Strain of a sample of edges."""
 
     def __init__(self, model: ReducedModel, mesh: SolverMesh) -> None:
         edges = mesh.edges[np.linspace(0, len(mesh.edges) - 1, min(SAMPLED_EDGES, len(mesh.edges))).astype(int)]
-        ends = [
-            position_matrix(
-                model.to_model(mesh.vertices[end]), model.ladder[end].astype(np.float64), model.weights, model.isolines
-            )
-            for end in edges.T
-        ]
-        self._edges = ends[1] - ends[0]
-        self._rest = np.linalg.norm(self._edges @ model.rest_controls, axis=1)
+        self._model = model
+        self._ends = Binding.of_solver_mesh(model, mesh).only(edges.T.ravel())
+        self._rest = self._lengths(self._ends.rest)
 
     def worst(self, R: NDArray[np.float64]) -> float:
         """Return the mean strain max(stretch, 1 / stretch) over the worst hundredth of the edges."""
-        stretch = np.linalg.norm(self._edges @ R, axis=1) / self._rest
+        stretch = self._lengths(self._ends.vertices(to_file_units(R, self._model))) / self._rest
         strain = np.maximum(stretch, 1 / np.maximum(stretch, 1e-6))
         count = max(1, int(WORST * len(strain)))
         return float(np.partition(strain, -count)[-count:].mean())
+
+    def _lengths(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:
+        tails, heads = np.split(positions, 2)
+        return np.linalg.norm(heads - tails, axis=1)

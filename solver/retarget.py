@@ -5,8 +5,10 @@ displacement from the first pose, which is what `Retargeter` uses: unlike the su
 `accumulated` keeps the paper's form as the reference.
 """
 
+import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -150,13 +152,25 @@ class SmoothReturn:
         (j, 3) float64
             Zero for a joint that was never known.
         """
-        known = known & np.isfinite(displacement).all(axis=1)
-        self._offset *= np.exp(-(time - self._time) / RETURN_TIME)
-        back = known & ~self._known & np.isfinite(self._time)
-        self._offset[back] = self._last[back] - displacement[back]
-        self._last = np.where(known[:, None], displacement + self._offset, self._last)
-        self._known, self._time = known, time
+        fading = math.exp(-(time - self._time) / RETURN_TIME)
+        began = math.isfinite(self._time)
+        self._time = time
+        _close(displacement, known, fading, began, self._last, self._offset, self._known)
         return self._last
+
+
+@numba.njit(cache=True, nogil=True)
+def _close(displacement, known, fading, began, last, offset, was_known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring each joint's displacement up to date, and the offset at which it came back."""
+    for j in range(len(displacement)):
+        now = known[j] and np.isfinite(displacement[j]).all()
+        for axis in range(3):
+            offset[j, axis] *= fading
+            if now and began and not was_known[j]:
+                offset[j, axis] = last[j, axis] - displacement[j, axis]
+            if now:
+                last[j, axis] = displacement[j, axis] + offset[j, axis]
+        was_known[j] = now
 
 
 def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -175,11 +189,30 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     -------
     (..., h, 3) float64
     """
-    side = np.where(moved < 0, reach[..., 0], reach[..., 1])
-    ratio = np.linalg.norm(moved / side, axis=-1, keepdims=True)
+    out = np.empty(moved.shape)
+    _limit(
+        np.ascontiguousarray(moved, dtype=np.float64).reshape(-1, *reach.shape[:2]),
+        reach,
+        out.reshape(-1, *reach.shape[:2]),
+    )
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Limit (k, h, 3) motions."""
     room = 1 - LIMIT_KNEE
-    limited = LIMIT_KNEE + room * np.tanh(np.maximum(ratio - LIMIT_KNEE, 0) / room)
-    return moved * np.where(ratio > LIMIT_KNEE, limited / np.maximum(ratio, LIMIT_KNEE), 1.0)
+    for k in range(len(moved)):
+        for h in range(len(reach)):
+            square = 0.0
+            for axis in range(3):
+                square += (moved[k, h, axis] / reach[h, axis, 0 if moved[k, h, axis] < 0 else 1]) ** 2
+            ratio = np.sqrt(square)
+            scale = 1.0
+            if ratio > LIMIT_KNEE:
+                scale = (LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)) / ratio
+            for axis in range(3):
+                out[k, h, axis] = moved[k, h, axis] * scale
 
 
 def accumulated(positions: NDArray[np.float64], mapping: Mapping, scale: NDArray[np.float64]) -> NDArray[np.float64]:

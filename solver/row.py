@@ -17,7 +17,7 @@ _FLOAT, _INDEX = ir.FloatType(), ir.IntType(32)
 _VECTOR = ir.VectorType(_FLOAT, WIDTH)
 
 
-class _RowType(types.Type):  # type: ignore[misc]
+class _RowType(types.Type):
     """A row in registers, as compiled functions see it."""
 
     def __init__(self) -> None:

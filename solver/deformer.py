@@ -7,10 +7,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.spatial.transform import Rotation
 
 from puppetline.errors import MeshError
-from solver import lanes, rotations
+from solver import lanes, roll, rotations
 from solver.lanes import BLOCK, ROWS, add_product
 from solver.mesh import SolverMesh
 from solver.polar import nearest_rotations
@@ -136,24 +135,6 @@ class Deformer:
         """Forget the last frame: the next one starts from the rigid motion that fits the handles best."""
         self._started = False
 
-    def _rigid_start(self, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the (3, 3) rotation nearest to the handles' motion, the least where they leave it open."""
-        rest, now = (points - points.mean(axis=0) for points in (self.handles, targets))
-        S = rest.T @ now
-        return rotations.from_covariance(S + 1e-9 * (np.linalg.norm(S) + 1e-300) * np.eye(3))[0]
-
-    def _without_roll(self, turns: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take back the mean turn about the line through the handles, which they leave open.
-
-        One handle, or several on a line, hold neither the deformation energy nor themselves against a rotation about
-        them; without this the character would roll a little with every motion and never come back.
-        """
-        mean = rotations.from_covariance(turns.reshape(-1, 3, 3).sum(axis=0))[0]
-        x, y, z, w = Rotation.from_matrix(mean.T @ self._rigid_start(targets)).as_quat()
-        direction = np.linalg.svd(targets - targets.mean(axis=0))[2][0]
-        about = (np.array([x, y, z]) @ direction) * direction if len(targets) > 1 else np.array([x, y, z])
-        return turns @ Rotation.from_quat([*about, w]).as_matrix()
-
     def solve(self, targets: NDArray[np.float64], out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return the control variables R that bring the handles to their targets.
 
@@ -171,15 +152,16 @@ class Deformer:
         """
         if not self._started:
             self._started = True
-            self._turns[:] = lanes.pack(np.tile(self._rigid_start(targets), (len(self._turn) // 3, 1)), self._turn)
+            start = roll.rigid_fit(self.handles, targets)
+            self._turns[:] = lanes.pack(np.tile(start, (len(self._turn) // 3, 1)), self._turn)
         _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted)
         if self._mode == "covariance":
             _turn_isolines(self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
         else:
             self._compare_triangles()
         if self._on_a_line:
-            turns = self._without_roll(self.turns, targets)
-            self._turns[:] = lanes.pack(turns, self._turn)
+            start = roll.rigid_fit(self.handles, targets)
+            roll.take_back(self._turns, len(self._turn) // 3, start, _line_through(targets))
         out = np.empty_like(self.model.rest_controls) if out is None else out
         _settle(self._controls, self._wanted, self._turns, self._result, out)
         return out
@@ -207,6 +189,11 @@ class Deformer:
             (m, 3, 4) float32.
         """
         return to_file_units(self.solve(targets), self.model)
+
+
+def _line_through(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the direction (3,) in which points spread most; zero for a single one."""
+    return np.linalg.svd(points - points.mean(axis=0))[2][0] if len(points) > 1 else np.zeros(3)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -75,13 +75,15 @@ class Performance:
         self._root_return = SmoothReturn(1)
         self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
 
-    def step(self, frame: SkeletonFrame) -> Pose:
+    def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
         """Take the next frame.
 
         Parameters
         ----------
         frame : SkeletonFrame
             Later than the one before.
+        out : (4m, 3) float64, optional
+            Where the pose's R is written.
         """
         positions = self._to_character(self._filter.step(frame.time, frame.positions, frame.confidence))
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
@@ -90,7 +92,7 @@ class Performance:
             displacement = self._root_displacement(positions - self._rest, confidence > LOST)
             moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
-        R = self.deformer.solve(self._retargeter.step(frame.time, positions - moved, confidence))
+        R = self.deformer.solve(self._retargeter.step(frame.time, positions - moved, confidence), out)
         return Pose(R, self.root_scale * moved @ self._basis)
 
     def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:

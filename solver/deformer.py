@@ -249,22 +249,27 @@ def displacement_to_file_units(R: NDArray[np.floating], model: ReducedModel) -> 
     return _to_file_units(R, model, np.zeros(3))
 
 
-def to_file_units(R: NDArray[np.floating], model: ReducedModel) -> Controls:
+def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | None = None) -> Controls:
     """Turn control variables in model units into affine transforms of the mesh file's coordinates.
 
     Parameters
     ----------
     R : (..., 4m, 3)
+    model : ReducedModel
+    out : (..., m, 3, 4) float32, optional
+        Written to, and returned.
 
     Returns
     -------
     (..., m, 3, 4) float32
     """
-    return _to_file_units(R, model, model.center)
+    return _to_file_units(R, model, model.center, out)
 
 
-def _to_file_units(R: NDArray[np.floating], model: ReducedModel, origin: NDArray[np.float64]) -> Controls:
-    out = np.empty((*R.shape[:-2], R.shape[-2] // 4, 3, 4), dtype=np.float32)
+def _to_file_units(
+    R: NDArray[np.floating], model: ReducedModel, origin: NDArray[np.float64], out: Controls | None = None
+) -> Controls:
+    out = np.empty((*R.shape[:-2], R.shape[-2] // 4, 3, 4), dtype=np.float32) if out is None else out
     stack = np.ascontiguousarray(R).reshape(-1, 4, 3)
     _transforms(stack, model.center, float(model.diagonal), origin, out.reshape(-1, 3, 4))
     return out

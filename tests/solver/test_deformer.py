@@ -1,3 +1,4 @@
+import tracemalloc
 from itertools import pairwise
 
 import igl
@@ -7,6 +8,7 @@ from scipy.linalg import solve as solve_dense
 from scipy.spatial.transform import Rotation
 
 from solver import fields, lanes, rotations
+from solver.binding import Binding
 from solver.deformer import HANDLE_STIFFNESS, Deformer, displacement_to_file_units, to_file_units
 from solver.mesh import SolverMesh
 from solver.reduced_model import build
@@ -415,3 +417,22 @@ def test_handles_on_a_line_do_not_let_the_character_roll_away(bound, creature, c
     moved = np.linalg.norm(looping.model.rest_controls - R, axis=1).max()
     assert moved < 0.02
     assert np.linalg.norm(quiet.solve(rest) - quiet.model.rest_controls, axis=1).max() < 1e-6
+
+
+def test_frames_after_the_first_allocate_no_array(bound, creature, creature_model):
+    deformer, binding = bound(), Binding.of_solver_mesh(creature_model, creature)
+    targets = pulled(deformer)
+    R = deformer.solve(targets)
+    controls = to_file_units(R, creature_model)
+    positions = binding.vertices(controls)
+    smallest = min(R.nbytes, controls.nbytes, positions.nbytes)
+    tracemalloc.start()
+    try:
+        for _ in range(100):
+            assert deformer.solve(targets, R) is R
+            assert to_file_units(R, creature_model, controls) is controls
+            assert binding.vertices(controls, positions) is positions
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < smallest

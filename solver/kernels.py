@@ -6,14 +6,14 @@ Each transform is a row of a table, field weights multiplied in (`table`); a ver
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.row import item, load, plus_scaled, zeros
 
 ONE = np.float32(1)
 
 
-def table(controls: NDArray[np.float32], weights: NDArray[np.float64], out: NDArray[np.float32]) -> None:
+@numba.njit(cache=True, nogil=True)
+def table(controls, weights, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Multiply the field weights into controls, and lay each transform out as a row.
 
     Parameters
@@ -23,8 +23,12 @@ def table(controls: NDArray[np.float32], weights: NDArray[np.float64], out: NDAr
     out : (m, 16) float32
         Zero beyond the first 12 columns.
     """
-    per_isoline = np.repeat(weights, len(controls) // len(weights)).astype(np.float32)
-    np.multiply(controls.reshape(-1, 12), per_isoline[:, None], out=out[:, :12])
+    isolines = len(controls) // len(weights)
+    for j in range(len(controls)):
+        weight = np.float32(weights[j // isolines])
+        for row in range(3):
+            for column in range(4):
+                out[j, 4 * row + column] = weight * controls[j, row, column]
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")

@@ -156,19 +156,19 @@ class Deformer:
             self._turns[:] = lanes.pack(np.tile(start, (len(self._turn) // 3, 1)), self._turn)
         _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted)
         if self._mode == "covariance":
-            _turn_isolines(self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
+            _turn_isolines(*self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
         else:
             self._compare_triangles()
         if self._on_a_line:
             start = roll.rigid_fit(self.handles, targets)
             roll.take_back(self._turns, len(self._turn) // 3, start, _line_through(targets))
         out = np.empty_like(self.model.rest_controls) if out is None else out
-        _settle(self._controls, self._wanted, self._turns, self._result, out)
+        _settle(*self._controls, self._wanted, self._turns, self._result, out)
         return out
 
     def _compare_triangles(self) -> None:
         """Update the turns as the paper does, from sampled triangles."""
-        _affine(self._surface, self._wanted, self._fixed)
+        _fix(self._surface.handles, self._surface.constant, self._wanted, self._fixed)
         for _ in range(self.iterations):
             self._now[:] = self._fixed
             add_product(self._surface.turns, self._turns, self._now)
@@ -206,27 +206,27 @@ def _pack_targets(targets, center, diagonal, wanted):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, nogil=True)
-def _affine(of, wanted, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _fix(of_handles, constant, wanted, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write what does not depend on the turns."""
-    out[:] = of.constant
-    add_product(of.handles, wanted, out)
+    out[:] = constant
+    add_product(of_handles, wanted, out)
 
 
 @numba.njit(cache=True, nogil=True)
-def _turn_isolines(surface, wanted, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _turn_isolines(of_turns, of_handles, constant, wanted, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Look at the surface and turn the isolines with it, again and again."""
-    _affine(surface, wanted, fixed)
+    _fix(of_handles, constant, wanted, fixed)
     for _ in range(iterations):
         now[:] = fixed
-        add_product(surface.turns, turns, now)
+        add_product(of_turns, turns, now)
         nearest_rotations(now, turns)
 
 
 @numba.njit(cache=True, nogil=True)
-def _settle(controls, wanted, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _settle(of_turns, of_handles, constant, wanted, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write the (4m, 3) control variables for these turns."""
-    _affine(controls, wanted, packed)
-    add_product(controls.turns, turns, packed)
+    _fix(of_handles, constant, wanted, packed)
+    add_product(of_turns, turns, packed)
     for row in range(len(out)):
         place = row // ROWS * BLOCK + row % ROWS
         for axis in range(3):

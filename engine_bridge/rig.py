@@ -11,7 +11,8 @@ from engine_bridge.performance import check_handles
 from engine_bridge.puppet import Puppet
 from puppetline.errors import PuppetError, at
 from solver.mesh import SolverMesh
-from solver.reduced_model import ReducedModel, load_or_build
+from solver.preparation import prepare
+from solver.reduced_model import ReducedModel
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Rig:
 
 
 def cache_folder() -> Path:
-    """Return where reduced models are kept between runs."""
+    """Return where what is pre-computed is kept between runs."""
     return platformdirs.user_cache_path("puppetline") / "models"
 
 
@@ -45,13 +46,18 @@ def load_rig(path: Path) -> Rig:
             expected="a mesh file, its path relative to the puppet file",
             fix="Correct the path, or put the mesh there.",
         )
-    rig = make_rig(puppet, load_character(file))
+    rig = make_rig(puppet, load_character(file, cache_folder()))
     check_handles(puppet.handle, rig.mesh, path)
     return rig
 
 
 def make_rig(puppet: Puppet, character: Character) -> Rig:
     """Prepare a character for a puppet."""
-    mesh = character.solver_mesh()
-    model, _ = load_or_build(mesh, puppet.solver.parameters, cache_folder())
+    mesh, model = prepare(
+        character.vertices,
+        character.triangles,
+        puppet.solver.parameters,
+        cache_folder(),
+        character.document.name,
+    )
     return Rig(puppet, character, mesh, model)

@@ -8,11 +8,12 @@ number t: the integer part names the isoline below, the fraction blends towards 
 from typing import Literal
 
 import numpy as np
-import robust_laplacian
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, csr_matrix, diags
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from solver import tufted
+from solver.dissection import nested_dissection
 from solver.mesh import SolverMesh
 from solver.parts import TOUCHING, Contacts
 
@@ -22,9 +23,12 @@ FIELD_TIE = 100.0
 SHIFT = -0.1
 """Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
 
+PANEL = 2
+"""Columns that SuperLU brings up to date together: those of a surface's factor have little in common, and more of them
+take a third more time."""
 
-TOLERANCE = 1e-9
-"""Of eigenvalues, relative: far below the float32 in which ladder coordinates are kept."""
+TOLERANCE = 1e-7
+"""Of eigenvalues, relative: fields then err by less than the float32 in which ladder coordinates are kept."""
 
 RESTARTS = 300
 """Of ARPACK, which needs a handful where there is a solution."""
@@ -43,8 +47,7 @@ def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
     mass : (n,) float64
         Area of each vertex: a third of that of its triangles in the cover.
     """
-    L, M = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
-    mass = M.diagonal()
+    L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
     return csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
 
 
@@ -75,7 +78,9 @@ def _tied(L: csr_matrix, ties: Contacts, weight: NDArray[np.float64]) -> csr_mat
     return csr_matrix(L - jump.T @ diags(weight) @ jump) if len(weight) else L
 
 
-def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def propagation_fields(
+    L: csr_matrix, mass: NDArray[np.float64], vertices: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
     """Solve −L e = λ M e for the smoothest functions, the constant one left out.
 
     The generalised problem makes a field independent of how densely a region is triangulated. ARPACK works in
@@ -87,6 +92,8 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
     L : (n, n) sparse
         From `for_fields`.
     mass : (n,) float64
+    vertices : (n, 3) float64
+        Places by which the work is ordered; no result depends on them.
     count : int
         n_e, less than n − 1.
 
@@ -101,15 +108,17 @@ def propagation_fields(L: csr_matrix, mass: NDArray[np.float64], count: int) -> 
         A matrix that is singular to SuperLU, or one on which ARPACK does not converge.
     """
     n = L.shape[0]
-    M = diags(mass)
+    order = nested_dissection(L.indptr, L.indices, vertices)
+    L, M = csr_matrix(L[order][:, order]), diags(mass[order])
     shift = SHIFT / mass.sum()
-    # minimum degree fills a surface in least, but one with many ties five times as much as COLAMD does
-    ordering: Literal["MMD_AT_PLUS_A", "COLAMD"] = "MMD_AT_PLUS_A" if L.nnz <= 8 * n else "COLAMD"
-    factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, options={"SymmetricMode": True})
+    # what is tied all over is no surface any more, and no plane cuts it at a line: COLAMD fills that in far less
+    ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if L.nnz <= 8 * n else "COLAMD"
+    factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True})
     inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
-    start = np.cos(np.arange(n, dtype=np.float64))
-    values, vectors = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS)
-    vectors = vectors[:, np.argsort(values)][:, 1:]
+    start = np.cos(order.astype(np.float64))
+    values, found = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS)
+    vectors = np.empty((n, count))
+    vectors[order] = found[:, np.argsort(values)[1:]]
     largest = np.argmax(np.abs(vectors), axis=0)
     return vectors * np.sign(vectors[largest, np.arange(count)])
 
@@ -148,6 +157,25 @@ def field_weights(
     return size / size.sum()
 
 
+def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Say which two isolines of each field a vertex lies between, and how far up.
+
+    Parameters
+    ----------
+    ladder : (n, n_e) float64
+    isolines : int
+
+    Returns
+    -------
+    below : (n, n_e) int64
+        At most n_iso − 2.
+    upper : (n, n_e) float64
+        Share of the isoline above; that below has the rest.
+    """
+    below = np.minimum(ladder.astype(np.int64), isolines - 2)
+    return below, ladder - below
+
+
 def interpolation(ladder: NDArray[np.float64], isolines: int) -> csr_matrix:
     """Return φ, the local interpolation scheme: each vertex blends the two isolines of a field that it lies between.
 
@@ -159,10 +187,9 @@ def interpolation(ladder: NDArray[np.float64], isolines: int) -> csr_matrix:
         Column i · n_iso + k belongs to isoline k of field i; a field's columns sum to 1 in each row.
     """
     n, count = ladder.shape
-    below = np.minimum(ladder.astype(np.int64), isolines - 2)
-    fraction = ladder - below
+    below, upper = blends(ladder, isolines)
     column = below + isolines * np.arange(count)
     columns = np.stack([column, column + 1], axis=2).reshape(n, -1)
-    values = np.stack([1 - fraction, fraction], axis=2).reshape(n, -1)
+    values = np.stack([1 - upper, upper], axis=2).reshape(n, -1)
     starts = np.arange(n + 1) * columns.shape[1]
     return csr_matrix((values.ravel(), columns.ravel(), starts), shape=(n, count * isolines))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import igl
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -11,19 +12,16 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from puppetline.errors import MeshError
-from solver.patches import wound_alike
+from solver.patches import edges_of, in_order, outwards, pieces
 
 WELD_TOLERANCE = 1e-6
 """Render vertices no farther apart than this, as a fraction of the diagonal, are one solver vertex."""
 
+BLOCK = 64
+"""Cells, a weld tolerance wide, along each side of a block."""
+
 LEAST_VERTICES = 100
 """A coarser surface is split until it has as many, so that isolines have triangles to cross: a cube has 8."""
-
-FLAT = 1e-6
-"""A patch that encloses less than this, against its area to the power of 3/2, has no inside."""
-
-LEAST_AGREEMENT = 0.75
-"""Share of an open surface's area that has to face one way for the file to be believed about which way is out."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +62,9 @@ class Repairs:
         return [f"{count:,} {what}" for count, what in lines if count]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolverMesh:
-    """One surface to deform, and its relation to the mesh that is rendered.
+    """One surface to deform, and its relation to the mesh that is rendered. Equal to itself only.
 
     Attributes
     ----------
@@ -97,7 +95,7 @@ class SolverMesh:
     @cached_property
     def edges(self) -> NDArray[np.int64]:
         """(e, 2) vertex indices, each undirected edge once."""
-        return undirected_edges(self.faces)
+        return self._edges[0]
 
     @cached_property
     def components(self) -> NDArray[np.int32]:
@@ -114,40 +112,16 @@ class SolverMesh:
     @property
     def border_edges(self) -> int:
         """How many edges belong to one face only."""
-        return int(np.count_nonzero(self._faces_of_edge == 1))
+        return int(np.count_nonzero(self._edges[2] == 1))
 
     @property
     def nonmanifold_edges(self) -> int:
         """How many edges belong to three faces or more."""
-        return int(np.count_nonzero(self._faces_of_edge > 2))
+        return int(np.count_nonzero(self._edges[2] > 2))
 
     @cached_property
-    def _faces_of_edge(self) -> NDArray[np.int64]:
-        return _edges(self.faces)[2]
-
-
-def undirected_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the (e, 2) edges of (t, 3) faces, the smaller index first, each once."""
-    return _edges(faces)[0]
-
-
-def _edges(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.intp], NDArray[np.intp]]:
-    """Find the edges of faces.
-
-    Returns
-    -------
-    edges : (e, 2) int64
-        The smaller index first, in ascending order.
-    of_side : (3t,) int64
-        The edge that each side of each face is, sides from the first to the second corner first.
-    faces_of_edge : (e,) int64
-        How many there are.
-    """
-    one, other = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    base = int(faces.max(initial=0)) + 1
-    codes = np.minimum(one, other) * base + np.maximum(one, other)
-    edges, of_side, faces_of_edge = np.unique(codes, return_inverse=True, return_counts=True)
-    return np.column_stack(np.divmod(edges, base)), of_side, faces_of_edge
+    def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        return edges_of(self.faces)
 
 
 def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str = "mesh") -> SolverMesh:
@@ -176,11 +150,12 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     """
     positions = np.asarray(positions, dtype=np.float64)
     triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
-    _check(positions, triangles, name)
-    used, corners = np.unique(triangles, return_inverse=True)
+    used = _used(positions, triangles, name)
+    number = np.full(len(positions), -1)
+    number[used] = np.arange(len(used))
+    corners = number[triangles]
     diagonal = float(np.linalg.norm(np.ptp(positions[used], axis=0)))
     first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
-    corners = corners.reshape(-1, 3)
 
     given = place_of[corners]
     has_area = _has_area(positions[used[first]], given)
@@ -195,15 +170,16 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
             expected="a surface of at least 4 triangles",
             fix="Choose a file that holds a surface, not points, lines or a single polygon.",
         )
-    kept = np.unique(faces)
     compact = np.full(len(vertices), -1)
+    compact[faces] = 0
+    kept = np.flatnonzero(compact == 0)
     compact[kept] = np.arange(len(kept))
     of_render = np.full(len(positions), -1)
     of_render[used] = compact[place_of]
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = cKDTree(vertices[kept]).query(positions[isolated])[1]
-    oriented = _oriented(vertices, faces)
+    oriented = outwards(vertices, faces)
     fine_vertices, fine_faces = vertices[kept], compact[oriented]
     while len(fine_vertices) < LEAST_VERTICES:
         fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
@@ -232,16 +208,33 @@ def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.i
         The place of each point.
     """
     cells = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
-    _, first, cell_of = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    a, b = cKDTree(points[first]).query_pairs(tolerance, output_type="ndarray").T
+    _, first, cell_of = np.unique(_codes(cells), return_index=True, return_inverse=True)
+    near = np.flatnonzero(_may_have_neighbours(cells[first]))
+    a, b = near[cKDTree(points[first[near]]).query_pairs(tolerance, output_type="ndarray")].T
     count = len(first)
     label = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
-    _, first, place_of = np.unique(label[cell_of.reshape(-1)], return_index=True, return_inverse=True)
+    _, first, place_of = np.unique(label[cell_of], return_index=True, return_inverse=True)
     order = np.argsort(first)
-    return first[order], np.argsort(order)[place_of]
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[place_of]
 
 
-def _check(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> None:
+def _codes(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return one number for the three of each cell: each is at most 1 / `WELD_TOLERANCE`, less than 2²¹."""
+    return (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
+
+
+def _may_have_neighbours(cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which cells are at the wall of a block of cells, or share their block with others: the rest stands alone."""
+    block, inside = np.divmod(cells, BLOCK)
+    at_wall = ((inside == 0) | (inside == BLOCK - 1)).any(axis=1)
+    _, block_of, cells_in = np.unique(_codes(block), return_inverse=True, return_counts=True)
+    return at_wall | (cells_in[block_of] > 1)
+
+
+def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> NDArray[np.int64]:
+    """Return the vertices that triangles use, ascending, if all is as it should be."""
     if not len(positions) or not len(triangles):
         raise MeshError(
             name,
@@ -266,27 +259,40 @@ def _check(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: s
             expected=f"indices from 0 to {len(positions) - 1}",
             fix="The file is damaged: export the mesh again.",
         )
-    if not np.ptp(positions[np.unique(triangles)], axis=0).any():
+    in_face = np.zeros(len(positions), dtype=bool)
+    in_face[triangles] = True
+    used = np.flatnonzero(in_face)
+    if not np.ptp(positions[used], axis=0).any():
         raise MeshError(
             name,
             found="all vertices at one point",
             expected="a surface with an extent",
             fix="Check the scale that the mesh was exported with.",
         )
+    return used
 
 
-def _has_area(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+@numba.njit(cache=True, nogil=True)
+def _has_area(vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Say which faces have three different corners that are not on a line."""
-    corners = vertices[faces]
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    height = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return (sides.min(axis=1, initial=np.inf) > 0) & (height > 1e-10 * sides.max(axis=1, initial=0) ** 2)
+    result = np.empty(len(faces), dtype=np.bool_)
+    for f in range(len(faces)):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        height, ab, bc, ca = 0.0, 0.0, 0.0, 0.0
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            height += ((b[y] - a[y]) * (c[z] - a[z]) - (b[z] - a[z]) * (c[y] - a[y])) ** 2
+            ab += (b[x] - a[x]) ** 2
+            bc += (c[x] - b[x]) ** 2
+            ca += (a[x] - c[x]) ** 2
+        result[f] = min(ab, bc, ca) > 0 and np.sqrt(height) > 1e-10 * max(ab, bc, ca)
+    return result
 
 
 def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Say which faces are not between the same corners as an earlier one."""
     corners = np.sort(faces, axis=1)
-    order = np.lexsort(corners.T)
+    order = in_order(corners, int(faces.max(initial=-1)) + 1)
     again = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
     first = np.ones(len(faces), dtype=bool)
     first[order[1:][again]] = False
@@ -310,11 +316,8 @@ def _parted_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.
     parted : (t, 3) int64
         The faces between them.
     """
-    edges, of_side, _ = _edges(faces)
-    sides, t = len(of_side), len(faces)
-    links = np.arange(sides) // 3, t + of_side
-    nodes = t + len(edges)
-    part = connected_components(coo_matrix((np.ones(sides), links), shape=(nodes, nodes)), directed=False)[1][:t, None]
+    edges, of_side, _ = edges_of(faces)
+    part = pieces(of_side, len(edges))[:, None]
     owner = np.zeros(count, dtype=np.int64)
     owner[faces[::-1]] = part[::-1]  # the last one written stays: the part that comes first in the file
     foreign = owner[faces] != part
@@ -325,39 +328,9 @@ def _parted_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.
     return np.concatenate([np.arange(count), copies[:, 0]]), parted
 
 
-def _oriented(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Turn faces over so that neighbours agree on the outside, patch by patch.
-
-    A patch ends at borders and where three or more faces meet. A closed one faces outwards, by the sign of the volume
-    that it encloses. An open one is left as most of its area is in the file, and where the file is of two minds it
-    takes the side that bulges.
-    """
-    turned, patch = wound_alike(faces)
-    corners = vertices[turned] - vertices.mean(axis=0)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    area = np.linalg.norm(normal, axis=1)
-    count = int(patch.max()) + 1
-
-    def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.bincount(patch, values, count).astype(np.float64)
-
-    middle = corners.mean(axis=1)
-    center = np.column_stack([total(area * axis) for axis in middle.T]) / total(area)[:, None]
-    volume = total(np.einsum("tx,tx->t", middle - center[patch], normal)) / 3
-    agreement = total(area * (turned == faces).all(axis=1)) / total(area)
-
-    _, of_side, faces_of_edge = _edges(faces)
-    borders = total((faces_of_edge[of_side] != 2).reshape(-1, 3).sum(axis=1))
-    undecided = np.abs(agreement - 0.5) < LEAST_AGREEMENT - 0.5
-    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > FLAT * total(area) ** 1.5)
-    inside_out = np.where(by_volume, volume < 0, agreement < 0.5)[patch]
-    turned[inside_out] = turned[inside_out][:, ::-1]
-    return turned
-
-
 def _split(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Split every triangle into four at the middles of its sides, which come after the vertices that are there."""
-    edges, of_side, _ = _edges(faces)
+    edges, of_side, _ = edges_of(faces)
     a, b, c = faces.T
     ab, bc, ca = len(vertices) + of_side.reshape(-1, 3).T
     quarters = np.stack([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca], axis=1).reshape(-1, 3)

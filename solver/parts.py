@@ -6,6 +6,7 @@ and the nearest surface point of another part.
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import igl
 import numpy as np
@@ -104,7 +105,7 @@ class PartSeparation:
 
 
 def contacts(mesh: SolverMesh) -> Contacts:
-    """Find what ties the parts of a character to each other, so that all of it hangs together.
+    """Find what ties the parts of a character to each other, so that all of it hangs together; once for a mesh.
 
     1. A vertex is in contact with the nearest surface of another part where that is within `TOUCHING`, or where one of
        the vertex's edges goes through it; not where the two surfaces face each other across a gap, as those of a hand
@@ -119,6 +120,15 @@ def contacts(mesh: SolverMesh) -> Contacts:
     Contacts
         Empty for a mesh of one part.
     """
+    if mesh not in _found:
+        _found[mesh] = _contacts(mesh)
+    return _found[mesh]
+
+
+_found: WeakKeyDictionary[SolverMesh, Contacts] = WeakKeyDictionary()
+
+
+def _contacts(mesh: SolverMesh) -> Contacts:
     part = mesh.components
     if part.max() == 0:
         nothing = np.zeros((0, 3))

@@ -1,17 +1,142 @@
-"""Patches: triangles that meet two by two at their edges, and can be wound alike."""
+"""Edges of triangles, and patches: triangles that meet two by two at their edges, and can be wound alike."""
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+
+FLAT = 1e-6
+"""A patch that encloses less than this, against its area to the power of 3/2, has no inside."""
+
+LEAST_AGREEMENT = 0.75
+"""Share of an open surface's area that has to face one way for the file to be believed about which way is out."""
+
+
+def in_order(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Sort rows of indices by their first entries, then by the second ones and so on, in linear time.
+
+    Parameters
+    ----------
+    rows : (r, k) int64
+        From 0 to `count` − 1.
+
+    Returns
+    -------
+    (r,) int64
+        Equal rows keep their order.
+    """
+    order = np.arange(len(rows))
+    for column in reversed(range(rows.shape[1])):
+        order = _by_key(np.ascontiguousarray(rows[:, column]), order, count)
+    return order
+
+
+@numba.njit(cache=True, nogil=True)
+def _by_key(keys, items, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Put items in the order of their keys by counting these."""
+    place = np.zeros(count + 1, dtype=np.int64)
+    for item in items:
+        place[keys[item] + 1] += 1
+    for key in range(count):
+        place[key + 1] += place[key]
+    result = np.empty_like(items)
+    for item in items:
+        result[place[keys[item]]] = item
+        place[keys[item]] += 1
+    return result
+
+
+def edges_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Find the edges of faces.
+
+    Parameters
+    ----------
+    faces : (t, 3) int64
+
+    Returns
+    -------
+    edges : (e, 2) int64
+        The smaller index first, in ascending order.
+    of_side : (3t,) int64
+        The edge that each side of each face is, sides from the first to the second corner first.
+    faces_of_edge : (e,) int64
+        How many there are.
+    """
+    sides = _sides(np.ascontiguousarray(faces))
+    return _runs(sides, in_order(sides, int(faces.max(initial=-1)) + 1))
+
+
+@numba.njit(cache=True, nogil=True)
+def _sides(faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the two ends of each side, the smaller index first."""
+    sides = np.empty((3 * len(faces), 2), dtype=np.int64)
+    for side in range(len(sides)):
+        start, end = faces[side // 3, side % 3], faces[side // 3, (side + 1) % 3]
+        sides[side, 0], sides[side, 1] = min(start, end), max(start, end)
+    return sides
+
+
+@numba.njit(cache=True, nogil=True)
+def _runs(rows, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return pairs in some order, each once; which one each of them is; and how often each of them stands there."""
+    distinct, number, times = np.empty_like(rows), np.empty_like(order), np.zeros_like(order)
+    last = -1
+    for row in order:
+        if last < 0 or distinct[last, 0] != rows[row, 0] or distinct[last, 1] != rows[row, 1]:
+            last += 1
+            distinct[last] = rows[row]
+        number[row] = last
+        times[last] += 1
+    return distinct[: last + 1].copy(), number, times[: last + 1].copy()
+
+
+@numba.njit(cache=True, nogil=True)
+def pieces(of_side, edges):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Tell the pieces of a surface that hang together at edges: each face is united with the first one at its edges.
+
+    Parameters
+    ----------
+    of_side : (3t,) int64
+        See `edges_of`.
+    edges : int
+        How many there are.
+
+    Returns
+    -------
+    (t,) int64
+        Numbered from 0 in the order of their first faces.
+    """
+    t = len(of_side) // 3
+    leader, first = np.arange(t), np.full(edges, -1)
+    for side in range(3 * t):
+        edge = of_side[side]
+        if first[edge] < 0:
+            first[edge] = side // 3
+        a, b = _leader(leader, side // 3), _leader(leader, first[edge])
+        leader[max(a, b)] = min(a, b)
+    piece, found = np.empty(t, dtype=np.int64), 0
+    for face in range(t):
+        lead = _leader(leader, face)
+        if lead == face:
+            piece[face] = found
+            found += 1
+        else:
+            piece[face] = piece[lead]
+    return piece
+
+
+@numba.njit(cache=True, nogil=True)
+def _leader(leader, face):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    while leader[face] != face:
+        leader[face] = leader[leader[face]]
+        face = leader[face]
+    return face
 
 
 def wound_alike(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Wind the triangles of each patch like its first one.
 
-    An edge joins two triangles where it has no third. Each triangle stands for two nodes of a graph, as it is wound and
-    the other way round, and an edge links those that agree. Time and memory grow with the number of triangles, however
-    many of them share an edge: `igl.bfs_orient` takes its square.
+    An edge joins two triangles where it has no third. Time and memory grow with the number of triangles, however many
+    of them share an edge: `igl.bfs_orient` takes its square.
 
     Parameters
     ----------
@@ -25,21 +150,114 @@ def wound_alike(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np
     patch : (t,) int64
         Numbered from 0 in the order of their first triangles.
     """
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    least, most = np.minimum(start, end), np.maximum(start, end)
-    order = np.argsort(least * (int(most.max(initial=0)) + 1) + most, kind="stable")
-    new = np.ones(len(order) + 1, dtype=bool)
-    new[1:-1] = (np.diff(least[order]) != 0) | (np.diff(most[order]) != 0)
-    firsts = np.nonzero(new)[0]
-    double = firsts[:-1][np.diff(firsts) == 2]
-    one, other = order[double], order[double + 1]
-    crossed = start[one] == start[other]  # both pass the edge in the same direction
-    a, b = 2 * (one // 3), 2 * (other // 3)
-    links = np.concatenate([a, a + 1]), np.concatenate([b + crossed, b + 1 - crossed])
-    count = 2 * len(faces)
-    side = connected_components(coo_matrix((np.ones(len(links[0])), links), shape=(count, count)), directed=False)[1]
-    as_it_is, turned = side[::2], side[1::2]
-    _, first, patch = np.unique(np.minimum(as_it_is, turned), return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first))
-    against = as_it_is != as_it_is[first][patch]
-    return np.where(against[:, None], faces[:, ::-1], faces), rank[patch]
+    _, of_side, faces_of_edge = edges_of(faces)
+    against, patch = _against(np.ascontiguousarray(faces), of_side, faces_of_edge)
+    return turned_over(faces, against), patch
+
+
+def turned_over(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return (t, 3) faces, those chosen wound the other way round."""
+    turned = faces.copy()
+    turned[chosen] = faces[chosen, ::-1]
+    return turned
+
+
+@numba.njit(cache=True, nogil=True)
+def _against(faces, of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Say which faces are wound against the first one of their patch, walking from face to face."""
+    t = len(faces)
+    across = _across(of_side, faces_of_edge)
+    against, patch = np.zeros(t, dtype=np.bool_), np.full(t, -1)
+    has_one_side = np.zeros(t, dtype=np.bool_)
+    stack, found = np.empty(t, dtype=np.int64), 0
+    for seed in range(t):
+        if patch[seed] >= 0:
+            continue
+        patch[seed], stack[0], top = found, seed, 1
+        while top:
+            top -= 1
+            face = stack[top]
+            for side in range(3 * face, 3 * face + 3):
+                other = across[side]
+                if other < 0:
+                    continue
+                crossed = faces[face, side % 3] == faces[other // 3, other % 3]  # both pass the edge in one direction
+                turned = against[face] != crossed
+                if patch[other // 3] < 0:
+                    patch[other // 3], against[other // 3] = found, turned
+                    stack[top] = other // 3
+                    top += 1
+                elif against[other // 3] != turned:
+                    has_one_side[found] = True
+        found += 1
+    for face in range(t):
+        against[face] &= not has_one_side[patch[face]]
+    return against, patch
+
+
+@numba.njit(cache=True, nogil=True)
+def _across(of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the other side at an edge of two faces for each side, −1 at the others."""
+    across, first = np.full(len(of_side), -1), np.full(len(faces_of_edge), -1)
+    for side in range(len(of_side)):
+        edge = of_side[side]
+        if faces_of_edge[edge] == 2:
+            if first[edge] < 0:
+                first[edge] = side
+            else:
+                across[side], across[first[edge]] = first[edge], side
+    return across
+
+
+def outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Turn faces over so that neighbours agree on the outside, patch by patch.
+
+    A patch ends at borders and where three or more faces meet. A closed one faces outwards, by the sign of the volume
+    that it encloses. An open one is left as most of its area is in the file, and where the file is of two minds it
+    takes the side that bulges.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (t, 3) int64
+        With three different corners each.
+
+    Returns
+    -------
+    (t, 3) int64
+    """
+    _, of_side, faces_of_edge = edges_of(faces)
+    against, patch = _against(np.ascontiguousarray(faces), of_side, faces_of_edge)
+    count = int(patch.max(initial=-1)) + 1
+    area, agreeing, volume = _measures(vertices, turned_over(faces, against), patch, count, ~against)
+    borders = np.bincount(patch[np.flatnonzero(faces_of_edge[of_side] != 2) // 3], minlength=count)
+    undecided = np.abs(agreeing / area - 0.5) < LEAST_AGREEMENT - 0.5
+    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > FLAT * area**1.5)
+    inside_out = np.where(by_volume, volume < 0, agreeing < 0.5 * area)
+    return turned_over(faces, against ^ inside_out[patch])
+
+
+@numba.njit(cache=True, nogil=True)
+def _measures(vertices, faces, patch, count, chosen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the area of each patch, that of its chosen faces, and the volume that it encloses with its middle."""
+    t = len(faces)
+    middle, normal = np.empty((t, 3)), np.empty((t, 3))
+    area, agreeing, volume, center = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3))
+    origin = vertices[faces[0, 0]].copy()
+    for f in range(t):
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        size = 0.0
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            middle[f, x] = ((a[x] - origin[x]) + (b[x] - origin[x]) + (c[x] - origin[x])) / 3
+            normal[f, x] = ((b[y] - a[y]) * (c[z] - a[z]) - (b[z] - a[z]) * (c[y] - a[y])) / 2
+            size += normal[f, x] ** 2
+        size = np.sqrt(size)
+        area[patch[f]] += size
+        agreeing[patch[f]] += size * chosen[f]
+        for x in range(3):
+            center[patch[f], x] += size * middle[f, x]
+    for f in range(t):
+        for x in range(3):
+            volume[patch[f]] += (middle[f, x] - center[patch[f], x] / area[patch[f]]) * normal[f, x] / 3
+    return area, agreeing, volume

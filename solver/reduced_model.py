@@ -7,11 +7,7 @@ with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L; A and B 
 Everything here is in *model units*: the character centred on its bounding box, whose diagonal is 1.
 """
 
-import hashlib
-import logging
-import os
-from dataclasses import dataclass, fields
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +15,9 @@ from scipy.sparse import csr_matrix, diags
 
 from puppetline.errors import MeshError
 from solver import fields as propagation
-from solver import rotations
+from solver import gram, rotations
 from solver.mesh import SolverMesh, snap
 from solver.parts import contacts
-
-log = logging.getLogger(__name__)
-
-CACHE_VERSION = 3
-"""Goes up whenever a stored model would differ from a new one."""
-
-GRAM_CHUNK = 8192
-"""Rows of a sparse factor that are made dense at a time."""
 
 NULL_SPACE = 1e-14
 """Eigenvalues of WᵀW below this fraction of the largest belong to directions that move no vertex."""
@@ -143,27 +131,11 @@ def position_matrix(
     -------
     (n, 4m) sparse float64
     """
-    phi = propagation.interpolation(ladder, isolines) @ diags(np.repeat(weights, isolines))
+    phi = csr_matrix(propagation.interpolation(ladder, isolines) @ diags(np.repeat(weights, isolines)))
     homogeneous = np.column_stack([rest, np.ones(len(rest))])
-    return _spread(csr_matrix(phi), homogeneous)
-
-
-def _spread(phi: csr_matrix, values: NDArray[np.float64]) -> csr_matrix:
-    """Multiply each entry φ(v, j) by the c values of its vertex: (n, m) and (n, c) give (n, c·m)."""
-    count = values.shape[1]
-    columns = (count * phi.indices[:, None] + np.arange(count)).ravel()
-    vertex = np.repeat(np.arange(phi.shape[0]), np.diff(phi.indptr))
-    entries = (phi.data[:, None] * values[vertex]).ravel()
-    return csr_matrix((entries, columns, count * phi.indptr), shape=(phi.shape[0], count * phi.shape[1]))
-
-
-def _product(left: csr_matrix, right: csr_matrix) -> NDArray[np.float64]:
-    """Return leftᵀ right as a dense matrix, a chunk of rows at a time: BLAS is faster here than sparse products."""
-    result = np.zeros((left.shape[1], right.shape[1]))
-    for start in range(0, left.shape[0], GRAM_CHUNK):
-        rows = slice(start, start + GRAM_CHUNK)
-        result += left[rows].toarray().T @ right[rows].toarray()
-    return result
+    columns = (4 * phi.indices[:, None] + np.arange(4)).ravel()
+    entries = (phi.data[:, None] * homogeneous[np.repeat(np.arange(len(rest)), np.diff(phi.indptr))]).ravel()
+    return csr_matrix((entries, columns, 4 * phi.indptr), shape=(len(rest), 4 * phi.shape[1]))
 
 
 def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> ReducedModel:
@@ -197,10 +169,10 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     unit = SolverMesh(vertices=rest, faces=mesh.faces, of_render=mesh.of_render)
 
     surface, mass = propagation.laplacian(unit)
-    ties = contacts(unit)
+    ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
     try:
         tied = propagation.for_fields(surface, ties, unit.diagonal)
-        modes = propagation.propagation_fields(tied, mass, parameters.fields)
+        modes = propagation.propagation_fields(tied, mass, rest, parameters.fields)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -211,27 +183,21 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     weights = propagation.field_weights(rest, mass, modes)
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
-    W = position_matrix(rest, ladder, weights, parameters.isolines)
-    phi = csr_matrix(
-        propagation.interpolation(ladder, parameters.isolines) @ diags(np.repeat(weights, parameters.isolines))
-    )
-    per_area = diags(1 / np.sqrt(mass))
     L = propagation.for_energy(surface, ties, mass, unit.diagonal)
-    KW = csr_matrix(per_area @ (L @ W))
-    W_delta = _spread(csr_matrix(per_area @ phi), L @ rest)
-    gram = _product(W, W)
+    A, B, WtW = gram.products(L, mass, rest, ladder, weights, parameters.isolines)
     strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)
+    sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
     return ReducedModel(
         center=center,
         diagonal=diagonal,
         weights=weights,
         ladder=ladder.astype(np.float32),
-        A=_product(KW, KW),
-        B=_product(KW, W_delta),
-        gram=gram,
-        null_space=_null_projector(gram),
-        covariance=rotations.covariance_map(unit, strips, W),
-        edges=rotations.edge_map(unit, rotations.sample_strips(unit, strips), W),
+        A=A,
+        B=B,
+        gram=WtW,
+        null_space=_null_projector(WtW),
+        covariance=rotations.covariance_map(unit, strips, ladder, weights),
+        edges=rotations.edge_map(position_matrix(rest[sampled], ladder[sampled], weights, parameters.isolines)),
     )
 
 
@@ -239,73 +205,3 @@ def _null_projector(gram: NDArray[np.float64]) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(gram)
     null = vectors[:, values < NULL_SPACE * values[-1]]
     return null @ null.T
-
-
-def cache_key(mesh: SolverMesh, parameters: ModelParameters) -> str:
-    """Return a name for the model of a mesh: equal for equal vertices, faces and parameters, and only then."""
-    digest = hashlib.sha256(repr((CACHE_VERSION, parameters)).encode())
-    for array in (mesh.vertices, mesh.faces):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:32]
-
-
-def load_or_build(mesh: SolverMesh, parameters: ModelParameters, folder: Path) -> tuple[ReducedModel, bool]:
-    """Take the model from its cache file, or build it and write that file.
-
-    A file that is damaged, or holds something else, is rebuilt with a warning in the log; a folder that cannot be
-    written costs the next start its speed and nothing more.
-
-    Parameters
-    ----------
-    mesh : SolverMesh
-    parameters : ModelParameters
-    folder : Path
-        Made where it does not exist.
-
-    Returns
-    -------
-    model : ReducedModel
-    reused : bool
-        Whether it came from the file (the paper's t̃_1 instead of t_1).
-    """
-    key = cache_key(mesh, parameters)
-    path = folder / f"{key}.npz"
-    if path.exists():
-        try:
-            return load(path, key), True
-        except Exception as error:  # whatever is wrong with a cache, the cure is the same
-            log.warning("%s: %s: the reduced model is built anew", path, error)
-    model = build(mesh, parameters)
-    try:
-        save(model, path, key)
-    except OSError as error:
-        log.warning("%s: %s: the reduced model is not kept for the next start", path, error)
-    return model, False
-
-
-def save(model: ReducedModel, path: Path, key: str) -> None:
-    """Write a model and its key into one file, beside and then renamed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    arrays = {field.name: getattr(model, field.name) for field in fields(model)}
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with beside.open("wb") as file:
-            np.savez(file, key=np.array(key), **arrays)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def load(path: Path, key: str) -> ReducedModel:
-    """Read a model back.
-
-    Raises
-    ------
-    Exception
-        Of whatever kind NumPy and zipfile raise on a damaged file (each array carries a checksum); ValueError where
-        the file is whole but belongs to another mesh, other parameters or another version.
-    """
-    with np.load(path, allow_pickle=False) as file:
-        if str(file["key"]) != key:
-            raise ValueError("it belongs to another mesh, or was made with other parameters")
-        return ReducedModel(**{field.name: file[field.name] for field in fields(ReducedModel)})

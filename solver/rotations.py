@@ -6,11 +6,13 @@ control variables R, so that the iteration never touches a vertex. Rotations are
 
 from typing import Literal
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from solver import polar
+from solver.fields import blends
 from solver.mesh import SolverMesh
 
 RotationMode = Literal["covariance", "triangles"]
@@ -35,40 +37,99 @@ def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], iso
     list of n_e · n_iso int64 arrays
         Indices of faces, ascending.
     """
-    strips = []
-    for field in ladder.T:
-        levels = field[faces]
-        low, high = levels.min(axis=1), levels.max(axis=1)
-        for level in range(isolines):
-            strip = np.flatnonzero((low <= level) & (level <= high) & (low < high))
-            if not len(strip):
-                strip = np.sort(np.argsort(np.abs(levels.mean(axis=1) - level), kind="stable")[:SAMPLED_TRIANGLES])
-            strips.append(strip)
-    return strips
+    m = ladder.shape[1] * isolines
+    counts = _count_crossed(ladder, faces, isolines, m)
+    crossed = np.split(
+        _crossed(ladder, faces, isolines, np.cumsum(counts) - counts, int(counts.sum())), np.cumsum(counts)[:-1]
+    )
+    for isoline in np.flatnonzero(counts == 0):
+        field, level = divmod(int(isoline), isolines)
+        away = np.abs(ladder[:, field][faces].mean(axis=1) - level)
+        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:SAMPLED_TRIANGLES])
+    return crossed
 
 
-def covariance_map(mesh: SolverMesh, strips: list[NDArray[np.int64]], W: csr_matrix) -> NDArray[np.float64]:
+@numba.njit(cache=True, nogil=True)
+def _levels(ladder, face, field):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the first level of a field that a face reaches, and the one after the last."""
+    a, b, c = ladder[face[0], field], ladder[face[1], field], ladder[face[2], field]
+    low, high = min(a, b, c), max(a, b, c)
+    return (int(np.ceil(low)), int(np.floor(high)) + 1) if low < high else (0, 0)
+
+
+@numba.njit(cache=True, nogil=True)
+def _count_crossed(ladder, faces, isolines, m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    counts = np.zeros(m, dtype=np.int64)
+    for f in range(len(faces)):
+        for field in range(ladder.shape[1]):
+            first, stop = _levels(ladder, faces[f], field)
+            for level in range(first, stop):
+                counts[field * isolines + level] += 1
+    return counts
+
+
+@numba.njit(cache=True, nogil=True)
+def _crossed(ladder, faces, isolines, starts, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the faces that each isoline crosses, those of isoline j from starts[j] on."""
+    crossed, place = np.empty(total, dtype=np.int64), starts.copy()
+    for f in range(len(faces)):
+        for field in range(ladder.shape[1]):
+            first, stop = _levels(ladder, faces[f], field)
+            for isoline in range(field * isolines + first, field * isolines + stop):
+                crossed[place[isoline]] = f
+                place[isoline] += 1
+    return crossed
+
+
+def covariance_map(
+    mesh: SolverMesh, strips: list[NDArray[np.int64]], ladder: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Build Q: S = Q R stacks, for each isoline, Σ area · e_restᵀ e_def over the edges of its whole strip.
+
+    Parameters
+    ----------
+    mesh : SolverMesh
+        In the units of the model.
+    strips : list of n_e · n_iso int64 arrays
+        From `crossed_triangles`.
+    ladder : (n, n_e) float64
+    weights : (n_e,) float64
 
     Returns
     -------
     (3 · isolines, 4 · isolines) float64
     """
-    isoline = np.repeat(np.arange(len(strips)), [len(strip) for strip in strips])
-    corners = mesh.faces[np.concatenate(strips)]
-    points = mesh.vertices[corners]
-    area = 0.5 * np.linalg.norm(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]), axis=1)
-    rows, columns, values = [], [], []
-    for tail, head in ((0, 1), (1, 2), (2, 0)):
-        edge = area[:, None] * (points[:, head] - points[:, tail])
-        for axis in range(3):
-            for corner, sign in ((head, 1.0), (tail, -1.0)):
-                rows.append(3 * isoline + axis)
-                columns.append(corners[:, corner])
-                values.append(sign * edge[:, axis])
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    gather = csr_matrix(coo_matrix(entries, shape=(3 * len(strips), len(mesh.vertices))))
-    return (gather @ W).toarray()
+    below, upper = blends(ladder, len(strips) // len(weights))
+    Q = np.zeros((3 * len(strips), 4 * len(strips)))
+    for isoline, strip in enumerate(strips):
+        _add_covariance(mesh.vertices, mesh.faces[strip], below, upper, weights, Q[3 * isoline : 3 * isoline + 3])
+    return Q
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_covariance(rest, faces, below, upper, weights, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add the covariances of faces: a corner is in two edges, and counts twice against the sum of the other corners."""
+    isolines = rows.shape[1] // (4 * len(weights))
+    edge, h = np.empty(3), np.ones(4)
+    for f in range(len(faces)):
+        a, b, c = rest[faces[f, 0]], rest[faces[f, 1]], rest[faces[f, 2]]
+        area = 0.0
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            area += ((b[y] - a[y]) * (c[z] - a[z]) - (b[z] - a[z]) * (c[y] - a[y])) ** 2
+        area = 0.5 * np.sqrt(area)
+        for v in faces[f]:
+            for x in range(3):
+                h[x] = rest[v, x]
+                edge[x] = area * ((h[x] - a[x]) + (h[x] - b[x]) + (h[x] - c[x]))
+            for i in range(len(weights)):
+                column = 4 * (i * isolines + below[v, i])
+                highest = weights[i] * upper[v, i]
+                lowest = weights[i] - highest
+                for x in range(3):
+                    for k in range(4):
+                        rows[x, column + k] += lowest * edge[x] * h[k]
+                        rows[x, column + 4 + k] += highest * edge[x] * h[k]
 
 
 def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[np.int64]:
@@ -82,29 +143,47 @@ def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[
     (isolines, SAMPLED_TRIANGLES) int64
         Indices of faces.
     """
-    middles = mesh.vertices[mesh.faces].mean(axis=1)
-    sampled = np.empty((len(strips), SAMPLED_TRIANGLES), dtype=np.int64)
-    for row, strip in zip(sampled, strips, strict=True):
-        points = middles[strip]
-        distance = np.linalg.norm(points - points.mean(axis=0), axis=1)
-        for place in range(SAMPLED_TRIANGLES):
-            farthest = int(np.argmax(distance))
-            row[place] = strip[farthest]
-            from_it = np.linalg.norm(points - points[farthest], axis=1)
-            distance = from_it if place == 0 else np.minimum(distance, from_it)
-    return sampled
+    return np.stack(
+        [strip[_far_apart(mesh.vertices[mesh.faces[strip]].mean(axis=1), SAMPLED_TRIANGLES)] for strip in strips]
+    )
 
 
-def edge_map(mesh: SolverMesh, sampled: NDArray[np.int64], W: csr_matrix) -> NDArray[np.float64]:
+@numba.njit(cache=True, nogil=True)
+def _far_apart(points, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Choose points: the farthest from the middle of all, then always the farthest from those chosen."""
+    n = len(points)
+    away, target = np.full(n, np.inf), np.zeros(3)
+    for i in range(n):
+        target += points[i] / n
+    chosen = np.empty(count, dtype=np.int64)
+    for place in range(count):
+        farthest = 0
+        for i in range(n):
+            square = 0.0
+            for x in range(3):
+                square += (points[i, x] - target[x]) ** 2
+            away[i] = square if place <= 1 else min(away[i], square)
+            if away[i] > away[farthest]:
+                farthest = i
+        chosen[place] = farthest
+        target = points[farthest]
+    return chosen
+
+
+def edge_map(corners: csr_matrix) -> NDArray[np.float64]:
     """Build T: T R stacks the two edges from the first corner of every sampled triangle.
+
+    Parameters
+    ----------
+    corners : (isolines · SAMPLED_TRIANGLES · 3, 4 · isolines) sparse float64
+        Rows of W for the corners of each triangle.
 
     Returns
     -------
     (2 · isolines · SAMPLED_TRIANGLES, 4 · isolines) float64
     """
-    a, b, c = mesh.faces[sampled.ravel()].T
-    edges = np.stack([(W[b] - W[a]).toarray(), (W[c] - W[a]).toarray()], axis=1)
-    return edges.reshape(-1, W.shape[1])
+    rows = corners.toarray().reshape(-1, 3, corners.shape[1])
+    return (rows[:, 1:] - rows[:, :1]).reshape(-1, corners.shape[1])
 
 
 def from_covariance(S: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -136,9 +215,9 @@ def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> 
     -------
     (m, 3, 3) float64
     """
-    frames = triangle_frames(edges)
-    turns = np.einsum("msji,msjk->mik", rest_frames, frames)
-    return from_covariance(turns.reshape(-1, 3))
+    total = np.zeros((len(rest_frames), 3, 3))
+    _add_turns(edges, rest_frames, total)
+    return polar.of_matrices(total)
 
 
 def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -152,8 +231,44 @@ def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     (m, SAMPLED_TRIANGLES, 3, 3) float64
     """
-    first, second = np.moveaxis(edges.reshape(-1, SAMPLED_TRIANGLES, 2, 3), 2, 0)
-    normal = np.cross(first, second)
-    along = first / np.maximum(np.linalg.norm(first, axis=2, keepdims=True), 1e-300)
-    normal = normal / np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-300)
-    return np.stack([along, np.cross(normal, along), normal], axis=2)
+    frames = np.empty((len(edges) // (2 * SAMPLED_TRIANGLES), SAMPLED_TRIANGLES, 3, 3))
+    _write_frames(np.ascontiguousarray(edges), frames.reshape(-1, 3, 3))
+    return frames
+
+
+@numba.njit(cache=True, nogil=True)
+def _write_frames(edges, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    for k in range(len(frames)):
+        _write_frame(edges[2 * k], edges[2 * k + 1], frames[k])
+
+
+@numba.njit(cache=True, nogil=True)
+def _write_frame(first, second, frame):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    along, across, normal = frame
+    _unit_cross(first, second, normal)
+    length = max(np.sqrt(first[0] ** 2 + first[1] ** 2 + first[2] ** 2), 1e-300)
+    for axis in range(3):
+        along[axis] = first[axis] / length
+    _unit_cross(normal, along, across)
+
+
+@numba.njit(cache=True, nogil=True)
+def _unit_cross(a, b, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    length = max(np.sqrt(x * x + y * y + z * z), 1e-300)
+    out[0], out[1], out[2] = x / length, y / length, z / length
+
+
+@numba.njit(cache=True, nogil=True)
+def _add_turns(edges, rest_frames, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add what takes each sampled triangle's rest frame to its frame now, isoline by isoline."""
+    frame = np.empty((3, 3))
+    triangle = 0
+    for isoline in range(len(rest_frames)):
+        for rest in rest_frames[isoline]:
+            _write_frame(edges[2 * triangle], edges[2 * triangle + 1], frame)
+            triangle += 1
+            for i in range(3):
+                for j in range(3):
+                    for axis in range(3):
+                        total[isoline, i, j] += rest[axis, i] * frame[axis, j]

@@ -151,10 +151,15 @@ def _closest(p, a, b, c, blend):  # type: ignore[no-untyped-def]  # noqa: ANN001
     Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: which corner, edge or inside it is follows from the
     signs of a few products.
     """
-    ab, ac, ap, bp, cp = b - a, c - a, p - a, p - b, p - c
-    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
-    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
-    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
+    d1, d2, d3, d4, d5, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for x in range(3):
+        ab, ac = b[x] - a[x], c[x] - a[x]
+        d1 += ab * (p[x] - a[x])
+        d2 += ac * (p[x] - a[x])
+        d3 += ab * (p[x] - b[x])
+        d4 += ac * (p[x] - b[x])
+        d5 += ab * (p[x] - c[x])
+        d6 += ac * (p[x] - c[x])
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
     v, w = 0.0, 0.0
     if d1 <= 0 and d2 <= 0:
@@ -173,5 +178,8 @@ def _closest(p, a, b, c, blend):  # type: ignore[no-untyped-def]  # noqa: ANN001
     else:
         v, w = vb / (va + vb + vc), vc / (va + vb + vc)
     blend[0], blend[1], blend[2] = 1 - v - w, v, w
-    away = ap - v * ab - w * ac
-    return np.dot(away, away)
+    square = 0.0
+    for x in range(3):
+        away = p[x] - a[x] - v * (b[x] - a[x]) - w * (c[x] - a[x])
+        square += away * away
+    return square

@@ -19,7 +19,7 @@ from engine_bridge.gltf.document import MAGIC, Document, damaged
 from engine_bridge.gltf.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.gltf.schema import Mesh, Node, Primitive
 from engine_bridge.surfaces.readers import SURFACE_FILES, read_surface
-from engine_bridge.surfaces.shading import shaded
+from engine_bridge.surfaces.shading import shaded, unit
 from engine_bridge.surfaces.surface import FARTHEST, Piece, Surface, material_for
 from puppetline.errors import MeshError, at
 from solver.mesh import SolverMesh, weld
@@ -109,8 +109,14 @@ class Character:
         return weld(self.vertices, self.triangles, self.document.name)
 
 
-def load_character(path: Path) -> Character:
+def load_character(path: Path, cache: Path | None = None) -> Character:
     """Read a character from a glTF or surface file, found by content and then by ending.
+
+    Parameters
+    ----------
+    path : Path
+    cache : Path, optional
+        Folder for what is computed for a surface file, see `solver.cache.recall`.
 
     Raises
     ------
@@ -131,7 +137,7 @@ def load_character(path: Path) -> Character:
         ) from error
     if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
         return from_document(Document.load(path))
-    return from_document(assemble(read_surface(path), path.stem, str(path)))
+    return from_document(assemble(read_surface(path, cache), path.stem, str(path)))
 
 
 def make_character(
@@ -230,7 +236,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
         if normals is not None:
-            normals = _unit(np.nan_to_num((normals[:, None] @ np.linalg.pinv(linear))[:, 0], posinf=0, neginf=0))
+            normals = unit((normals[:, None] @ np.linalg.pinv(linear))[:, 0], otherwise=0.0)
         yield Part(
             node=node,
             primitive=index,
@@ -291,7 +297,3 @@ def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[
     if mode == TRIANGLE_STRIP:
         triangles[1::2] = triangles[1::2, [1, 0, 2]]
     return triangles
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-30)

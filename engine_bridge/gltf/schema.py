@@ -313,10 +313,11 @@ def checked(values: dict[str, Any]) -> Gltf:
         first = error.errors(include_url=False, include_input=False)[0]
         raise ValueError(f"{_place(first['loc'])}: {first['msg']}") from error
     gltf: Gltf = values  # type: ignore[assignment]  # checked just now
-    for place, index, name in _references(gltf):
-        count = len(values[name])
-        if index >= count:
-            raise ValueError(f"{place}: number {index} of {count} {name}")
+    for path, name in REFERENCES.items():
+        steps, count = path.split("."), len(values[name])
+        if max(_found(gltf, steps), default=-1) >= count:
+            place, index = next((place, index) for place, index in _placed(gltf, steps) if index >= count)
+            raise ValueError(f"{_place(place)}: number {index} of {count} {name}")
     _check_samplers(gltf)
     return gltf
 
@@ -336,22 +337,25 @@ def _place(location: tuple[int | str, ...]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in location).lstrip(".")
 
 
-def _references(gltf: Gltf) -> Iterator[tuple[str, int, str]]:
-    """Walk all indices of a description: where each stands, its value, and the list that it leads into."""
-    for path, name in REFERENCES.items():
-        for place, index in _found(gltf, path.split(".")):
-            yield place, index, name
+def _found(value: Any, steps: list[str]) -> list[Any]:
+    """Follow a path into JSON, along all items where it has a star, and return the values that are there."""
+    found = [value]
+    for step in steps:
+        if step == "*":
+            found = [item for value in found for item in (value.values() if isinstance(value, dict) else value)]
+        else:
+            found = [value[step] for value in found if step in value]
+    return found
 
 
-def _found(value: Any, path: list[str]) -> Iterator[tuple[str, int]]:
-    """Follow a path into JSON, along all items where it has a star: the places that are there, and their values."""
-    if not path:
-        yield "", value
+def _placed(value: Any, steps: list[str], *place: int | str) -> Iterator[tuple[tuple[int | str, ...], Any]]:
+    """Follow a path like `_found` does, and tell where each value is."""
+    if not steps:
+        yield place, value
         return
     every = value if isinstance(value, dict) else range(len(value))
-    for key in every if path[0] == "*" else [path[0]] if path[0] in value else []:
-        for place, found in _found(value[key], path[1:]):
-            yield _place((key,)) + ("." if place and not place.startswith("[") else "") + place, found
+    for key in every if steps[0] == "*" else [steps[0]] if steps[0] in value else []:
+        yield from _placed(value[key], steps[1:], *place, key)
 
 
 def _check_samplers(gltf: Gltf) -> None:

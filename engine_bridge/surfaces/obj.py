@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from engine_bridge.surfaces import mtl
 from engine_bridge.surfaces.corners import distinct
 from engine_bridge.surfaces.files import Folder
 from engine_bridge.surfaces.polygons import triangulate
+from engine_bridge.surfaces.scanning import read_corners
 from engine_bridge.surfaces.surface import (
     CLAY,
     Material,
@@ -24,11 +24,14 @@ from engine_bridge.surfaces.surface import (
     material_for,
     upper_left,
 )
-from engine_bridge.surfaces.text import Rows, decoded
+from engine_bridge.surfaces.text import Lines, Rows, decoded, lines_of, word
 from puppetline.errors import at
 
-CONTINUED = "\t \t"
+CONTINUED = "\r"
 """Stands for the end of a line that goes on in the next."""
+
+FACES = ("f", "fo")
+"""Statements of a face, the second is what f was called once."""
 
 SILENT = re.compile(
     "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
@@ -63,71 +66,63 @@ def read(path: Path, content: bytes) -> Surface:
     MeshError
         With the line that cannot be read.
     """
-    statements = _Statements(path)
-    statements.read(decoded(path, content).replace("\\\n", CONTINUED).removesuffix("\\"))
-    return statements.surface()
+    text = decoded(path, content)
+    if "\\" in text:  # which is found sooner than a pair
+        text = text.replace("\\\n", CONTINUED).removesuffix("\\")
+    return _Statements(path, lines_of(text, CONTINUED)).surface()
 
 
 class _Statements:
     """The statements of a file, collected by kind."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, lines: Lines) -> None:
         self.path = path
         self.notes: list[str] = []
-        self.vertices = Rows(path, "'v x y z' with finite numbers")
-        self.coordinates = Rows(path, "'vt u v' with numbers")
-        self.normals = Rows(path, "'vn x y z' with numbers")
-        self.faces = Rows(path, "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn")
+        self.vertices = _rows(path, lines, ("v",), "'v x y z' with finite numbers")
+        self.coordinates = _rows(path, lines, ("vt",), "'vt u v' with numbers")
+        self.normals = _rows(path, lines, ("vn",), "'vn x y z' with numbers")
+        self.faces = _rows(path, lines, FACES, "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn")
+        self.so_far = _counted(lines, ("v", "vt", "vn"), FACES)
         self.groups: dict[tuple[str, str], int] = {}
-        self.group_of: list[int] = []
-        self.backwards: list[tuple[int, int, int, int]] = []
+        self.group_of = np.zeros(len(self.faces), dtype=np.int64)
         self.libraries: dict[str, int] = {}
         self.group = self.material = ""
         self.smoothing = ""
         self.smoothings: set[str] = set()
         self.lines_and_points = 0
         self.unknown: list[int] = []
+        self._read_others(lines)
 
-    def read(self, text: str) -> None:
-        """Go through all lines."""
+    def _read_others(self, lines: Lines) -> None:
+        """Go through all lines besides those of numbers; what they say holds for the faces after them."""
         handlers: dict[str, Callable[[int, str], None]] = {
-            "v": self._numbers_of(self.vertices),
-            "vt": self._numbers_of(self.coordinates),
-            "vn": self._numbers_of(self.normals),
-            "f": self._face,
-            "fo": self._face,  # what f was called once
             "g": self._group,
             "o": self._group,
             "s": self._smooth,
             "usemtl": self._usemtl,
             "mtllib": self._mtllib,
         }
-        number = 1
-        for line in text.split("\n"):
-            fields = line.split(None, 1)
-            if fields:
-                kind = fields[0]
-                handler = handlers.get(kind)
-                if handler:
-                    handler(number, fields[1] if len(fields) > 1 else "")
-                elif kind in NOT_A_SURFACE:
-                    self.lines_and_points += 1
-                elif not SILENT.fullmatch(kind):
-                    self.unknown.append(number)
-            number += 1 + line.count(CONTINUED)
+        others = np.flatnonzero(~_begins(lines, ("v", "vt", "vn", *FACES)) & (lines.comments > lines.starts))
+        faces_before = np.searchsorted(self.faces.lines, lines.numbers[others])
+        done = 0
+        for line, faces in zip(others.tolist(), faces_before.tolist(), strict=True):
+            self._assign(done, faces)
+            done = faces
+            kind, *rest = lines.text(line).split(None, 1)
+            handler, number = handlers.get(kind), int(lines.numbers[line])
+            if handler:
+                handler(number, rest[0] if rest else "")
+            elif kind in NOT_A_SURFACE:
+                self.lines_and_points += 1
+            elif not SILENT.fullmatch(kind):
+                self.unknown.append(number)
+        self._assign(done, len(self.faces))
 
-    def _numbers_of(self, rows: Rows) -> Callable[[int, str], None]:
-        def add(line: int, rest: str) -> None:
-            rows.add(line, rest.partition("#")[0])
-
-        return add
-
-    def _face(self, line: int, rest: str) -> None:
-        if "-" in rest:
-            self.backwards.append((len(self.faces), len(self.vertices), len(self.coordinates), len(self.normals)))
-        self.faces.add(line, rest.partition("#")[0])
-        self.group_of.append(self.groups.setdefault((self.group, self.material), len(self.groups)))
-        self.smoothings.add(self.smoothing)
+    def _assign(self, start: int, end: int) -> None:
+        """Put faces into the group and material that hold now."""
+        if start < end:
+            self.group_of[start:end] = self.groups.setdefault((self.group, self.material), len(self.groups))
+            self.smoothings.add(self.smoothing)
 
     def _group(self, _: int, rest: str) -> None:
         self.group = " ".join(rest.split())
@@ -152,11 +147,11 @@ class _Statements:
         corners, sizes, groups = self._polygons()
         if not len(sizes):
             raise damaged(self.path, "vertices without faces", "an OBJ file with a surface: points and lines have none")
-        triangles, polygon = triangulate(table[corners[:, 0], :3], sizes)
+        triangles, polygon = triangulate(table[corners[0], :3], sizes)
         # polygons without texture coordinates or normals at all of their corners become pieces of their own
         starts = np.cumsum(sizes) - sizes
-        complete = np.minimum.reduceat(corners[:, 1:], starts, axis=0) >= 0
-        kind = groups * 4 + complete @ np.array([1, 2])
+        has_uv, has_normal = np.minimum.reduceat(corners[1:], starts, axis=1) >= 0
+        kind = 4 * groups + 2 * has_normal + has_uv
         pieces = self._pieces(table, corners, np.repeat(kind, sizes), triangles, kind[polygon])
         self._note_what_is_left_out()
         return Surface(pieces, self.notes)
@@ -166,37 +161,41 @@ class _Statements:
 
         Returns
         -------
-        corners : (c, 3) int64
+        corners : (3, c) int64
             Indices of vertex, texture coordinates and normal from 0, −1 where there are none.
         sizes : (p,) int64
             How many corners each polygon has.
         groups : (p,) int64
         """
-        fields = [text.split() for text in self.faces.texts]
-        try:
-            stated = _indices(list(chain.from_iterable(fields)))
-        except (ValueError, OverflowError):
-            raise self.faces.error(next(row for row, parts in enumerate(fields) if not _are_indices(parts))) from None
-        sizes = np.fromiter(map(len, fields), np.int64, len(fields))
+        stated, sizes = self._stated()
         owner = np.repeat(np.arange(len(sizes)), sizes)
-        known = np.array([len(self.vertices), len(self.coordinates), len(self.normals)])
-        if (stated[:, known == 0] != 0).any():
+        known = np.array([[len(self.vertices)], [len(self.coordinates)], [len(self.normals)]])
+        if (stated[known[:, 0] == 0] != 0).any():
             self.notes.append("The faces name texture coordinates or normals that the file does not have.")
-            stated[:, known == 0] = 0
-        so_far = np.zeros((len(sizes), 3), dtype=np.int64)
-        for face, *counts in self.backwards:
-            so_far[face] = counts
-        corners = np.where(stated > 0, stated - 1, np.where(stated < 0, so_far[owner] + stated, -1))
-        absent = (stated == 0) & [False, True, True]
-        wrong = ~absent & ((corners < 0) | (corners >= known) | (stated < -known))
+            stated[known[:, 0] == 0] = 0
+        corners, backwards = stated - 1, stated < 0
+        if backwards.any():
+            corners = np.where(backwards, self.so_far[:, owner] + stated, corners)
+        wrong = (corners >= known) | (backwards & (corners < 0))
+        wrong[0] |= stated[0] == 0
         if wrong.any():
-            corner, column = np.argwhere(wrong)[0]
+            corner, column = np.argwhere(wrong.T)[0]
             what = ("vertex", "texture coordinate", "normal")[column]
-            raise self.faces.error(owner[corner], f"{what} {stated[corner, column]} of {known[column]:,}")
+            raise self.faces.error(owner[corner], f"{what} {stated[column, corner]} of {known[column, 0]:,}")
         enough = sizes >= 3
-        if not enough.all():
-            self.notes.append(f"{count(int((~enough).sum()), 'face')} of fewer than 3 corners left out.")
-        return corners[enough[owner]], sizes[enough], np.array(self.group_of, dtype=np.int64)[enough]
+        if enough.all():
+            return corners, sizes, self.group_of
+        self.notes.append(f"{count(int((~enough).sum()), 'face')} of fewer than 3 corners left out.")
+        return corners[:, enough[owner]], sizes[enough], self.group_of[enough]
+
+    def _stated(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the corners (3, c) as they stand in the file, 0 for what is not there, and how many a face has."""
+        faces = self.faces
+        corners, sizes = np.empty((3, faces.most), dtype=np.int64), np.empty(len(faces), dtype=np.int64)
+        count, wrong = read_corners(faces.data, faces.starts, faces.ends, corners, sizes)
+        if wrong >= 0:
+            raise faces.error(wrong)
+        return corners[:, :count], sizes
 
     def _pieces(
         self,
@@ -210,21 +209,25 @@ class _Statements:
         uvs = _texture_coordinates(self.coordinates.table(1))
         normals = self.normals.table(3)[:, :3]
         colors = linear(table[:, 3:6]) if table.shape[1] >= 6 else None
-        if colors is None and any(len(text.split()) >= 6 for text in self.vertices.texts):
+        if colors is None and (self.vertices.numbers[1] >= 6).any():
             self.notes.append("Vertex colours left out: some vertices have none.")
         names, materials = list(self.groups), self._materials()
-        isolated = np.setdiff1d(np.arange(len(table)), corners[:, 0])
-        vertex_of = np.empty(len(corners), dtype=np.int64)
+        isolated = np.ones(len(table), dtype=np.bool_)
+        isolated[corners[0]] = False
+        vertex_of = np.empty(corners.shape[1], dtype=np.int64)
         pieces = []
         for own_corners, own_triangles in zip(_runs(kind_of_corner), _runs(kind_of_triangle), strict=True):
             group, has = divmod(int(kind_of_corner[own_corners[0]]), 4)
-            own = np.where([True, bool(has & 1), bool(has & 2)], corners[own_corners], -1)
+            own = corners[:, own_corners]
             if has:
-                first, vertex_of[own_corners] = distinct(own)
-                v, vt, vn = own[first].T
+                own[1:][[not has & 1, not has & 2]] = -1
+                first, vertex_of[own_corners] = distinct(own.T)
+                v, vt, vn = own[:, first]
             else:
-                v, isolated = np.union1d(own[:, 0], isolated), isolated[:0]
-                vertex_of[own_corners] = np.searchsorted(v, own[:, 0])
+                kept = isolated.copy()
+                kept[own[0]] = True
+                v, isolated = np.flatnonzero(kept), np.zeros_like(kept)
+                vertex_of[own_corners] = (np.cumsum(kept) - 1)[own[0]]
             name, material = names[group]
             paint = None if colors is None else colors[v]
             pieces.append(
@@ -238,8 +241,8 @@ class _Statements:
                     colors=paint,
                 )
             )
-        if len(isolated):
-            self.notes.append(f"{count(len(isolated), 'vertex', 'vertices')} in no face left out.")
+        if isolated.any():
+            self.notes.append(f"{count(int(isolated.sum()), 'vertex', 'vertices')} in no face left out.")
         return [self._without_pictures(piece) for piece in pieces]
 
     def _materials(self) -> dict[str, Material]:
@@ -275,26 +278,20 @@ class _Statements:
             self.notes.append(f"{number} not understood and left out, the first is line {self.unknown[0]}.")
 
 
-def _indices(fields: Sequence[str]) -> NDArray[np.int64]:
-    """Read corners like ``7``, ``7/2``, ``7//3`` and ``-1/2/3`` as (c, 3), 0 for what is not there."""
-    text = " ".join(fields)
-    if "_" in text or any(field.count("/") > 2 for field in fields):
-        raise ValueError("no corner")
-    indices = np.zeros((len(fields), 3), dtype=np.int64)
-    if "/" in text:
-        padded = [part or "0" for field in fields for part in f"{field}//".split("/", 3)[:3]]
-        indices[:] = np.array(list(map(int, padded)), dtype=np.int64).reshape(-1, 3)
-    else:
-        indices[:, 0] = list(map(int, fields))
-    return indices
+def _begins(lines: Lines, kinds: Sequence[str]) -> NDArray[np.bool_]:
+    """Tell which lines begin with one of some words."""
+    return np.isin(lines.words, [word(kind) for kind in kinds])
 
 
-def _are_indices(fields: Sequence[str]) -> bool:
-    try:
-        _indices(fields)
-    except (ValueError, OverflowError):
-        return False
-    return True
+def _rows(path: Path, lines: Lines, kinds: Sequence[str], expected: str) -> Rows:
+    which = _begins(lines, kinds)
+    return Rows(path, expected, lines.data, lines.numbers[which], lines.rests[which], lines.comments[which])
+
+
+def _counted(lines: Lines, kinds: Sequence[str], at_kinds: Sequence[str]) -> NDArray[np.int64]:
+    """Return how many lines of each kind (rows) come before each line of other kinds (columns)."""
+    here = _begins(lines, at_kinds)
+    return np.stack([np.cumsum(_begins(lines, (kind,)))[here] for kind in kinds])
 
 
 def _runs(keys: NDArray[np.int64]) -> list[NDArray[np.int64]]:

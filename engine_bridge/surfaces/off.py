@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.surfaces.polygons import triangulate
 from engine_bridge.surfaces.surface import Piece, Surface, count, damaged, linear, material_for, upper_left
-from engine_bridge.surfaces.text import Rows, decoded, spans
+from engine_bridge.surfaces.text import Rows, decoded, lines_of, spans
 from puppetline.errors import MeshError, at
 
 KEYWORD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z])")
@@ -33,14 +33,10 @@ def read(path: Path, content: bytes) -> Surface:
     binary = re.match(rb"\s*\w*OFF\s+BINARY", content[:100])
     if binary:
         raise MeshError(path, found="a binary OFF file", expected="OFF as text", fix="Export the mesh as .ply or .obj.")
-    lines = _lines(path, content)
-    keyword = KEYWORD.match(lines[0][1]) if lines else None
+    lines = _Lines(path, content)
+    keyword = KEYWORD.match(lines.text(0)) if len(lines) else None
     if keyword:
-        lines[0] = (
-            lines[0][0],
-            lines[0][1][keyword.end() :],
-        )  # the counts may follow in its line, even without a space
-        lines = lines if lines[0][1].strip() else lines[1:]
+        lines.take(keyword.end())
     textured, colored, with_normals, *of_other_dimension = keyword.groups() if keyword else [None] * 5
     if any(of_other_dimension):
         raise MeshError(
@@ -50,7 +46,7 @@ def read(path: Path, content: bytes) -> Surface:
     needed = 3 + 3 * bool(with_normals) + 3 * bool(colored) + 2 * bool(textured)
     table = vertices.positions()
     if table.shape[1] < needed:
-        vertices.refuse(np.array([len(text.split()) < needed for text in vertices.texts]))
+        vertices.refuse(vertices.numbers[1] < needed)
     end = 6 if with_normals else 3
     colors = linear(table[:, end : table.shape[1] - 2 * bool(textured)][:, :4]) if colored else None
     triangles, more_notes = _triangles(faces, table[:, :3])
@@ -66,18 +62,38 @@ def read(path: Path, content: bytes) -> Surface:
     return Surface([piece], notes + more_notes)
 
 
-def _lines(path: Path, content: bytes) -> list[tuple[int, str]]:
-    """Return the lines that hold something besides a comment, with their numbers."""
-    texts = (line.partition("#")[0] for line in decoded(path, content).split("\n"))
-    return [(number, text.strip()) for number, text in enumerate(texts, 1) if text.strip()]
+class _Lines:
+    """The lines that hold something besides a comment."""
+
+    def __init__(self, path: Path, content: bytes) -> None:
+        self._path = path
+        lines = lines_of(decoded(path, content))
+        filled = lines.starts < lines.comments
+        self._data = lines.data
+        self.numbers, self._starts, self._ends = lines.numbers[filled], lines.starts[filled], lines.comments[filled]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def text(self, line: int) -> str:
+        return self._data[self._starts[line] : self._ends[line]].tobytes().decode().strip()
+
+    def take(self, characters: int) -> None:
+        """Take ASCII characters from the first line: more may follow there, even without a space."""
+        self._starts[0] += characters
+        if not self.text(0):
+            self.numbers, self._starts, self._ends = self.numbers[1:], self._starts[1:], self._ends[1:]
+
+    def rows(self, which: slice, expected: str) -> Rows:
+        return Rows(self._path, expected, self._data, self.numbers[which], self._starts[which], self._ends[which])
 
 
-def _rows(path: Path, lines: list[tuple[int, str]]) -> tuple[Rows, Rows, list[str]]:
+def _rows(path: Path, lines: _Lines) -> tuple[Rows, Rows, list[str]]:
     """Divide the lines after the keyword into those of vertices and those of faces, and note what is left."""
     expected = "the numbers of vertices, faces and edges"
-    if not lines:
+    if not len(lines):
         raise damaged(path, "no counts", expected)
-    line, text = lines[0]
+    line, text = int(lines.numbers[0]), lines.text(0)
     counts = text.split()
     if not (2 <= len(counts) <= 3 and all(number.isascii() and number.isdigit() for number in counts)):
         raise damaged(at(path, line=line), repr(text[:60]), expected)
@@ -91,18 +107,16 @@ def _rows(path: Path, lines: list[tuple[int, str]]) -> tuple[Rows, Rows, list[st
             f"{count(vertices, 'vertex', 'vertices')} and {count(faces, 'face')} announced",
             f"a line for each, and not {len(lines) - 1:,} in all",
         )
-    vertex_rows = Rows(path, "'x y z' with finite numbers")
-    for number, text in lines[1 : vertices + 1]:
-        vertex_rows.add(number, text)
-    face_rows = Rows(path, f"'n v1 … vn' with vertices from 0 to {vertices - 1}")
-    for number, text in lines[vertices + 1 : vertices + faces + 1]:
-        face_rows.add(number, text)
+    vertex_rows = lines.rows(slice(1, vertices + 1), "'x y z' with finite numbers")
+    face_rows = lines.rows(
+        slice(vertices + 1, vertices + faces + 1), f"'n v1 … vn' with vertices from 0 to {vertices - 1}"
+    )
     return vertex_rows, face_rows, [f"{count(rest, 'line')} after the last face left out."] if rest else []
 
 
 def _triangles(faces: Rows, positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], list[str]]:
     """Read the faces as triangles, and note what they have besides."""
-    values, widths = faces.numbers()
+    values, widths = faces.numbers
     starts = np.cumsum(widths) - widths
     stated = values[starts]  # no line is empty
     faces.refuse(~((stated >= 0) & (stated < widths) & (stated == np.floor(stated))))

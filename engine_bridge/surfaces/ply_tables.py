@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.surfaces.surface import count, damaged
-from engine_bridge.surfaces.text import Rows, decoded, spans
+from engine_bridge.surfaces.text import Rows, decoded, lines_of, spans
 from puppetline.errors import MeshError, at
 
 TYPES = {
@@ -144,23 +144,22 @@ def _add(path: Path, number: int, header: Header, name: str, kind: str, length: 
 
 
 def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]) -> dict[str, Table]:
-    before = decoded(path, content[:start]).count("\n")
-    texts = decoded(path, content).split("\n")[before:]
-    lines = [(number, text) for number, text in enumerate(texts, before + 1) if text.strip()]
+    lines = lines_of(decoded(path, content))
+    first = int(np.searchsorted(lines.numbers, decoded(path, content[:start]).count("\n"), side="right"))
     tables = {}
     for element in elements:
         if not element.properties:
             continue
-        if element.rows > len(lines):
+        if element.rows > len(lines) - first:
             raise damaged(
                 at(path, field=f"element {element.name}"),
-                f"{count(len(lines), 'line')} for {count(element.rows, 'row')}",
+                f"{count(len(lines) - first, 'line')} for {count(element.rows, 'row')}",
                 "a whole PLY file",
             )
-        rows = Rows(path, " ".join(_described(element)))
-        for number, text in lines[: element.rows]:
-            rows.add(number, text)
-        del lines[: element.rows]
+        own = slice(first, first + element.rows)
+        first += element.rows
+        expected = " ".join(_described(element))
+        rows = Rows(path, expected, lines.data, lines.numbers[own], lines.starts[own], lines.ends[own])
         tables[element.name] = _text_columns(rows, element)
     return tables
 
@@ -170,7 +169,7 @@ def _described(element: Element) -> Iterator[str]:
 
 
 def _text_columns(rows: Rows, element: Element) -> Table:
-    values, widths = rows.numbers()
+    values, widths = rows.numbers
     place, ends = np.cumsum(widths) - widths, np.cumsum(widths)
     table = {}
     for prop in element.properties:

@@ -15,12 +15,14 @@ HEAD_SIZE = 65536
 """Bytes from which a format is recognised."""
 
 
-def read_surface(path: Path) -> Surface:
+def read_surface(path: Path, cache: Path | None = None) -> Surface:
     """Read a mesh file, ready to be shown.
 
     Parameters
     ----------
     path : Path
+    cache : Path, optional
+        See `engine_bridge.surfaces.shading.shaded`.
 
     Returns
     -------
@@ -49,7 +51,7 @@ def read_surface(path: Path) -> Surface:
             expected=f".glb, .gltf, {', '.join(SURFACE_FILES)}",
             fix="Export the character as .glb from your editor.",
         )
-    return shaded(READERS[ending](path, content), str(path))
+    return shaded(READERS[ending](path, content), str(path), cache)
 
 
 def _recognized(path: Path, content: bytes) -> str | None:

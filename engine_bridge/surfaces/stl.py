@@ -1,12 +1,13 @@
 """STL, binary and text: triangles, each with corners of its own."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.surfaces.surface import Piece, Surface, count, damaged, outside
-from engine_bridge.surfaces.text import Rows, decoded
+from engine_bridge.surfaces.text import Lines, Rows, decoded, lines_of, word
 from puppetline.errors import at
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -22,7 +23,13 @@ FOLLOWS = {
     "endfacet": ("facet", "endsolid"),
     "endsolid": ("solid",),
 }
-"""The words that may begin the line after one that begins with this word."""
+"""The words that may begin the line after one that begins with this word, or the first line."""
+
+KINDS = tuple(FOLLOWS)
+SOLID, OUTER, VERTEX, ENDLOOP, ENDSOLID = map(KINDS.index, ("solid", "outer", "vertex", "endloop", "endsolid"))
+
+CAPITALS = np.uint64(0x2020202020202020)
+"""The bits that tell small letters from capitals."""
 
 
 def matches(head: bytes, size: int) -> bool:
@@ -75,39 +82,48 @@ def _read_binary(path: Path, content: bytes) -> Surface:
 
 
 def _read_text(path: Path, content: bytes) -> Surface:
-    vertices = Rows(path, "'vertex x y z' with finite numbers")
-    solids: list[tuple[str, int]] = []
-    last = ""
-    lines = decoded(path, content).split("\n")
-    for number, line in enumerate(lines, 1):
-        word, *rest = line.split(None, 1) or [""]
-        word = word.lower()
-        if not word:
-            continue
-        if word not in FOLLOWS[last]:
-            found = repr(line.strip()[:60])
-            raise damaged(at(path, line=number), found, " or ".join(map(repr, FOLLOWS[last])))
-        if word == "solid":
-            solids.append((rest[0].strip() if rest else "", len(vertices)))
-        elif word == "vertex":
-            vertices.add(number, rest[0] if rest else "")
-        elif word == "outer":
-            first = len(vertices)
-        elif word == "endloop" and len(vertices) != first + 3:
-            raise damaged(at(path, line=number), f"a facet of {len(vertices) - first} vertices", "3 vertices")
-        last = word
-    if last != "endsolid":
-        raise damaged(at(path, line=len(lines)), "the end of the file within a solid", "'endsolid'")
+    text = decoded(path, content)
+    lines = lines_of(text)
+    kinds = np.zeros(len(lines), dtype=np.int64)
+    for kind, name in enumerate(KINDS[1:], 1):
+        kinds[(lines.words | CAPITALS) == (word(name) | CAPITALS)] = kind
+    _check_order(path, lines, kinds)
+    if not len(kinds) or kinds[-1] != ENDSOLID:
+        raise damaged(at(path, line=text.count("\n") + 1), "the end of the file within a solid", "'endsolid'")
+    own = kinds == VERTEX
+    expected = "'vertex x y z' with finite numbers"
+    vertices = Rows(path, expected, lines.data, lines.numbers[own], lines.rests[own], lines.ends[own])
     corners = vertices.positions()[:, :3].reshape(-1, 3, 3)
-    ends = [start for _, start in solids[1:]] + [len(vertices)]
+    solids = np.flatnonzero(kinds == SOLID)
+    names = [lines.text(line)[len("solid") :].strip() for line in solids.tolist()]
+    ends = [*(np.cumsum(own)[solids] // 3).tolist(), len(corners)]
     pieces = [
-        _piece(name, corners[start // 3 : end // 3])
-        for (name, start), end in zip(solids, ends, strict=True)
+        _piece(name, corners[start:end])
+        for name, (start, end) in zip(names, pairwise(ends), strict=True)
         if end > start
     ]
     if not pieces:
         raise damaged(path, "no facets", "an STL file with a surface")
     return Surface(pieces, faceted=True)
+
+
+def _check_order(path: Path, lines: Lines, kinds: NDArray[np.int64]) -> None:
+    """Refuse the first line that does not follow from the one before, or ends a facet of other than 3 vertices."""
+    follows = np.array([[name in others for name in KINDS] for others in FOLLOWS.values()])
+    before = np.concatenate([[0], kinds])
+    wrong = np.flatnonzero(~follows[before[:-1], kinds])
+    in_order = kinds[: wrong[0]] if len(wrong) else kinds
+    so_far = np.cumsum(in_order == VERTEX)
+    ends = np.flatnonzero(in_order == ENDLOOP)
+    sizes = so_far[ends] - so_far[np.flatnonzero(in_order == OUTER)[: len(ends)]]
+    if (sizes != 3).any():
+        facet = int(np.argmax(sizes != 3))
+        where = at(path, line=int(lines.numbers[ends[facet]]))
+        raise damaged(where, f"a facet of {sizes[facet]} vertices", "3 vertices")
+    if len(wrong):
+        expected = FOLLOWS[KINDS[before[wrong[0]]]]
+        found = repr(lines.text(int(wrong[0])).strip()[:60])
+        raise damaged(at(path, line=int(lines.numbers[wrong[0]])), found, " or ".join(map(repr, expected)))
 
 
 def _piece(name: str, corners: NDArray[np.float64]) -> Piece:

@@ -1,12 +1,13 @@
 """Text files as rows of numbers, with errors that name the line."""
 
-from collections.abc import Sequence
-from itertools import chain
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.surfaces.scanning import find_lines, read_numbers
 from engine_bridge.surfaces.surface import damaged, outside
 from puppetline.errors import MeshError, at
 
@@ -27,7 +28,58 @@ def decoded(path: Path, content: bytes) -> str:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:  # names in an old Windows encoding
         text = content.decode("cp1252", errors="replace")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def word(text: str) -> np.uint64:
+    """Return a word of at most 8 ASCII letters as `Lines.words` has it."""
+    return np.uint64(int.from_bytes(text.encode("ascii"), "little"))
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The lines of a text that hold something besides space.
+
+    Attributes
+    ----------
+    data : (b,) uint8
+        The text in UTF-8.
+    numbers : (n,) int64
+        From 1.
+    starts, rests : (n,) int64
+        Where a line's first word is in `data`, and what comes after that.
+    comments, ends : (n,) int64
+        Where its first ``#`` is, or else its end, and its end.
+    words : (n,) uint64
+        The first words, see `word`; 0 for one of more than 8 bytes.
+    """
+
+    data: NDArray[np.uint8]
+    numbers: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    rests: NDArray[np.int64]
+    comments: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    words: NDArray[np.uint64]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def text(self, line: int) -> str:
+        """Return a line from its first word on."""
+        return self.data[self.starts[line] : self.ends[line]].tobytes().decode()
+
+
+def lines_of(text: str, continued: str = "") -> Lines:
+    """Find the lines of a text; where lines go on in the next, a character may stand for the line end in between."""
+    data = np.frombuffer(text.encode(), np.uint8)
+    most = np.count_nonzero(data == ord("\n")) + 1
+    table, words = np.empty((5, most), dtype=np.int64), np.empty(most, dtype=np.uint64)
+    count = find_lines(data, table, words)
+    numbers, starts, rests, comments, ends = table[:, :count]
+    if continued and continued in text:
+        numbers += np.searchsorted(np.flatnonzero(data == ord(continued)), starts)
+    return Lines(data, numbers, starts, rests, comments, ends, words[:count])
 
 
 class Rows:
@@ -38,64 +90,82 @@ class Rows:
     path : Path
     expected : str
         What an error message says should stand in such a line.
-
-    Attributes
-    ----------
-    texts : list of str
-    lines : list of int
-        The number of each text's line, from 1.
+    data : (b,) uint8
+        See `Lines`.
+    lines : (n,) int64
+        The number of each row's line, from 1.
+    starts, ends : (n,) int64
+        Where the row is in `data`.
     """
 
-    def __init__(self, path: Path, expected: str) -> None:
+    def __init__(
+        self,
+        path: Path,
+        expected: str,
+        data: NDArray[np.uint8],
+        lines: NDArray[np.int64],
+        starts: NDArray[np.int64],
+        ends: NDArray[np.int64],
+    ) -> None:
         self.path = path
         self.expected = expected
-        self.texts: list[str] = []
-        self.lines: list[int] = []
+        self.data = data
+        self.lines = lines
+        self.starts = starts
+        self.ends = ends
 
     def __len__(self) -> int:
-        return len(self.texts)
+        return len(self.lines)
 
-    def add(self, line: int, text: str) -> None:
-        """Append a row."""
-        self.texts.append(text)
-        self.lines.append(line)
+    @property
+    def most(self) -> int:
+        """How many numbers there can be at most: one every two bytes."""
+        return int((self.ends - self.starts + 1).sum()) // 2 + len(self)
 
     def error(self, row: int, found: str | None = None) -> MeshError:
         """Make the error for a row, which quotes it unless something else is said to be `found`."""
-        text = self.texts[row].strip()
+        text = self._content(row).decode().strip()
         quoted = repr(text if len(text) <= 60 else f"{text[:60]}…")
-        return damaged(at(self.path, line=self.lines[row]), found or quoted, self.expected)
+        return damaged(at(self.path, line=int(self.lines[row])), found or quoted, self.expected)
 
     def refuse(self, wrong: NDArray[np.bool_], found: str | None = None) -> None:
         """Raise the error for the first of the (n,) rows that is marked, if any is."""
         if wrong.any():
             raise self.error(int(np.argmax(wrong)), found)
 
+    @cached_property
     def numbers(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Read all rows.
-
-        Returns
-        -------
-        values : (m,) float64
-            All numbers, one row's after another's.
-        widths : (n,) int64
-            How many each row has.
+        """All numbers (m,) float64, one row's after another's, and how many each row has (n,) int64.
 
         Raises
         ------
         MeshError
             With the first line that holds something else.
         """
-        fields = [text.split() for text in self.texts]
+        values = np.empty(self.most)
+        widths, is_plain = np.empty(len(self), dtype=np.int64), np.empty(len(self), dtype=np.bool_)
+        count = read_numbers(self.data, self.starts, self.ends, values, widths, is_plain)
+        places = np.cumsum(widths) - widths
+        for row in np.flatnonzero(~is_plain).tolist():
+            values[places[row] : places[row] + widths[row]] = self._floats(row)
+        return values[:count].copy(), widths
+
+    def _floats(self, row: int) -> list[float]:
+        """Read a row with numbers of many digits, or with none."""
+        content = self._content(row)
         try:
-            values = _floats(list(chain.from_iterable(fields)))
+            if b"_" in content:
+                raise ValueError("Python's 1_000 is no number in a file")
+            return list(map(float, content.split()))
         except ValueError:
-            raise self.error(next(row for row, parts in enumerate(fields) if not _are_floats(parts))) from None
-        return values, np.fromiter(map(len, fields), np.int64, len(fields))
+            raise self.error(row) from None
+
+    def _content(self, row: int) -> bytes:
+        return self.data[self.starts[row] : self.ends[row]].tobytes()
 
     def table(self, least: int) -> NDArray[np.float64]:
         """Read rows of at least `least` numbers as (n, k) float64; k is the length of the shortest row."""
-        values, widths = self.numbers()
+        values, widths = self.numbers
         self.refuse(widths < least)
         width = int(widths.min(initial=2**31)) if len(self) else least
         if len(values) != width * len(self):
@@ -107,20 +177,6 @@ class Rows:
         table = self.table(3)
         self.refuse(outside(table[:, :3]))
         return table
-
-
-def _floats(fields: Sequence[str]) -> NDArray[np.float64]:
-    if "_" in " ".join(fields):
-        raise ValueError("Python's 1_000 is no number in a file")
-    return np.array(list(map(float, fields)), dtype=np.float64)
-
-
-def _are_floats(fields: Sequence[str]) -> bool:
-    try:
-        _floats(fields)
-    except ValueError:
-        return False
-    return True
 
 
 def spans(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:

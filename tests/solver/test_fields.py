@@ -12,7 +12,7 @@ from solver.parts import contacts
 
 def modes_of(mesh, count=8):
     L, mass = fields.laplacian(mesh)
-    return fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, count)
+    return fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, count)
 
 
 def aligned(modes, reference):
@@ -185,7 +185,7 @@ def test_fields_do_not_follow_the_density_of_triangles(creature):
     n = len(reference)
 
     def change(mass):
-        modes = fields.propagation_fields(fields.laplacian(uneven)[0], mass, 8)[:n]
+        modes = fields.propagation_fields(fields.laplacian(uneven)[0], mass, uneven.vertices, 8)[:n]
         modes = aligned(modes, reference)
         modes = modes / np.linalg.norm(modes, axis=0) * np.linalg.norm(reference, axis=0)
         return np.abs(modes - reference).max() / np.abs(reference).max()

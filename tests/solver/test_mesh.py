@@ -4,7 +4,7 @@ import pytest
 from puppetline.errors import MeshError
 from solver import mesh as solver_mesh
 from solver import reduced_model
-from solver.mesh import Repairs, SolverMesh, snap, undirected_edges, weld
+from solver.mesh import Repairs, SolverMesh, snap, weld
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -298,12 +298,6 @@ def test_diagonal_edges_and_components_of_two_cubes():
     assert len(mesh.edges) == 36
     assert np.all(mesh.edges[:, 0] < mesh.edges[:, 1])
     np.testing.assert_array_equal(mesh.components, np.repeat([0, 1], 8))
-
-
-def test_each_undirected_edge_stands_once():
-    np.testing.assert_array_equal(
-        undirected_edges(np.array([[2, 0, 1], [1, 0, 3]])), [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3]]
-    )
 
 
 def positions_with(value):

@@ -2,7 +2,7 @@ import igl
 import numpy as np
 import pytest
 
-from solver.patches import wound_alike
+from solver.patches import edges_of, in_order, outwards, pieces, wound_alike
 
 
 def strip(count, twist):
@@ -79,3 +79,55 @@ def test_a_book_of_many_leaves_takes_no_more_than_its_leaves():
 def test_no_triangles_are_no_patches():
     wound, patch = wound_alike(np.zeros((0, 3), dtype=np.int64))
     assert (wound.shape, patch.shape) == ((0, 3), (0,))
+
+
+# --- edges
+
+
+def test_each_undirected_edge_stands_once():
+    edges, of_side, faces_of_edge = edges_of(np.array([[2, 0, 1], [1, 0, 3]]))
+    assert edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3]]
+    assert of_side.tolist() == [1, 0, 3, 0, 2, 4]
+    assert faces_of_edge.tolist() == [2, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("count", [3, 4, 30, 5000])
+def test_edges_are_those_that_sorting_finds(count):
+    faces = np.random.default_rng(count).integers(0, count, (400, 3))
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    expected = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    for found, numpys in zip(edges_of(faces), expected, strict=True):
+        np.testing.assert_array_equal(found, numpys.reshape(found.shape))
+
+
+def test_rows_are_put_in_order_and_equal_ones_keep_theirs():
+    rows = np.random.default_rng(0).integers(0, 6, (500, 3))
+    np.testing.assert_array_equal(in_order(rows, 6), np.lexsort(rows.T[::-1]))
+
+
+def test_pieces_hang_together_at_edges_and_not_at_points():
+    faces = np.array([[0, 1, 2], [5, 6, 7], [2, 3, 4], [1, 2, 8], [6, 5, 9], [2, 1, 9], [3, 10, 4]])
+    edges, of_side, _ = edges_of(faces)
+    assert pieces(of_side, len(edges)).tolist() == [0, 1, 2, 0, 1, 0, 2]
+
+
+def test_no_faces_have_no_edges_and_no_pieces():
+    edges, of_side, faces_of_edge = edges_of(np.zeros((0, 3), dtype=np.int64))
+    assert (edges.shape, len(of_side), len(faces_of_edge)) == ((0, 2), 0, 0)
+    assert len(pieces(of_side, 0)) == 0
+
+
+# --- outwards
+
+
+def test_two_balls_far_from_the_origin_face_outwards_and_enclose_their_volume():
+    v, f = igl.icosahedron()
+    v, f = igl.upsample(v, f.astype(np.int64), 3)
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    vertices = np.concatenate([v, v + np.array([3, 0, 0])]) + 1e4
+    faces = outwards(vertices, shuffled(np.concatenate([f, f + len(v)])))
+    corners = vertices[faces] - 1e4
+    first = faces[:, 0] < len(v)
+    for chosen in (first, ~first):
+        volume = np.linalg.det(corners[chosen] - corners[chosen].mean(axis=(0, 1))).sum() / 6
+        assert volume == pytest.approx(np.linalg.det(v[igl.bfs_orient(f)[0]]).sum() / 6, rel=1e-6)

@@ -66,9 +66,12 @@ def test_an_isoline_in_the_gap_between_two_parts_gets_the_nearest_triangles():
 # --- linear maps
 
 
-def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(unit, strips, blend, any_controls):
+def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(
+    unit, strips, blend, any_controls, creature_model
+):
+    ladder = creature_model.ladder.astype(np.float64)
     X = blend @ any_controls
-    S = (rotations.covariance_map(unit, strips, blend) @ any_controls).reshape(-1, 3, 3)
+    S = (rotations.covariance_map(unit, strips, ladder, creature_model.weights) @ any_controls).reshape(-1, 3, 3)
     for number in range(0, 80, 7):
         naive = np.zeros((3, 3))
         for triangle in strips[number]:
@@ -82,7 +85,7 @@ def test_covariance_map_is_the_plain_sum_over_strips_triangles_and_edges(unit, s
 
 def test_edge_map_gives_the_first_two_edges_of_each_sampled_triangle(unit, strips, blend, any_controls):
     sampled = rotations.sample_strips(unit, strips)
-    edges = rotations.edge_map(unit, sampled, blend) @ any_controls
+    edges = rotations.edge_map(blend[unit.faces[sampled].ravel()]) @ any_controls
     X = blend @ any_controls
     naive = [X[unit.faces[t][k]] - X[unit.faces[t][0]] for strip in sampled for t in strip for k in (1, 2)]
     np.testing.assert_allclose(edges, naive, atol=1e-10)

@@ -15,8 +15,8 @@ def test_percentiles_are_those_of_all_edges_in_all_frames(creature):
     rng = np.random.default_rng(0)
     frames = [creature.vertices * rng.uniform(0.7, 1.3, 3) + 0.2 * np.sin(2 * creature.vertices) for _ in range(8)]
     measure = EdgeStretch(creature)
-    for frame in frames:
-        measure.add(frame.astype(np.float32))
+    for some in (frames[:3], frames[3:]):
+        measure.add(np.stack(some, axis=2).astype(np.float32))
     everything = np.concatenate([stretches(creature, frame) for frame in frames])
     shares = (1, 5, 50, 95, 99, 100)
     found = measure.percentiles(*shares)
@@ -29,19 +29,19 @@ def test_percentiles_are_those_of_all_edges_in_all_frames(creature):
 
 def test_the_rest_pose_is_stretched_by_one(creature):
     measure = EdgeStretch(creature)
-    measure.add(creature.vertices.astype(np.float32))
+    measure.add(creature.vertices.astype(np.float32)[:, :, None])
     assert measure.percentiles(1, 50, 99) == pytest.approx((1, 1, 1), abs=BIN_WIDTH)
 
 
 def test_stretch_is_relative_to_the_size_of_the_mesh(creature):
     measure = EdgeStretch(creature)
-    measure.add((2.5 * creature.vertices + 7).astype(np.float32))
+    measure.add((2.5 * creature.vertices + 7).astype(np.float32)[:, :, None])
     assert measure.percentiles(50) == pytest.approx((2.5,), abs=BIN_WIDTH)
 
 
 def test_what_is_stretched_beyond_the_scale_is_counted_at_its_end(creature):
     measure = EdgeStretch(creature)
-    measure.add((9 * creature.vertices).astype(np.float32))
+    measure.add((9 * creature.vertices).astype(np.float32)[:, :, None])
     assert measure.percentiles(1, 100) == pytest.approx((HIGHEST, HIGHEST), abs=BIN_WIDTH)
 
 
@@ -51,6 +51,14 @@ def test_each_edge_counts_once_and_not_once_a_face():
     measure = EdgeStretch(mesh)
     moved = vertices.copy()
     moved[3] = [0, 0, 2]  # one edge of six twice as long, two √5 / √2
-    measure.add(moved.astype(np.float32))
+    measure.add(moved.astype(np.float32)[:, :, None])
     found = measure.percentiles(49, 51, 80, 100)
     assert found == pytest.approx((1, np.sqrt(2.5), np.sqrt(2.5), 2), abs=BIN_WIDTH)
+
+
+def test_what_is_no_number_or_without_end_is_counted_as_the_highest(creature):
+    measure = EdgeStretch(creature)
+    moved = np.stack([creature.vertices, creature.vertices], axis=2).astype(np.float32)
+    moved[:, 0, 0], moved[0, 1, 1] = np.nan, np.inf
+    measure.add(moved)
+    assert measure.percentiles(25, 75, 100) == pytest.approx((1, HIGHEST, HIGHEST), abs=BIN_WIDTH)

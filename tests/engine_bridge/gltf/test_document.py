@@ -150,7 +150,7 @@ def test_a_file_cut_off_anywhere_whose_announced_length_fits_is_refused(tetrahed
     path = tmp_path / "cut.glb"
     for length in [*range(HEADER, 40), *range(40, len(whole) - 4, 11), len(whole) - 4]:
         path.write_bytes(whole[:8] + struct.pack("<I", length) + whole[12:length])
-        refused(path)
+        assert refused(path).where == str(path)
 
 
 def test_flipped_bytes_are_read_as_something_else_or_refused(tetrahedron, tmp_path):
@@ -286,9 +286,9 @@ def test_a_data_uri_that_is_no_base64_is_refused(tmp_path):
 def test_json_that_is_not_gltf_is_refused(tmp_path, text):
     path = tmp_path / "a.gltf"
     path.write_bytes(text)
-    refused(path)
+    assert refused(path).where == str(path)
     path.with_suffix(".glb").write_bytes(pack(text))
-    refused(path.with_suffix(".glb"))
+    assert refused(path.with_suffix(".glb")).where == str(path.with_suffix(".glb"))
 
 
 def test_glb_of_another_version_is_refused(tetrahedron):

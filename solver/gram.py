@@ -1,0 +1,122 @@
+"""Products of the tall sparse matrices of a reduced model, a chunk of rows at a time.
+
+Rows are taken in an order that brings vertices together which lie between the same isolines. Few columns are then not
+zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from solver.fields import blends
+
+CHUNK = 384
+"""Rows at a time: with more of them more columns are not zero, with less there is more to do in between."""
+
+
+def products(
+    L: csr_matrix,
+    mass: NDArray[np.float64],
+    rest: NDArray[np.float64],
+    ladder: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    isolines: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and WᵀW, with K = M^(−1/2) L and W_δ = w_i φ_ik(v) (L rest)(v).
+
+    Parameters
+    ----------
+    L : (n, n) sparse float64
+    mass : (n,) float64
+        Diagonal of M.
+    rest : (n, 3) float64
+    ladder : (n, n_e) float64
+    weights : (n_e,) float64
+    isolines : int
+        n_iso; there are m = n_e · n_iso in all.
+
+    Returns
+    -------
+    A : (4m, 4m) float64
+    B : (4m, 3m) float64
+    gram : (4m, 4m) float64
+    """
+    m = len(weights) * isolines
+    A, B, gram = np.zeros((4 * m, 4 * m)), np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 4 * m))
+    below, upper = blends(ladder, isolines)
+    levels = np.arange(isolines)
+    order = np.lexsort(below.T[::-1])
+    for start in range(0, len(order), CHUNK):
+        rows = order[start : start + CHUNK]
+        lowest, highest = _span(rows, L.indptr, L.indices, below)
+        W, KW, W_delta = _rows(
+            rows, L.indptr, L.indices, L.data, mass, rest, below, upper, weights, lowest, highest - lowest + 1
+        )
+        there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
+        four, three = _columns(there, 4), _columns(there, 3)
+        gram[np.ix_(four, four)] += W.T @ W
+        A[np.ix_(four, four)] += KW.T @ KW
+        B[np.ix_(four, three)] += KW.T @ W_delta
+    return A, B, gram
+
+
+def _columns(isolines: NDArray[np.int64], each: int) -> NDArray[np.int64]:
+    return (each * isolines[:, None] + np.arange(each)).ravel()
+
+
+@numba.njit(cache=True, nogil=True)
+def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the lowest and highest isoline of each field that bounds a vertex of some rows of L."""
+    count = below.shape[1]
+    lowest, highest = below[rows[0]].copy(), below[rows[0]] + 1
+    for v in rows:
+        for entry in range(starts[v], starts[v + 1]):
+            for i in range(count):
+                level = below[neighbours[entry], i]
+                lowest[i] = min(lowest[i], level)
+                highest[i] = max(highest[i], level + 1)
+    return lowest, highest
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return some rows of W, K W and M^(−1/2) W_δ, without the columns of isolines outside a span of each field."""
+    count = len(weights)
+    first = np.cumsum(width) - width - lowest
+    total = width.sum()
+    W, KW, W_delta = (
+        np.zeros((len(rows), 4 * total)),
+        np.zeros((len(rows), 4 * total)),
+        np.zeros((len(rows), 3 * total)),
+    )
+    h, delta = np.ones(4), np.empty(3)
+    for r in range(len(rows)):
+        v = rows[r]
+        per_area = 1 / np.sqrt(mass[v])
+        delta[:] = 0
+        for entry in range(starts[v], starts[v + 1]):
+            u, factor = neighbours[entry], entries[entry] * per_area
+            for c in range(3):
+                h[c] = factor * rest[u, c]
+                delta[c] += h[c]
+            h[3] = factor
+            for i in range(count):
+                here = 4 * (first[i] + below[u, i])
+                b = weights[i] * upper[u, i]
+                a = weights[i] - b
+                for c in range(4):
+                    KW[r, here + c] += a * h[c]
+                    KW[r, here + 4 + c] += b * h[c]
+        h[:3], h[3] = rest[v], 1
+        for i in range(count):
+            here = first[i] + below[v, i]
+            b = weights[i] * upper[v, i]
+            a = weights[i] - b
+            for c in range(4):
+                W[r, 4 * here + c] = a * h[c]
+                W[r, 4 * here + 4 + c] = b * h[c]
+            for c in range(3):
+                W_delta[r, 3 * here + c] = a * delta[c]
+                W_delta[r, 3 * here + 3 + c] = b * delta[c]
+    return W, KW, W_delta

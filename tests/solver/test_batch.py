@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from solver import batch
+from solver.batch import BatchBinding
+from solver.binding import Binding
+from solver.deformer import displacement_to_file_units
+from solver.mesh import SolverMesh
+from solver.reduced_model import build
+
+
+@pytest.fixture(scope="module")
+def frames(creature_model):
+    """Control variables of seven wild poses: nothing of them is smooth or small."""
+    return creature_model.rest_controls + np.random.default_rng(0).normal(
+        scale=0.2, size=(7, *creature_model.rest_controls.shape)
+    )
+
+
+@pytest.fixture(scope="module")
+def binding(creature, creature_model):
+    return BatchBinding.of_solver_mesh(creature_model, creature)
+
+
+def expected(surface, model, mesh, frames):
+    return np.stack([surface(model, mesh, R) for R in frames], axis=2)
+
+
+def test_vertices_are_the_blend(binding, creature, creature_model, frames, surface):
+    found = binding.vertices(frames)
+    assert (found.shape, found.dtype) == ((len(creature.vertices), 3, 7), np.float32)
+    true = expected(surface, creature_model, creature, frames)
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+def test_displacements_are_those_of_one_frame_at_a_time(binding, creature, creature_model, frames):
+    differences = frames - creature_model.rest_controls
+    one = Binding.of_solver_mesh(creature_model, creature)
+    true = np.stack([one.vertices(displacement_to_file_units(R, creature_model)) for R in differences], axis=2)
+    np.testing.assert_allclose(binding.displacements(differences), true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_frames_do_not_depend_on_those_beside_them(binding, frames, count):
+    np.testing.assert_allclose(binding.vertices(frames[:count]), binding.vertices(frames)[:, :, :count], atol=1e-6)
+
+
+def test_no_frames_give_no_columns(binding, creature, frames):
+    assert binding.vertices(frames[:0]).shape == (len(creature.vertices), 3, 0)
+
+
+def test_the_rest_pose_is_where_the_vertices_are(binding, creature, creature_model):
+    found = binding.vertices(creature_model.rest_controls[None])[:, :, 0]
+    np.testing.assert_allclose(found, creature.vertices, rtol=0, atol=5e-7 * creature.diagonal)
+
+
+def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, frames):
+    differences = frames - creature_model.rest_controls
+    lengths = np.linalg.norm(binding.displacements(differences), axis=1)
+    distance, vertex = binding.farthest(differences)
+    np.testing.assert_array_equal(vertex, lengths.argmax(axis=0))
+    np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
+
+
+def test_what_stands_still_is_at_distance_zero(binding, creature_model):
+    distance, vertex = binding.farthest(np.zeros((2, *creature_model.rest_controls.shape)))
+    assert (distance.tolist(), len(vertex)) == ([0, 0], 2)
+
+
+def test_vertices_of_another_mesh_follow_those_that_they_are_told_to(creature, creature_model, frames, surface):
+    follows = np.random.default_rng(1).integers(0, len(creature.vertices), 400)
+    found = BatchBinding(creature_model, creature.vertices[follows], follows).vertices(frames)
+    true = expected(surface, creature_model, creature, frames)[follows]
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+def test_some_of_the_vertices_move_as_all_do(binding, frames):
+    chosen = np.array([7, 3, 200, 3])
+    assert len(binding.only(chosen)) == 4
+    np.testing.assert_allclose(binding.only(chosen).vertices(frames), binding.vertices(frames)[chosen], atol=1e-6)
+
+
+def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be(creature, creature_model, surface):
+    far = SolverMesh(creature.vertices + np.array([5000, 0, -300]), creature.faces, creature.of_render)
+    model = build(far)
+    R = model.rest_controls + np.random.default_rng(2).normal(scale=0.05, size=model.rest_controls.shape)
+    found = BatchBinding.of_solver_mesh(model, far).vertices(R[None])[:, :, 0]
+    np.testing.assert_allclose(found, surface(model, far, R), rtol=1e-6, atol=1e-6)
+
+
+def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
+    assert binding.at_a_time == batch.FRAMES
+    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding) * 20)
+    assert binding.at_a_time == 20
+    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding))
+    assert binding.at_a_time == batch.FEWEST

@@ -121,7 +121,8 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str |
     """
     allowed = OFF_THE_MESH * mesh.diagonal
     for number, handle in enumerate(handles, 1):
-        if np.linalg.norm(mesh.vertices - handle.position, axis=1).min() <= allowed:
+        away = mesh.vertices - handle.position
+        if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
             continue  # the surface is no farther away than its nearest vertex
         corners, blend = snap(mesh, np.array(handle.position))
         nearest = blend[0] @ mesh.vertices[corners[0]]

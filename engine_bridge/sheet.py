@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from engine_bridge.convert import Clip
+from engine_bridge.clip import Clip
 from engine_bridge.preview import View, contact_sheet, render
 from solver.binding import Binding
 from solver.deformer import to_file_units

@@ -66,7 +66,7 @@ def packed(weights: NDArray[np.float64], bones: NDArray[np.int64]) -> tuple[NDAr
     weights : (n, K) float64
         Of each vertex at most `INFLUENCES` that are not 0; sum 1.
     bones : (n, K) int64
-        The bone of each weight, below 256.
+        The bone of each weight, below 128.
 
     Returns
     -------

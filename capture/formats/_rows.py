@@ -80,7 +80,10 @@ class RowLayout:
 
     def table(self, path: Path, lines: Sequence[Line]) -> NDArray[np.float64]:
         """Read lines into an array of (lines, columns); raises as `numbers` does."""
-        return np.array([self.numbers(path, line) for line in lines], dtype=np.float64).reshape(-1, self.columns)
+        table = np.empty((len(lines), self.columns))
+        for row, line in zip(table, lines, strict=True):  # a list of an hour's numbers takes several times the memory
+            row[:] = self.numbers(path, line)
+        return table
 
 
 def read_lines(path: Path) -> list[Line]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from engine_bridge.gltf.character import Character, Part, rest_weights
 from engine_bridge.gltf.document import ARRAY_BUFFER, Document, damaged
 from engine_bridge.gltf.scene import top_nodes
-from engine_bridge.gltf.schema import Animation, Mesh, Node, Primitive, copied
+from engine_bridge.gltf.schema import Animation, Gltf, Mesh, Node, Primitive, copied
 from engine_bridge.surfaces.surface import FARTHEST
 from puppetline.errors import at
 
@@ -61,8 +61,7 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     """
     document = character.document.copy()
     gltf = document.gltf
-    if not gltf["scenes"]:  # such a file is a library, of which viewers show nothing
-        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
+    show_all(gltf)
     animation: Animation = {"name": take.name, "channels": [], "samplers": []}
     clock = document.add(take.times, bounds=True)
     numbered: dict[int, list[tuple[int, Part]]] = {}
@@ -85,6 +84,12 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     if animation["channels"]:
         gltf["animations"].insert(0, animation)  # the first is what viewers play
     return document
+
+
+def show_all(gltf: Gltf) -> None:
+    """Give a file without scenes one of everything: such a file is a library, of which viewers show nothing."""
+    if not gltf["scenes"]:
+        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
 
 
 def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:

@@ -5,18 +5,17 @@ They hold all targets in memory, though, whose size grows with the length of the
 """
 
 import math
-from itertools import pairwise
 from pathlib import Path
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.frame_store import Frames
+from engine_bridge.gltf.animation import Displacements
 from engine_bridge.gltf.character import Character
-from engine_bridge.gltf.morph_basis import turn
+from engine_bridge.gltf.normals import AT_A_TIME, TurningNormals
 from puppetline.errors import OutputError
-from solver.binding import Binding
-from solver.deformer import displacement_to_file_units, to_file_units
+from solver.batch import BatchBinding
 from solver.mesh import SolverMesh
 from solver.reduced_model import ReducedModel
 
@@ -57,12 +56,8 @@ def weights(frames: int) -> NDArray[np.float32]:
     return np.eye(frames, dtype=np.float32)
 
 
-def displacements(
-    character: Character, mesh: SolverMesh, model: ReducedModel, frames: NDArray[np.float32]
-) -> list[tuple[NDArray[np.float32], NDArray[np.float32] | None]]:
-    """Return (F, n, 3) position and normal displacements of each part, world coordinates.
-
-    A rest normal turns as the smooth normal of the solver mesh does at its vertex, so that hard edges stay hard.
+def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
+    """Return what gives each part its (F, n, 3) position and normal displacements, world coordinates.
 
     Parameters
     ----------
@@ -72,24 +67,17 @@ def displacements(
     frames : (F, 4m, 3) float32
         Control variables, model units.
     """
-    count = len(frames)
-    starts = np.cumsum([0] + [len(part.vertices) for part in character.parts])
-    of_part = [mesh.of_render[start:end] for start, end in pairwise(starts)]
-    bindings = [Binding(model, part.vertices, of) for part, of in zip(character.parts, of_part, strict=True)]
-    surface = Binding.of_solver_mesh(model, mesh)
-    smooth = igl.per_vertex_normals(mesh.vertices, mesh.faces)
-    made: list[tuple[NDArray[np.float32], NDArray[np.float32] | None]] = [
-        (
-            np.empty((count, *part.vertices.shape), dtype=np.float32),
-            None if part.normals is None else np.empty((count, *part.vertices.shape), dtype=np.float32),
-        )
-        for part in character.parts
-    ]
-    for index, frame in enumerate(frames):
-        moved = displacement_to_file_units(frame - model.rest_controls, model)
-        now = igl.per_vertex_normals(surface.vertices(to_file_units(frame, model)).astype(np.float64), mesh.faces)
-        for part, of, binding, (positions, normals) in zip(character.parts, of_part, bindings, made, strict=True):
-            positions[index] = binding.vertices(moved)
-            if normals is not None and part.normals is not None:
-                normals[index] = turn(part.normals, smooth[of], now[of]) - part.normals
-    return made
+    turning = TurningNormals(character, mesh, model)
+    positions = np.empty((len(frames), len(turning), 3), dtype=np.float32)
+    normals = np.empty_like(positions)
+    every = BatchBinding(model, character.vertices, mesh.of_render)
+    for start in range(0, len(frames), AT_A_TIME):
+        chunk = slice(start, start + AT_A_TIME)
+        positions[chunk] = every.displacements(frames[chunk] - model.rest_controls).transpose(2, 0, 1)
+        normals[chunk] = turning.displacements(frames[chunk]).transpose(2, 0, 1)
+
+    def of_part(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        place = character.places[number]
+        return positions[:, place], None if character.parts[number].normals is None else normals[:, place]
+
+    return of_part

@@ -3,26 +3,35 @@
 Every frame is X = W R, so displacements D = W (R − R_0) of all frames span at most 960 dimensions. With WᵀW = CᵀC the
 map R ↦ C R keeps lengths of vertex displacements; an SVD of the frames' C (R − R_0) gives the best basis of any size in
 the least-squares sense, and the targets are W times that basis. The number of targets is then the smallest whose
-*largest* error over all vertices and frames, measured on the very numbers that are written, is within tolerance.
+*largest* error over all vertices and frames is within tolerance. What a basis leaves of a frame is once more W times
+something; its length at every vertex is the error. The weights in it are those that are written; the targets are
+written as float32, which moves no vertex by more than some 1e-7 of the diagonal.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
-from solver.binding import Binding
-from solver.deformer import displacement_to_file_units, to_file_units
+from engine_bridge.frame_store import Frames
+from engine_bridge.gltf.animation import Displacements
+from engine_bridge.gltf.character import Character
+from engine_bridge.gltf.normals import AT_A_TIME, TurningNormals
+from solver.batch import FRAMES as CHUNK
+from solver.batch import BatchBinding
 from solver.mesh import SolverMesh
 from solver.reduced_model import NULL_SPACE, ReducedModel
 
-CHUNK = 32
-"""Frames that are compared at a time."""
-
-SAMPLE = 1500
+SAMPLE = 500
 """Vertices, and frames, by which the number of targets is first estimated."""
+
+WORST = 8
+"""Places of large errors that the sample takes in when it was wrong."""
+
+NOISE = 1e-14
+"""Share of a clip's energy below which a direction is rounding."""
 
 NORMAL_FRAMES_PER_TARGET = 3
 """Frames a target from which its normals are fitted."""
@@ -48,18 +57,15 @@ class MorphBasis:
     weights: NDArray[np.float32]
     error: float
 
-    def targets(self, model: ReducedModel, binding: Binding) -> NDArray[np.float32]:
+    def targets(self, binding: BatchBinding) -> NDArray[np.float32]:
         """Return the (K, n, 3) float32 displacements of bound vertices, mesh file's coordinates."""
-        targets = np.empty((len(self.directions), *binding.rest.shape), dtype=np.float32)
-        for target, direction in zip(targets, self.directions, strict=True):
-            target[:] = binding.vertices(displacement_to_file_units(direction, model))
-        return targets
+        return np.ascontiguousarray(binding.displacements(self.directions).transpose(2, 0, 1))
 
 
 def fit(
     model: ReducedModel,
-    binding: Binding,
-    frames: NDArray[np.float32],
+    binding: BatchBinding,
+    frames: Frames,
     *,
     tolerance: float,
     most: int | None = None,
@@ -70,7 +76,7 @@ def fit(
     Parameters
     ----------
     model : ReducedModel
-    binding : Binding
+    binding : BatchBinding
         The solver mesh's vertices.
     frames : (F, 4m, 3) float32
         Control variables, model units.
@@ -85,158 +91,159 @@ def fit(
     -------
     MorphBasis
     """
-    directions, weights = _decompose(model, frames)
+    directions = _directions(model, frames)
     limit = len(directions) if most is None else min(most, len(directions))
     allowed = tolerance * float(model.diagonal)
-    sample = _Sample(model, binding, frames, directions, weights)
+    sample = _Sample(model, binding, frames, directions)
     count = sample.count_for(allowed, limit)
     while True:
-        basis, worst_frame, worst_vertex = _measure(
-            model, binding, frames, directions[:count], weights[:, :count], progress
-        )
+        basis, worst = _measure(model, binding, frames, directions[:count], progress)
         if basis.error <= allowed or count == limit:
             return basis
-        sample.include(worst_frame, worst_vertex)
+        sample.include(*worst)
         count = max(count + 1, sample.count_for(allowed, limit))
 
 
-def _decompose(model: ReducedModel, frames: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return all directions (r, 4m, 3) and weights (F, r) that a clip needs, the most important first."""
+def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
+    """Return all directions (r, 4m, 3) that a clip needs, the most important first; orthonormal in the metric WᵀW."""
     values, vectors = np.linalg.eigh(model.gram)
     kept = values > NULL_SPACE * values[-1]
     root = np.sqrt(values[kept])
     C, C_inverse = root[:, None] * vectors[:, kept].T, vectors[:, kept] / root
-    rest = model.rest_controls
-    moved = np.stack([(C @ (frame - rest)).ravel() for frame in frames])
+
+    def moved(chosen: slice) -> NDArray[np.float64]:
+        frame = frames[chosen] - model.rest_controls
+        return np.tensordot(frame, C, axes=(1, 1)).reshape(len(frame), -1)
+
     # the smaller of the two Gram matrices: neither grows with both frames and unknowns
-    if len(moved) < moved.shape[1]:
-        energy, left = np.linalg.eigh(moved @ moved.T)
-        order = _significant(energy)
-        right = (moved.T @ left[:, order]) / np.sqrt(energy[order])
+    width = 3 * len(root)
+    if len(frames) < width:
+        everything = moved(slice(None))
+        energy, left = _significant(everything @ everything.T)
+        right = (everything.T @ left) / np.sqrt(energy)
     else:
-        energy, right = np.linalg.eigh(moved.T @ moved)
-        right = right[:, _significant(energy)]
-    directions = C_inverse @ right.T.reshape(right.shape[1], len(root), 3)
-    return directions, moved @ right
+        gram = np.zeros((width, width))
+        for start in range(0, len(frames), CHUNK):
+            some = moved(slice(start, start + CHUNK))
+            gram += some.T @ some
+        _, right = _significant(gram)
+    return np.einsum("jc,kxc->kjx", C_inverse, right.T.reshape(-1, 3, len(root)), optimize=True)
 
 
-def _significant(energy: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the indices of eigenvalues above rounding, largest first."""
-    order = np.argsort(energy)[::-1]
-    return order[energy[order] > 1e-14 * max(float(energy[order[0]]), 1e-300)]
+def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the eigenvalues (r,) above rounding, the largest first, and their eigenvectors as columns."""
+    energy, vectors = eigh(gram, subset_by_value=(NOISE * max(np.trace(gram), 1e-300), np.inf))
+    return energy[::-1], vectors[:, ::-1]
+
+
+def _weights(model: ReducedModel, frames: Frames, directions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the (F, K) float32 coordinates of a clip in orthonormal directions."""
+    weights = np.empty((len(frames), len(directions)), dtype=np.float32)
+    duals = np.tensordot(directions, model.gram, axes=(1, 1)).transpose(0, 2, 1)
+    for start in range(0, len(frames), CHUNK):
+        chunk = slice(start, start + CHUNK)
+        weights[chunk] = np.tensordot(frames[chunk] - model.rest_controls, duals, axes=((1, 2), (1, 2)))
+    return weights
 
 
 class _Sample:
     """Errors at a few vertices and frames for every number of targets, to guess how many it takes."""
 
     def __init__(
-        self,
-        model: ReducedModel,
-        binding: Binding,
-        frames: NDArray[np.float32],
-        directions: NDArray[np.float64],
-        weights: NDArray[np.float64],
+        self, model: ReducedModel, binding: BatchBinding, frames: Frames, directions: NDArray[np.float64]
     ) -> None:
         self._model, self._binding = model, binding
-        self._frames, self._directions, self._weights = frames, directions, weights
-        n = len(binding.rest)
-        self._vertices = np.unique(np.linspace(0, n - 1, min(n, SAMPLE)).astype(int))
-        self._chosen = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), SAMPLE)).astype(int))
+        self._frames, self._directions = frames, directions
+        self._vertices = _evenly(len(binding), SAMPLE)
+        self._chosen = _evenly(len(frames), SAMPLE)
 
-    def include(self, frame: int, vertex: int) -> None:
-        self._chosen = np.union1d(self._chosen, frame)
-        self._vertices = np.union1d(self._vertices, vertex)
+    def include(self, frames: NDArray[np.int64], vertices: NDArray[np.int64]) -> None:
+        self._chosen = np.union1d(self._chosen, frames)
+        self._vertices = np.union1d(self._vertices, vertices)
 
     def count_for(self, allowed: float, limit: int) -> int:
         """Return the fewest targets, at most `limit`, that keep the sample's error within `allowed`."""
-        binding, model = self._binding.only(self._vertices), self._model
-
-        def displacement(direction: NDArray[np.floating]) -> NDArray[np.float32]:
-            return binding.vertices(displacement_to_file_units(direction, model))
-
-        residual = np.array([displacement(frame - model.rest_controls) for frame in self._frames[self._chosen]])
+        binding, frames = self._binding.only(self._vertices), self._frames[self._chosen]
+        residual = binding.displacements(frames - self._model.rest_controls)
+        weights = _weights(self._model, frames, self._directions[:limit])
+        targets = binding.displacements(self._directions[:limit])
         for count in range(limit):
-            if np.einsum("fvc,fvc->fv", residual, residual).max() <= allowed**2:
+            if np.einsum("vcf,vcf->vf", residual, residual).max() <= allowed**2:
                 return count
-            by = self._weights[self._chosen, count].astype(np.float32)
-            residual -= by[:, None, None] * displacement(self._directions[count])
+            residual -= targets[:, :, count, None] * weights[:, count]
         return limit
+
+
+def _evenly(n: int, count: int) -> NDArray[np.int64]:
+    return np.unique(np.linspace(0, n - 1, min(n, count)).astype(np.int64))
 
 
 def _measure(
     model: ReducedModel,
-    binding: Binding,
-    frames: NDArray[np.float32],
+    binding: BatchBinding,
+    frames: Frames,
     directions: NDArray[np.float64],
-    weights: NDArray[np.float64],
     progress: Progress,
-) -> tuple[MorphBasis, int, int]:
-    """Return a basis with its true error, and the frame and vertex where it is largest."""
+) -> tuple[MorphBasis, tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Return a basis with its true error, and frames and vertices where it is large."""
+    weights = _weights(model, frames, directions)
     size = np.abs(weights).max(axis=0, initial=0)
     size[size == 0] = 1
-    scaled = MorphBasis(directions * size[:, None, None], (weights / size).astype(np.float32), 0.0)
-    targets = scaled.targets(model, binding).reshape(len(size), binding.rest.size)
-    worst, worst_frame, worst_vertex = -1.0, 0, 0
+    weights /= size
+    directions = directions * size[:, None, None].astype(np.float64)
+    distances, at_frames, at_vertices = [], [], []
     for start in range(0, len(frames), CHUNK):
         chunk = slice(start, start + CHUNK)
-        played = scaled.weights[chunk] @ targets + binding.rest.ravel()
-        for offset, frame in enumerate(frames[chunk]):
-            error = played[offset].reshape(-1, 3) - binding.vertices(to_file_units(frame, model))
-            square = np.einsum("vc,vc->v", error, error)
-            vertex = int(np.argmax(square))
-            if square[vertex] > worst:
-                worst, worst_frame, worst_vertex = float(square[vertex]), start + offset, vertex
+        left = frames[chunk] - model.rest_controls - np.tensordot(weights[chunk].astype(np.float64), directions, axes=1)
+        distance, vertex = binding.farthest(left)
+        worst = int(distance.argmax())
+        distances.append(float(distance[worst]))
+        at_frames.append(start + worst)
+        at_vertices.append(int(vertex[worst]))
         progress(min(1.0, (start + CHUNK) / len(frames)))
-    return MorphBasis(scaled.directions, scaled.weights, float(np.sqrt(worst))), worst_frame, worst_vertex
+    far = np.argsort(distances)[-WORST:]
+    return MorphBasis(directions, weights, max(distances)), (np.array(at_frames)[far], np.array(at_vertices)[far])
 
 
-def normal_targets(
-    model: ReducedModel,
-    mesh: SolverMesh,
-    follows: NDArray[np.int64],
-    normals: NDArray[np.float64],
-    frames: NDArray[np.float32],
-    weights: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """Fit normal displacements to a clip's weights by least squares.
-
-    A rest normal turns as the smooth normal of the solver mesh does at its vertex, so that hard edges stay hard.
-    Normals are not linear in the weights as positions are, so no basis is exact; this one is the best on the frames
-    that are looked at, whose number depends on the number of targets only.
+def displacements(
+    character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames, basis: MorphBasis
+) -> Displacements:
+    """Return what gives each part its (K, n, 3) position and normal displacements, world coordinates.
 
     Parameters
     ----------
-    model : ReducedModel
+    character : Character
     mesh : SolverMesh
-    follows : (n,) int64
-        The solver vertex of each normal.
-    normals : (n, 3) float64
-        Unit rest normals.
+    model : ReducedModel
     frames : (F, 4m, 3) float32
-    weights : (F, K) float32
+        Control variables, model units.
+    basis : MorphBasis
+        Of these frames.
+    """
+    normals = None
+    if any(part.normals is not None for part in character.parts):
+        normals = _normal_targets(TurningNormals(character, mesh, model), frames, basis.weights)
 
-    Returns
-    -------
-    (K, n, 3) float32
+    def of_part(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        part, place = character.parts[number], character.places[number]
+        positions = basis.targets(BatchBinding(model, part.vertices, mesh.of_render[place]))
+        return positions, None if normals is None or part.normals is None else normals[:, place]
+
+    return of_part
+
+
+def _normal_targets(turning: TurningNormals, frames: Frames, weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Fit normal displacements (K, N, 3) to a clip's weights by least squares.
+
+    Normals are not linear in the weights as positions are, so no basis is exact; this one is the best on the frames
+    that are looked at, whose number depends on the number of targets only.
     """
     count = weights.shape[1]
-    looked_at = min(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
-    chosen = np.unique(np.linspace(0, len(frames) - 1, looked_at).astype(int))
-    solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).astype(np.float32)
-    binding = Binding.of_solver_mesh(model, mesh)
-    smooth = igl.per_vertex_normals(mesh.vertices, mesh.faces)
-    fitted = np.zeros((count, normals.size), dtype=np.float32)
-    for column, frame in zip(solve.T, frames[chosen], strict=True):
-        now = igl.per_vertex_normals(binding.vertices(to_file_units(frame, model)).astype(np.float64), mesh.faces)
-        turned = turn(normals, smooth[follows], now[follows])
-        fitted += column[:, None] * (turned - normals).astype(np.float32).ravel()
-    return fitted.reshape(count, *normals.shape)
-
-
-def turn(vectors: NDArray[np.float64], before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn each vector by the smallest rotation that takes one unit vector to another (Rodrigues); all (n, 3)."""
-    axis = np.cross(before, after)
-    cosine = np.einsum("nc,nc->n", before, after)[:, None]
-    once = np.cross(axis, vectors)
-    turned = vectors + once + np.cross(axis, once) / np.maximum(1 + cosine, 1e-6)
-    return np.where(np.isfinite(turned), turned, vectors)
+    chosen = _evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
+    solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).T.astype(np.float32)
+    fitted = np.zeros((3 * len(turning), count), dtype=np.float32)
+    for start in range(0, len(chosen), AT_A_TIME):
+        chunk = slice(start, start + AT_A_TIME)
+        moved = turning.displacements(frames[chosen[chunk]])
+        fitted += moved.reshape(len(fitted), -1) @ solve[chunk]
+    return fitted.reshape(len(turning), 3, count).transpose(2, 0, 1)

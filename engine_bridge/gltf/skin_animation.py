@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.gltf.animation import Take, add_channel, add_root, own_mesh
+from engine_bridge.gltf.animation import Take, add_channel, add_root, own_mesh, show_all
 from engine_bridge.gltf.character import TRIANGLES, Character
 from engine_bridge.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.gltf.scene import skinning as carried_by_skin
-from engine_bridge.gltf.scene import top_nodes, world_transforms
+from engine_bridge.gltf.scene import world_transforms
 from engine_bridge.gltf.schema import Animation, ChannelTarget, Gltf, Node, Primitive
 from engine_bridge.skinning import Skinning
 
@@ -52,16 +52,14 @@ def animate_skin(
     """
     document = character.document.copy()
     gltf = document.gltf
-    if not gltf["scenes"]:  # such a file is a library, of which viewers show nothing
-        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
+    show_all(gltf)
     nodes = list(dict.fromkeys(part.node for part in character.parts))
     notes = _leave_out(gltf, nodes)
     _bring_into_world(document, character, nodes)
     skin, joints = _add_skeleton(document, skinning)
-    starts = np.cumsum([0] + [len(part.vertices) for part in character.parts])
     bound = {
-        (part.node, part.primitive): follows[start : start + len(part.vertices)]
-        for part, start in zip(character.parts, starts, strict=False)
+        (part.node, part.primitive): follows[place]
+        for part, place in zip(character.parts, character.places, strict=True)
     }
     for node in nodes:
         for index, primitive in enumerate(gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]):

@@ -3,8 +3,9 @@ import pytest
 from PIL import Image
 
 from engine_bridge import sheet
-from engine_bridge.convert import Settings, load_timeline, perform
+from engine_bridge.clip import load_timeline, perform
 from engine_bridge.rig import load_rig
+from engine_bridge.settings import Settings
 from puppetline.errors import OutputError
 from solver.binding import Binding
 from solver.deformer import to_file_units

@@ -8,7 +8,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
 from engine_bridge import skinning
-from engine_bridge.convert import Settings, load_timeline, perform
+from engine_bridge.clip import load_timeline, perform
+from engine_bridge.settings import Settings
 from engine_bridge.skinning import farthest, fit, links
 from puppetline.errors import OutputError
 from solver.binding import Binding

@@ -11,7 +11,9 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.convert import Clip, Settings, Summary, convert
+from engine_bridge.clip import Clip
+from engine_bridge.convert import Summary, convert
+from engine_bridge.settings import Settings
 from solver.reduced_model import position_matrix
 
 
@@ -320,7 +322,7 @@ def solved():
         W = position_matrix(
             model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
         )
-        moved = np.array([W @ R for R in clip.frames.astype(np.float64)]) * model.diagonal + model.center
+        moved = np.array([W @ R for R in clip.frames[:].astype(np.float64)]) * model.diagonal + model.center
         return moved + (clip.root[:, None] if clip.rig.puppet.root is not None else 0)
 
     return vertices

@@ -5,9 +5,10 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
-from engine_bridge.convert import Settings, convert
+from engine_bridge.convert import convert
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.character import load_character
+from engine_bridge.settings import Settings
 
 KEYS = slice(None, None, 2)
 """39 times over 58 frames: every second one is a key's, those between are halfway between two keys."""

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from engine_bridge.convert import Settings, convert
+from engine_bridge.convert import convert
 from engine_bridge.gltf.character import load_character
+from engine_bridge.settings import Settings
 from solver.reduced_model import position_matrix
 
 CHARACTERS = [

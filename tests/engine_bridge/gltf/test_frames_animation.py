@@ -5,10 +5,11 @@ import igl
 import numpy as np
 import pytest
 
-from engine_bridge.convert import Settings, convert
+from engine_bridge.convert import convert
 from engine_bridge.gltf import frames_animation
 from engine_bridge.gltf.character import load_character
 from engine_bridge.gltf.frames_animation import check_size
+from engine_bridge.settings import Settings
 from puppetline.errors import OutputError
 
 PER_STEP = 3

@@ -3,9 +3,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from engine_bridge.convert import Settings, load_timeline, perform, write
+from engine_bridge.clip import load_timeline, perform
+from engine_bridge.convert import write
 from engine_bridge.gltf import morph_basis
 from engine_bridge.rig import load_rig
+from engine_bridge.settings import Settings
+from solver.batch import BatchBinding
 from solver.binding import Binding
 from solver.deformer import to_file_units
 
@@ -79,7 +82,7 @@ def test_the_fewest_targets_within_the_tolerance_are_taken(with_targets, moved, 
 
 
 def test_each_targets_largest_weight_is_one(clip):
-    binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     basis = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
     np.testing.assert_allclose(np.abs(basis.weights).max(axis=0), 1, rtol=1e-6)
 
@@ -87,13 +90,14 @@ def test_each_targets_largest_weight_is_one(clip):
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
     """Whichever few frames and vertices the estimate looks at, the error is measured on all of them."""
     monkeypatch.setattr(morph_basis, "SAMPLE", 3)
-    binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
-    frames = clip.frames.copy()
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    frames = clip.frames[:].copy()
     frames[17, 40:44] += 0.05
     basis = morph_basis.fit(clip.rig.model, binding, frames, tolerance=2e-4)
-    targets = basis.targets(clip.rig.model, binding).astype(np.float64)
-    played = binding.rest + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
-    there = np.array([binding.vertices(to_file_units(frame, clip.rig.model)) for frame in frames])
+    targets = basis.targets(binding).astype(np.float64)
+    played = clip.rig.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
+    one = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    there = np.array([one.vertices(to_file_units(frame, clip.rig.model)) for frame in frames])
     largest = np.linalg.norm(played - there, axis=-1).max()
     assert largest <= 2e-4 * clip.rig.mesh.diagonal
     assert basis.error == pytest.approx(largest, rel=1e-2)
@@ -101,7 +105,7 @@ def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch)
 
 def test_the_progress_ends_at_one(clip):
     shares = []
-    binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-3, progress=shares.append)
     assert shares[-1] == 1
     assert all(0 < share <= 1 for share in shares)
@@ -109,8 +113,8 @@ def test_the_progress_ends_at_one(clip):
 
 def test_frames_beyond_the_number_of_unknowns_give_the_same_basis(clip):
     """More frames than unknowns are decomposed by the other Gram matrix; repeating a clip adds nothing to it."""
-    binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     short = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
-    long = morph_basis.fit(clip.rig.model, binding, np.tile(clip.frames, (8, 1, 1)), tolerance=1e-4)
+    long = morph_basis.fit(clip.rig.model, binding, np.tile(clip.frames[:], (8, 1, 1)), tolerance=1e-4)
     assert long.weights.shape == (8 * 58, short.weights.shape[1])
     assert long.error == pytest.approx(short.error, rel=1e-3)

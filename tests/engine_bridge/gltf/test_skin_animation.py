@@ -8,7 +8,8 @@ import pygltflib as gltf
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.convert import Settings, convert
+from engine_bridge.convert import convert
+from engine_bridge.settings import Settings
 
 pytest.importorskip("py_dem_bones")
 

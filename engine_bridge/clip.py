@@ -1,0 +1,144 @@
+"""A recorded skeleton, performed by a character."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import body
+from capture.formats import read_log
+from capture.skeleton import JOINTS, SkeletonFrame
+from capture.timeline import Timeline, choose, resample
+from engine_bridge.frame_store import FrameStore
+from engine_bridge.performance import Performance
+from engine_bridge.puppet import Puppet
+from engine_bridge.rig import Rig
+from engine_bridge.settings import Settings
+from puppetline.errors import SkeletonLogError, at
+from solver.batch import BatchBinding
+from solver.parts import PartSeparation
+from solver.stretch import EdgeStretch
+
+REST_SECONDS = 0.5
+"""Length of the moment whose median pose is the performer's rest pose."""
+
+SHORTEST_CLIP = 2
+"""Frames; one alone is a pose and not an animation."""
+
+Progress = Callable[[str, float], None]
+"""Told the name of a stage and the share of it that is done."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A solved clip, before it is written.
+
+    Attributes
+    ----------
+    rig : Rig
+    timeline : Timeline
+    frames : FrameStore
+        (F, 4m, 3) float32: control variables, model units.
+    root : (F, 3) float32
+        Translation, mesh file's coordinates.
+    stretch : tuple of float
+        Edge stretch over the clip: 1st, 50th and 99th percentile.
+    parts_apart : float or None
+        How far parts that touched at rest came apart, as a fraction of the diagonal; None for a character of one part.
+    notes : tuple of str
+        What the user should know about the log.
+    """
+
+    rig: Rig
+    timeline: Timeline
+    frames: FrameStore
+    root: NDArray[np.float32]
+    stretch: tuple[float, ...]
+    parts_apart: float | None
+    notes: tuple[str, ...]
+
+
+def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
+    """Read a log and put the chosen performer on an even clock.
+
+    Returns
+    -------
+    timeline : Timeline
+    notes : tuple of str
+        What was assumed, dropped and held.
+
+    Raises
+    ------
+    SkeletonLogError
+    """
+    clips = read_log(log, settings.log)
+    try:
+        clip, chosen = choose(clips, settings.user)
+        timeline = resample(clip, settings.fps, settings.max_gap)
+    except SkeletonLogError as error:  # these know clips, not files
+        where = at(log, field=error.where)
+        raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
+    if len(timeline.positions) < SHORTEST_CLIP:
+        raise SkeletonLogError(
+            log,
+            found=f"a clip that gives a single frame at {settings.fps:g} a second",
+            expected=f"at least {SHORTEST_CLIP} frames",
+            fix="Take a longer recording, or raise --fps.",
+        )
+    if settings.rest_at > timeline.times[-1]:
+        raise SkeletonLogError(
+            log,
+            found=f"a clip of {timeline.times[-1]:.2f} s",
+            expected=f"one that reaches second {settings.rest_at:g}, where the rest pose is to be",
+            fix="Choose an earlier moment with --rest-at.",
+        )
+    others = (chosen,) if len(clips) > 1 else ()
+    return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
+
+
+def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
+    """Run the performance over a whole timeline."""
+    rest = body.resting_pose(
+        timeline.positions,
+        timeline.confidence,
+        first=int(settings.rest_at * timeline.fps),
+        count=max(1, round(REST_SECONDS * timeline.fps)),
+    )
+    performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
+    surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
+    separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
+    count = len(timeline.positions)
+    frames = FrameStore(rig.model.rest_controls.shape)
+    root = np.empty((count, 3), dtype=np.float32)
+    times = timeline.times
+
+    def look_at(vertices: NDArray[np.float32]) -> None:
+        stretch.add(vertices)
+        if separation is not None:
+            for positions in np.ascontiguousarray(vertices.transpose(2, 0, 1)):
+                separation.add(positions)
+
+    for start in range(0, count, surface.at_a_time):
+        numbers = range(start, min(start + surface.at_a_time, count))
+        solved = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
+        for controls, number in zip(solved, numbers, strict=True):
+            joints, confidence = timeline.positions[number], timeline.confidence[number]
+            pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
+            controls[:], root[number] = pose.R, pose.root
+        frames.append(solved)
+        look_at(surface.vertices(solved))
+        progress("Performing", (start + len(solved)) / count)
+    unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
+    if unknown:
+        notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")
+    parts_apart = None if separation is None else separation.worst
+    return Clip(rig, timeline, frames, root, stretch.percentiles(1, 50, 99), parts_apart, notes)
+
+
+def _joints_used(puppet: Puppet) -> list[str]:
+    used = {joint for handle in puppet.handle for joint in handle.driven_by}
+    if puppet.root is not None:
+        used.add(puppet.root.joint)
+    return [joint for joint in JOINTS if joint in used]

@@ -1,0 +1,97 @@
+"""What an animation can be made of: a few morph targets, bones, or a morph target for each keyframe."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge import skinning
+from engine_bridge.clip import Clip, Progress
+from engine_bridge.gltf import frames_animation, morph_basis
+from engine_bridge.gltf.animation import Take, animate
+from engine_bridge.gltf.document import Document
+from engine_bridge.gltf.skin_animation import animate_skin
+from engine_bridge.settings import Form, Settings
+from solver.batch import BatchBinding
+
+
+@dataclass(frozen=True)
+class Made:
+    """What became of a clip: see `engine_bridge.convert.Summary`."""
+
+    error: float
+    rms: float | None = None
+    targets: int = 0
+    bones: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def make(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    """Animate a character in the form that the settings ask for.
+
+    Parameters
+    ----------
+    clip : Clip
+    name : str
+        Of the animation.
+    settings : Settings
+    progress : callable
+
+    Returns
+    -------
+    document : Document
+        Ready to be saved.
+    made : Made
+    """
+    return _FORMS[settings.form](clip, name, settings, progress)
+
+
+def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Take:
+    root = None if clip.rig.puppet.root is None else clip.root
+    return Take(name, clip.timeline.times.astype(np.float32), weights, root)
+
+
+def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig = clip.rig
+    basis = morph_basis.fit(
+        rig.model,
+        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
+        clip.frames,
+        tolerance=settings.allowed,
+        most=settings.targets,
+        progress=lambda share: progress("Fitting morph targets", share),
+    )
+    displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
+    document = animate(rig.character, _take(clip, name, basis.weights), displacements)
+    return document, Made(error=basis.error / float(rig.model.diagonal), targets=len(basis.directions))
+
+
+def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    skin = skinning.fit(
+        rig.model,
+        rig.mesh,
+        clip.frames[:],
+        tolerance=settings.allowed,
+        bones=settings.bones,
+        progress=lambda share: progress("Fitting bones", share),
+    )
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, notes = animate_skin(rig.character, _take(clip, name, no_weights), skin, rig.mesh.of_render)
+    return document, Made(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+
+
+def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig, count = clip.rig, len(clip.frames)
+    displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
+    progress("Making keyframes", 1.0)
+    document = animate(rig.character, _take(clip, name, frames_animation.weights(count)), displacements)
+    return document, Made(error=0.0, targets=count)
+
+
+_FORMS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, Made]]] = {
+    "morph": _as_morph,
+    "skin": _as_skin,
+    "frames": _as_frames,
+}

@@ -1,0 +1,85 @@
+"""Solved frames, kept where an hour of them does not fill the memory."""
+
+import tempfile
+from collections.abc import Iterator
+from typing import Protocol, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from puppetline.errors import OutputError
+
+IN_MEMORY = 32_000_000
+"""Bytes beyond which frames go to a temporary file."""
+
+
+class Frames(Protocol):
+    """Control variables of a clip, of which some are looked at at a time: an array, or a `FrameStore`."""
+
+    def __len__(self) -> int:
+        """Return F."""
+
+    def __getitem__(self, chosen: slice | NDArray[np.integer], /) -> NDArray[np.float32]:
+        """Return the (some, 4m, 3) float32 frames that are chosen."""
+
+
+class FrameStore:
+    """An array of frames that grows at its end and is read a few frames at a time.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of one frame.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self._shape = shape
+        self._size = 4 * int(np.prod(shape))
+        self._count = 0
+        self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115  # goes when this goes
+
+    def append(self, frames: NDArray[np.floating]) -> None:
+        """Add some (F, …) frames, as float32.
+
+        Raises
+        ------
+        OutputError
+            The system has no room for them.
+        """
+        try:
+            self._file.seek(self._count * self._size)
+            self._file.write(np.ascontiguousarray(frames, dtype=np.float32).tobytes())
+        except OSError as error:
+            raise OutputError(
+                "the folder for temporary files",
+                found=error.strerror or str(error),
+                expected=f"room for the frames of a long clip, {self._size * 108_000 / 1e6:.0f} MB an hour",
+                fix="Make room or give permission there, or name another folder in the environment variable TMPDIR.",
+            ) from error
+        self._count += len(frames)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return self._count
+
+    @overload
+    def __getitem__(self, chosen: int) -> NDArray[np.float32]: ...
+    @overload
+    def __getitem__(self, chosen: slice | NDArray[np.integer]) -> NDArray[np.float32]: ...
+    def __getitem__(self, chosen: int | slice | NDArray[np.integer]) -> NDArray[np.float32]:
+        """Read frames as an array of them would give them."""
+        numbers = np.arange(self._count)[chosen]
+        if numbers.ndim == 0:
+            return self._read(int(numbers), 1)[0]
+        if len(numbers) and np.array_equal(numbers, np.arange(numbers[0], numbers[0] + len(numbers))):
+            return self._read(int(numbers[0]), len(numbers))
+        rows = [self._read(int(number), 1)[0] for number in numbers]
+        return np.array(rows, dtype=np.float32).reshape(-1, *self._shape)
+
+    def __iter__(self) -> Iterator[NDArray[np.float32]]:
+        """Go through the frames one by one."""
+        return (self._read(number, 1)[0] for number in range(self._count))
+
+    def _read(self, first: int, count: int) -> NDArray[np.float32]:
+        self._file.seek(first * self._size)
+        return np.frombuffer(self._file.read(count * self._size), dtype=np.float32).reshape(count, *self._shape)

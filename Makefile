@@ -35,8 +35,8 @@ format: setup ## Rewrite the code in the project's style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: setup ## Time the solver beside a full-resolution ARAP iteration
-	$(BIN)/python -m benchmarks.solver
+bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--data FOLDER" with the Armadillo)
+	$(BIN)/python -m benchmarks.performance $(BENCH)
 
 peers: ## Install the outside programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund

@@ -17,11 +17,13 @@ from pathlib import Path
 import numpy as np
 
 from engine_bridge import puppet as puppet_file
-from engine_bridge.convert import Clip, Settings, load_timeline, perform, write
+from engine_bridge.clip import Clip, load_timeline, perform
+from engine_bridge.convert import write
 from engine_bridge.gltf.character import CHARACTER_FILES, load_character
 from engine_bridge.preview import View, contact_sheet, render
 from engine_bridge.proposal import new_puppet
 from engine_bridge.rig import load_rig
+from engine_bridge.settings import Settings
 from puppetline.errors import PuppetlineError
 from solver import reduced_model
 from solver.binding import Binding

@@ -21,11 +21,12 @@ from scipy.spatial import cKDTree
 
 from capture import body
 from capture.skeleton import SkeletonFrame
-from engine_bridge.convert import REST_SECONDS, Settings, load_timeline
+from engine_bridge.clip import REST_SECONDS, load_timeline
 from engine_bridge.gltf.character import CHARACTER_FILES, load_character
 from engine_bridge.performance import Performance
 from engine_bridge.proposal import propose
 from engine_bridge.puppet import CharacterTable, Puppet, check
+from engine_bridge.settings import Settings
 from puppetline.errors import PuppetlineError
 from solver import fields
 from solver.binding import Binding
@@ -120,7 +121,7 @@ def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.nd
 def narrowest(mesh: SolverMesh, operator: Operator) -> float:
     """Return the least share of the surface that any of the 8 fields covers: near 0 where one is a spike."""
     L, mass = operator(mesh)
-    modes = fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, 8)
+    modes = fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
     return float(((mass @ modes**2) ** 2 / (mass @ modes**4)).min() / mass.sum())
 
 
@@ -150,7 +151,7 @@ def measure(
     for time_, positions, confidence in zip(timeline.times, timeline.positions, timeline.confidence, strict=True):
         pose = performance.step(SkeletonFrame(time_, 0, positions, confidence))
         frames.append(binding.vertices(to_file_units(pose.R, model)))
-        stretch.add(frames[-1])
+        stretch.add(frames[-1][:, :, None])
     shown = np.array([mesh.vertices, *frames[::COMPARED]])
     cells = (
         f"{seconds:.2f}",

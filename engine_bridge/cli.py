@@ -140,9 +140,9 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     """Turn a recorded skeleton LOG into an animated .glb."""
     from capture.formats.options import ReadOptions
     from engine_bridge import sheet
-    from engine_bridge.convert import Settings
     from engine_bridge.convert import convert as run
     from engine_bridge.files import check_writable
+    from engine_bridge.settings import Settings
 
     for option, form in (("targets", "morph"), ("bones", "skin")):
         if choices[option] is not None and choices["form"] != form:
@@ -298,6 +298,18 @@ def _plain(value: Any) -> str:
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "none"}[value]
     return f"{value:.5g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else str(value)
+
+
+@main.command()
+@click.option("--mesh", type=FILE, help="The character to measure.  [default: an example of 43,243 vertices]")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def bench(mesh: Path | None, as_json: bool) -> None:
+    """Measure what a character costs on this machine; takes a minute or two."""
+    from engine_bridge import bench as benchmark
+
+    with _progress() as report:
+        measured = benchmark.bench(mesh, progress=report)
+    click.echo(json.dumps(measured.as_dict(), indent=2) if as_json else benchmark.describe(measured))
 
 
 @contextmanager

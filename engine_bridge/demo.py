@@ -10,9 +10,10 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.recording import Recorder
 from engine_bridge import sheet
-from engine_bridge.convert import Settings, Summary, convert
+from engine_bridge.convert import Summary, convert
 from engine_bridge.files import check_writable, written_whole
 from engine_bridge.gltf.character import make_character
+from engine_bridge.settings import Settings
 from puppetline.errors import OutputError
 
 CASTING: dict[str, str] = {

@@ -1,10 +1,13 @@
 """The command `puppetline`, and ``python -m puppetline``."""
 
+import os
 import sys
 
 
 def run() -> None:
     """Start the command line; Ctrl-C while it is still being loaded ends quietly too."""
+    # all matrices here are small: threads that wait for each other, and for the engine beside, only cost time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from engine_bridge.cli import main
 

@@ -21,7 +21,7 @@ from engine_bridge.cli import main
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 ALSO = pytest.mark.slow
 """A case that its module's own tests have as well; each process takes over a second."""
-COMMANDS = ["demo", "new", "convert", "inspect"]
+COMMANDS = ["demo", "new", "convert", "inspect", "bench"]
 
 if not Path(COMMAND).exists():
     pytest.skip("the command is not installed beside this Python", allow_module_level=True)
@@ -187,6 +187,7 @@ def test_a_bad_output_is_one_line_before_any_work(run, stage, tmp_path, output, 
         ["convert", "take.log", "--puppet", "none.toml", "-o", "out.glb"],
         pytest.param(["inspect", "none.glb"], marks=ALSO),
         pytest.param(["new", "none.glb", "-o", "x.toml"], marks=ALSO),
+        pytest.param(["bench", "--mesh", "none.glb"], marks=ALSO),
     ],
     ids=" ".join,
 )

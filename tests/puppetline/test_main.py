@@ -1,7 +1,10 @@
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
+
+import puppetline
 
 
 def test_the_module_is_the_command():
@@ -23,3 +26,44 @@ def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
+
+
+HEAVY = {"numpy", "scipy", "igl", "numba", "pydantic", "PIL", "rich", "importlib.metadata"}
+
+
+@pytest.mark.parametrize("command", [[], ["demo"], ["new"], ["convert"], ["inspect"], ["bench"]])
+def test_help_is_there_before_anything_heavy_is_imported(command):
+    script = (
+        "import sys\n"
+        "from puppetline.__main__ import run\n"
+        f"sys.argv = {['puppetline', *command, '--help']}\n"
+        "try: run()\n"
+        "except SystemExit: pass\n"
+        f"print('imported:', *sorted({HEAVY} & set(sys.modules)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "imported:"
+
+
+def test_the_version_is_that_of_the_installed_package():
+    done = subprocess.run([sys.executable, "-m", "puppetline", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"python -m puppetline, version {version('puppetline')}\n"
+    assert puppetline.__version__ == version("puppetline")
+    with pytest.raises(AttributeError, match="__versoin__"):
+        _ = puppetline.__versoin__
+
+
+@pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
+def test_matrix_products_take_one_thread_unless_the_user_says_otherwise(monkeypatch, given, threads):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if given is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+    script = (
+        "import os, sys\n"
+        "from puppetline.__main__ import run\n"
+        "sys.argv = ['puppetline', '--version']\n"
+        "try: run()\n"
+        "except SystemExit: print(os.environ['OPENBLAS_NUM_THREADS'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split()[-1] == threads

@@ -1,0 +1,98 @@
+"""What is to be reached, and what was measured."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from benchmarks.processes import MODULE
+from engine_bridge import bench
+from engine_bridge.bench import in_process, number
+
+LONG, SHORT = bench.CONVERTED, 180
+"""Frames of two logs whose conversion is compared."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A row of the table: a value that shall be at most, or at least, the limit; None where it cannot be measured."""
+
+    what: str
+    value: float | None
+    limit: float
+    unit: str
+    least: bool = False
+
+    def line(self) -> str:
+        """Return it as a row of a Markdown table."""
+        goal = f"{'≥' if self.least else '≤'} {self.limit:g} {self.unit}"
+        if self.value is None:
+            return f"| {self.what} | {goal} | – | |"
+        off = self.limit / self.value if self.least else self.value / self.limit
+        verdict = "met" if off <= 1 else f"missed, {number(off)} × the goal"
+        return f"| {self.what} | {goal} | {number(self.value)} {self.unit} | {verdict} |"
+
+
+def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]]) -> Iterator[str]:
+    """Yield the goals with what was measured, line by line, and below them all figures of the run.
+
+    Parameters
+    ----------
+    folder : Path
+        As `bench.prepare` laid it out.
+    character : dict
+        What that returned.
+    points : list
+        What `scaling.measured` returned.
+    """
+    report = bench.measure(folder, character, bench.FRAMES, bench.ROUNDS)
+    beside = in_process(folder, "yardstick", module=MODULE)
+    bench.write_log(folder, islice(bench.performance(), SHORT))
+    short = in_process(folder, "convert")
+    bench.write_log(folder, islice(bench.performance(), LONG))
+
+    text = bench.describe(report).splitlines()
+    yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")
+    yield from (goal.line() for goal in _goals(report, beside, short["peak_mb"], points))
+    yield from ("", "Every figure of the run, as `puppetline bench` prints them:", "", "```text", *text[3:])
+    if "avx2_ms" in beside:
+        yield f"{'avx2_ms':20}{number(beside['avx2_ms']):>8} ms   positions and normals of a frame by a loop in C"
+    else:
+        yield f"no loop in C to compare with: {beside['missing']}"
+    yield "```"
+
+
+def _goals(
+    report: bench.Report, beside: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
+) -> list[Goal]:
+    figures, ratios = report.figures, report.ratios
+    solve = [point["solve_ms"] for point in points]
+    each = [point["vertices_ms"] / point["vertices"] for point in points]
+    largest = points[-1]
+    memory, peak = largest["precompute_peak_mb"], figures["peak_mb"]
+    return [
+        Goal("a frame, controls only", figures["solve_ms"], 0.15, "ms"),
+        Goal("… the slowest of all sizes above the fastest", 100 * (max(solve) / min(solve) - 1), 15, "%"),
+        Goal("positions and normals / the same by AVX2 in C", _quotient(beside, "vertices_ms", "avx2_ms"), 2, "×"),
+        Goal("… the dearest vertex at any size / the cheapest (linear)", max(each) / min(each), 2, "×"),
+        Goal("ARAP iteration / controls", ratios["arap_to_solve"], 100, "×", least=True),
+        Goal("ARAP iteration / frame", ratios["arap_to_frame"], 25, "×", least=True),
+        Goal("99th percentile / median, controls", ratios["p99_to_solve"], 2, "×"),
+        Goal("99th percentile / median, frame", ratios["p99_to_frame"], 2, "×"),
+        Goal("pre-computation, cold", figures["precompute_s"], 1, "s"),
+        Goal(f"… of {largest['vertices']:,} vertices", largest["precompute_s"], 30, "s"),
+        Goal(f"… of {largest['vertices']:,} vertices, peak memory", None if memory is None else memory / 1e3, 4, "GB"),
+        Goal("second start from the cache, after imports", figures["cached_load_ms"], 50, "ms"),
+        Goal("`puppetline --help`", figures["startup_ms"], 150, "ms"),
+        Goal(f"convert, {LONG:,} frames, to .glb", figures["convert_s"], 5, "s"),
+        Goal("… peak memory", peak, 500, "MB"),
+        Goal(
+            f"… peak memory / that of {SHORT} frames", None if not peak or not short_mb else peak / short_mb, 1.1, "×"
+        ),
+        Goal("memory of a running character", figures["character_mb"], 60, "MB"),
+    ]
+
+
+def _quotient(found: dict[str, Any], a: str, b: str) -> float | None:
+    return found[a] / found[b] if a in found and b in found else None

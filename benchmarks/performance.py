@@ -1,0 +1,71 @@
+"""Make the tables and plots of docs/performance.md anew; takes about ten minutes, on a machine that does nothing else.
+
+python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence]
+
+FOLDER is searched for armadillo.obj, the 43,243-vertex Armadillo of libigl's tutorial data; without it, an example
+character of as many vertices takes its place.
+"""
+
+import argparse
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+from puppetline.examples.performances import PERFORMANCES
+
+from benchmarks import goals, plots, scaling, table1
+from benchmarks.processes import MODULE
+from engine_bridge import bench
+
+DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
+IMAGES = DOCUMENT.with_name("images")
+
+PARTS = ("goals", "table1", "convergence")
+
+
+def replaced(text: str, name: str, lines: list[str]) -> str:
+    """Replace what stands between <!-- name --> and <!-- /name -->."""
+    pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
+    if not pattern.search(text):
+        raise SystemExit(f"{DOCUMENT}: no place from <!-- {name} --> to <!-- /{name} -->")
+    return pattern.sub(lambda found: "\n".join([found[1].rstrip(), *lines, found[2]]), text)
+
+
+def say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
+    parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join(PARTS)}")
+    options = parser.parse_args()
+    todo = options.only.split(",")
+    mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
+    with tempfile.TemporaryDirectory() as folder, bench.own_cache(Path(folder)):
+        scratch, subject = Path(folder), Path(folder) / "subject"
+        subject.mkdir()
+        character = bench.prepare(subject, mesh, bench.CONVERTED)
+        tables = {}
+        if "goals" in todo:
+            say("Cost against vertices")
+            points = scaling.measured(scratch, subject, say)
+            plots.cost(points, IMAGES / "cost.svg")
+            say("Goals")
+            tables["goals"] = list(goals.table(subject, character, points))
+        if "table1" in todo:
+            say("Table 1")
+            tables["table1"] = list(table1.table(scratch))
+        if "convergence" in todo:
+            say("Convergence")
+            bench.write_log(subject, PERFORMANCES["kung_fu"]().frames())
+            plots.convergence(bench.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
+    text = DOCUMENT.read_text(encoding="utf-8")
+    for name, lines in tables.items():
+        text = replaced(text, name, lines)
+    DOCUMENT.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""The measurements of `benchmarks.performance`, each in a process of its own like those of `engine_bridge.bench`."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.avx2 import Avx2Blend, MissingError
+from engine_bridge import bench_process
+from engine_bridge.bench_process import CHARACTER, LOG, Playing, Work, arap_iteration, handle_path, interleaved
+from engine_bridge.puppet import SolverTable
+from engine_bridge.rig import Rig, load_rig
+from solver.binding import Binding
+from solver.deformer import Deformer, to_file_units
+from solver.reduced_model import build
+from solver.rotations import SAMPLED_TRIANGLES, RotationMode
+
+MODULE = "benchmarks.processes"
+"""What `engine_bridge.bench.in_process` starts."""
+
+LARGEST_ARAP = 260_000
+"""Vertices of the largest mesh on which a full-resolution ARAP is bearable."""
+
+MODES: tuple[RotationMode, ...] = ("covariance", "triangles")
+
+ITERATIONS = (1, 2, 4, 8, 16)
+
+SETTLED = 60
+"""Iterations a frame after which nothing moves any more."""
+
+WATCHED = 4000
+"""Vertices, spread over the mesh, at which the error is taken."""
+
+
+def yardstick(folder: Path) -> dict[str, Any]:
+    """Time positions and normals in turn with the loop in C, after a look whether both say the same."""
+    playing = Playing(load_rig(folder / CHARACTER), folder / LOG)
+    try:
+        avx2 = Avx2Blend(folder, playing.rig.model, playing.binding)
+    except MissingError as reason:
+        return {"missing": str(reason)}
+    controls = [playing.controls().copy() for _ in range(60)]
+    positions, normals = playing.vertices(controls[-1])
+    avx2(controls[-1])
+    np.testing.assert_allclose(avx2.positions, positions, rtol=0, atol=1e-5 * playing.rig.mesh.diagonal)
+    np.testing.assert_allclose(avx2.normals, normals, rtol=0, atol=1e-5)
+    times = interleaved(
+        {
+            "vertices": Work(lambda number: playing.vertices(controls[number]), 20),
+            "avx2": Work(lambda number: avx2(controls[number]), 20),
+        },
+        50,
+    )
+    return medians(times)
+
+
+def point(folder: Path) -> dict[str, float]:
+    """Time a frame's parts on a mesh of any size."""
+    rig = load_rig(folder / CHARACTER)
+    playing = Playing(rig, folder / LOG)
+    controls = playing.controls().copy()
+    todo = {
+        "solve": Work(lambda _: playing.controls(), 250),
+        "vertices": Work(lambda _: playing.vertices(controls), 5),
+    }
+    if len(rig.mesh.vertices) <= LARGEST_ARAP:
+        todo["arap_iteration"] = arap_iteration(
+            rig.mesh, playing.performance.deformer.handles, handle_path(playing, 60)
+        )
+    return {"vertices": len(rig.mesh.of_render), **medians(interleaved(todo, 12))}
+
+
+def table1_row(folder: Path) -> dict[str, Any]:
+    """Measure what a row of the paper's Table 1 has: both rotation updates, one iteration a frame."""
+    bench_process.warm_up(folder)
+    rig = load_rig(folder / CHARACTER)
+    handles = rig.puppet.handle_positions
+    found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
+    found["n_tri"] = SAMPLED_TRIANGLES * len(rig.model.rest_controls) // 4
+    start = time.perf_counter()
+    again = load_rig(folder / CHARACTER)
+    Deformer(again.model, again.mesh, handles)
+    found["reuse_s"] = time.perf_counter() - start
+    start = time.perf_counter()
+    mesh = rig.character.solver_mesh()
+    Deformer(build(mesh), mesh, handles)
+    found["precompute_s"] = time.perf_counter() - start
+    todo = {}
+    for name, mode in (("iteration", "covariance"), ("triangles", "triangles")):
+        playing = Playing(with_solver(rig, mode, 1), folder / LOG)
+        solve = playing.performance.deformer.solve
+        path = handle_path(playing, 60)
+        todo[name] = Work(_calling(solve, path), 60)
+    controls = playing.controls()
+    todo["vertices"] = Work(lambda _: playing.vertices(controls), 10)
+    retargeting = Playing(rig, folder / LOG)
+    still = retargeting.performance.step(retargeting.frame()).R
+    retargeting.performance.deformer.solve = lambda *_: still  # what is left is filter and retargeting
+    todo["input"] = Work(lambda _: retargeting.performance.step(retargeting.frame()), 60)
+    return found | medians(interleaved(todo, 40))
+
+
+def _calling(solve: Any, path: NDArray[np.float64]) -> Any:
+    return lambda number: solve(path[number])
+
+
+def with_solver(rig: Rig, mode: RotationMode, iterations: int) -> Rig:
+    """Return a rig with other settings of the solver."""
+    solver = SolverTable(**{**rig.puppet.solver.model_dump(), "rotations": mode, "iterations": iterations})
+    puppet = rig.puppet.model_copy(update={"solver": solver})
+    return Rig(puppet, rig.character, rig.mesh, rig.model)
+
+
+def convergence(folder: Path) -> dict[str, Any]:
+    """Take the distance of vertices from where endless iterations would put them, frames following each other as live.
+
+    Returns
+    -------
+    dict
+        For each mode and number of iterations the largest and the 99th percentile, percent of the diagonal.
+    """
+    rig = load_rig(folder / CHARACTER)
+    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
+    sample = np.linspace(0, len(rig.mesh.vertices) - 1, min(WATCHED, len(rig.mesh.vertices))).astype(int)
+    binding = binding.only(sample)
+    targets = list(handle_targets(rig, folder / LOG))
+
+    def positions(mode: RotationMode, iterations: int) -> NDArray[np.float32]:
+        deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions, iterations=iterations, mode=mode)
+        solved = [to_file_units(deformer.solve(wanted), rig.model) for wanted in targets]
+        return np.array([binding.vertices(controls) for controls in solved])
+
+    found: dict[str, Any] = {"iterations": ITERATIONS}
+    for mode in MODES:
+        settled = positions(mode, SETTLED)
+        errors = [100 * np.linalg.norm(positions(mode, n) - settled, axis=2) / rig.mesh.diagonal for n in ITERATIONS]
+        found[mode] = {
+            "max": [float(error.max()) for error in errors],
+            "p99": [float(np.percentile(error, 99)) for error in errors],
+        }
+    return found
+
+
+def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:
+    """Yield what the deformer is given, (h, 3), for each frame of a log."""
+    playing = Playing(rig, log)
+    solve, given = playing.performance.deformer.solve, []
+
+    def watched(targets: NDArray[np.float64], *more: Any) -> NDArray[np.float64]:
+        given.append(targets.copy())
+        return solve(targets, *more)
+
+    playing.performance.deformer.solve = watched
+    for _ in range(playing.length):
+        playing.performance.step(playing.frame())
+        yield given.pop()
+
+
+def medians(times: dict[str, NDArray[np.float64]]) -> dict[str, float]:
+    return {f"{name}_ms": float(np.median(taken)) for name, taken in times.items()}
+
+
+if __name__ == "__main__":
+    bench_process.main(
+        {
+            "yardstick": yardstick,
+            "point": point,
+            "table1_row": table1_row,
+            "convergence": convergence,
+        }
+    )

@@ -1,0 +1,70 @@
+"""The cost of one shape at many sizes."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.processes import MODULE
+from engine_bridge import puppet
+from engine_bridge.bench import in_process
+from engine_bridge.bench_process import CHARACTER, LOG, WARM_UP
+from engine_bridge.gltf.character import Character, load_character, make_character
+
+SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)
+BASE = 62_500
+"""Vertices of the mesh that larger ones are split from: a sixteenth of the largest, a quarter of that before."""
+NEARLY = 0.99
+
+Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+
+
+def measured(scratch: Path, subject: Path, progress: Callable[[str], None]) -> list[dict[str, Any]]:
+    """Measure frames and pre-computation of one shape at every size of `SIZES`."""
+    points = []
+    for size, vertices, faces in _resized(subject):
+        folder = scratch / str(size)
+        folder.mkdir()
+        make_character(str(size), vertices, faces).document.save(folder / "mesh.glb")
+        for file in (LOG, "warm_up.glb", WARM_UP):
+            shutil.copy(subject / file, folder)
+        proposed = puppet.load(subject / CHARACTER)
+        table = proposed.character.model_copy(update={"mesh": "mesh.glb"})
+        puppet.dump(proposed.model_copy(update={"character": table}), folder / CHARACTER)
+        found = in_process(folder, "precompute") | in_process(folder, "point", module=MODULE)
+        points.append(found)
+        progress(f"  {found}")
+        shutil.rmtree(folder)
+    return points
+
+
+def _resized(subject: Path) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.int64]]]:
+    """Yield the character of a folder at each of `SIZES`, by splitting triangles in four and collapsing edges."""
+    character = load_character(subject / puppet.load(subject / CHARACTER).character.mesh)
+    vertices, faces = _with_vertices(BASE, *_split(BASE, *_surface(character)))
+    for size in SIZES:
+        vertices, faces = _split(size, vertices, faces)
+        yield size, *_with_vertices(size, vertices, faces)
+
+
+def _surface(character: Character) -> Surface:
+    mesh = character.solver_mesh()
+    return mesh.vertices, mesh.faces
+
+
+def _split(size: int, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Surface:
+    while len(vertices) < NEARLY * size:
+        vertices, faces = igl.upsample(vertices, faces)
+    return vertices, faces
+
+
+def _with_vertices(size: int, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Surface:
+    if NEARLY * len(vertices) <= size:
+        return vertices, faces
+    rest = len(faces) - 2 * len(vertices)  # −2 χ, which collapsing keeps
+    vertices, faces, *_ = igl.decimate(vertices, faces, 2 * size + rest)
+    return vertices, faces

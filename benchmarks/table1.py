@@ -1,0 +1,92 @@
+"""Table 1 of the paper, row by row, beside the same measured here."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from puppetline.examples.characters import CHARACTERS
+
+from benchmarks.processes import MODULE
+from engine_bridge import bench, puppet
+from engine_bridge.bench import in_process, number
+from engine_bridge.bench_process import CHARACTER
+from engine_bridge.gltf.character import make_character
+
+PAPER = (
+    ("Dinosaur", "dinosaur", 14_000, 6, 841, 2.917, 0.6132, 0.2353, 9.873, 10.11),
+    ("Dinosaur", "dinosaur", 14_000, 10, 841, 2.915, 0.6411, 0.2185, 9.722, 9.941),
+    ("Armadillo", "biped", 60_000, 6, 810, 15.21, 3.327, 0.2540, 31.91, 32.16),
+    ("Armadillo", "biped", 60_000, 10, 810, 15.22, 3.307, 0.3021, 31.78, 32.08),
+    ("Pegasus", "pegasus", 32_046, 4, 837, 7.494, 1.704, 0.2785, 18.50, 18.78),
+    ("Dog", "dog", 18_114, 8, 817, 3.611, 0.8725, 0.2203, 11.38, 11.60),
+    ("Human", "human", 15_154, 9, 842, 3.067, 0.7757, 0.2145, 10.62, 10.83),
+)
+"""Its character, ours, vertices, handles, n_tri, t_1 and its reuse in s, t_2,3, t_4, t_per in ms."""
+
+DRIVEN = (
+    "hand_left",
+    "hand_right",
+    "head",
+    "foot_left",
+    "foot_right",
+    "elbow_left",
+    "elbow_right",
+    "knee_left",
+    "knee_right",
+    "spine",
+)
+"""Joints for the handles of a row, in this order."""
+
+FRAMES = 300
+"""Of the performance that is played."""
+
+
+def table(scratch: Path) -> Iterator[str]:
+    """Yield Table 1 of the paper, an arrow from its values to ours."""
+    columns = (
+        *("character", "vertices", "handles", "n_tri", "t_1, s", "t̃_1, s", "t_2,3, ms", "t_4, ms", "t_per, ms"),
+        *("iteration, ms", "by triangles, ms", "vertices, ms"),
+    )
+    yield f"| {' | '.join(columns)} |"
+    yield f"|{' --- |' * len(columns)}"
+    for name, ours, vertices, handles, n_tri, *times in PAPER:
+        folder = scratch / f"{ours}_{handles}"
+        _stage(folder, ours, handles)
+        found = in_process(folder, "table1_row", module=MODULE)
+        whole = found["iteration_ms"] + found["vertices_ms"]
+        own = (found["precompute_s"], found["reuse_s"], found["input_ms"], whole, found["input_ms"] + whole)
+        parts = (found["iteration_ms"], found["triangles_ms"], found["vertices_ms"])
+        cells = (
+            f"{name} → {ours}",
+            f"{vertices:,} → {found['vertices']:,}" if vertices != found["vertices"] else f"{vertices:,}",
+            str(handles),
+            f"{n_tri} → {found['n_tri']}",
+            *(f"{number(theirs)} → **{number(here)}**" for theirs, here in zip(times, own, strict=True)),
+            *map(number, parts),
+        )
+        yield f"| {' | '.join(cells)} |"
+
+
+def _stage(folder: Path, name: str, handles: int) -> None:
+    """Lay out an example character with so many handles, as far from each other as can be."""
+    made = CHARACTERS[name]()
+    folder.mkdir()
+    make_character(name, made.vertices, made.faces).document.save(folder / f"{name}.glb")
+    bench.prepare(folder, folder / f"{name}.glb", FRAMES)
+    proposed = puppet.load(folder / CHARACTER)
+    own = tuple(
+        puppet.HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)
+        for joint, vertex in zip(DRIVEN, _far_apart(made.vertices, handles), strict=False)
+    )
+    puppet.dump(proposed.model_copy(update={"handle": own}), folder / CHARACTER)
+
+
+def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:
+    """Return so many points, by index, each as far as can be from those before it."""
+    chosen = [int(points[:, 1].argmax())]
+    distance = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return chosen

@@ -353,8 +353,10 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
         Its barycentric coordinates.
     """
     points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-    _, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertices, mesh.faces)
-    corners = mesh.faces[np.atleast_1d(face)]
+    # only triangles that reach as near as the nearest vertex: to sort all of them takes longer than to look at each
+    candidates = mesh.faces[_near_any(points, mesh.vertices, mesh.faces)]
+    _, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertices, candidates)
+    corners = candidates[np.atleast_1d(face)]
     a, b, c = np.moveaxis(mesh.vertices[corners], 1, 0)
     nearest = np.reshape(nearest, (-1, 3))
     normal = np.cross(b - a, c - a)
@@ -362,3 +364,23 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
     weight_b = np.einsum("ij,ij->i", np.cross(nearest - a, c - a), normal) / area
     weight_c = np.einsum("ij,ij->i", np.cross(b - a, nearest - a), normal) / area
     return corners, np.column_stack([1 - weight_b - weight_c, weight_b, weight_c])
+
+
+@numba.njit(cache=True, nogil=True)
+def _near_any(points, vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Say of each face whether its bounding box is as near to one of the points as the nearest vertex is."""
+    near = np.zeros(len(faces), dtype=np.bool_)
+    for point in points:
+        least = np.inf
+        for v in range(len(vertices)):
+            x, y, z = vertices[v, 0] - point[0], vertices[v, 1] - point[1], vertices[v, 2] - point[2]
+            least = min(least, x * x + y * y + z * z)
+        least *= 1 + 1e-9
+        for f in range(len(faces)):
+            square = 0.0
+            for axis in range(3):
+                a, b, c = vertices[faces[f, 0], axis], vertices[faces[f, 1], axis], vertices[faces[f, 2], axis]
+                away = max(min(a, b, c) - point[axis], point[axis] - max(a, b, c), 0.0)
+                square += away * away
+            near[f] |= square <= least
+    return near

@@ -1,3 +1,4 @@
+import igl
 import numpy as np
 import pytest
 
@@ -372,3 +373,13 @@ def test_snap_is_no_farther_than_any_point_of_a_dense_sample(figure):
     sample = (shares @ figure.vertices[figure.faces]).reshape(-1, 3)
     for point, distance in zip(points, np.linalg.norm(nearest - points, axis=1), strict=True):
         assert distance <= np.linalg.norm(sample - point, axis=1).min() + 1e-12
+
+
+def test_snap_finds_what_a_search_of_the_whole_surface_finds(figure):
+    rng = np.random.default_rng(3)
+    near = figure.vertices[rng.integers(0, len(figure.vertices), 50)] + 0.05 * rng.normal(size=(50, 3))
+    for points in (near, 5 * rng.normal(size=(50, 3)), near[:1]):
+        expected = igl.point_mesh_squared_distance(points, figure.vertices, figure.faces)[2]
+        corners, blend = snap(figure, points)
+        found = np.einsum("hc,hcx->hx", blend, figure.vertices[corners])
+        np.testing.assert_allclose(found, expected.reshape(-1, 3), rtol=0, atol=1e-12)

@@ -117,8 +117,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
     def look_at(vertices: NDArray[np.float32]) -> None:
         stretch.add(vertices)
         if separation is not None:
-            for positions in np.ascontiguousarray(vertices.transpose(2, 0, 1)):
-                separation.add(positions)
+            separation.add(vertices)
 
     for start in range(0, count, surface.at_a_time):
         numbers = range(start, min(start + surface.at_a_time, count))
@@ -128,7 +127,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
             controls[:], root[number] = pose.R, pose.root
         frames.append(solved)
-        look_at(surface.vertices(solved))
+        look_at(surface.displacements(solved))  # from the middle: lengths of edges are precise anywhere
         progress("Performing", (start + len(solved)) / count)
     unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:

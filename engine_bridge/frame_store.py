@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Protocol, overload
 
 import numpy as np
@@ -49,7 +50,10 @@ class FrameStore:
         try:
             self._file.seek(self._count * self._size)
             self._file.write(np.ascontiguousarray(frames, dtype=np.float32).tobytes())
+            self._file.flush()
         except OSError as error:
+            with suppress(OSError):  # what is still waiting to be written has no room either
+                self._file.close()
             raise OutputError(
                 "the folder for temporary files",
                 found=error.strerror or str(error),

@@ -38,10 +38,11 @@ class BatchBinding:
         below = np.minimum(ladder.astype(np.int32), model.isolines - 2)
         self._order = np.lexsort(below.T)
         below = below[self._order]
-        new = np.flatnonzero((below[1:] != below[:-1]).any(axis=1)) + 1
-        self._cells = np.concatenate([[0], new, [len(below)]])
+        new = np.ones(len(below), dtype=bool)
+        new[1:] = (below[1:] != below[:-1]).any(axis=1)
+        self._cells = np.append(np.flatnonzero(new), len(below))
         self._below = below[self._cells[:-1]] + model.isolines * np.arange(below.shape[1], dtype=np.int32)
-        self._between = (ladder[self._order] - below % model.isolines).astype(np.float32)
+        self._between = (ladder[self._order] - below).astype(np.float32)
         places = model.to_model(rest[self._order].astype(np.float64))
         self._rest = np.column_stack([places, np.ones(len(places))]).astype(np.float32)
 
@@ -79,7 +80,11 @@ class BatchBinding:
         return self._blended(R, self._model.center)
 
     def displacements(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return W R of some differences of control variables, in mesh units: as `vertices`."""
+        """Return W R in mesh units, as `vertices` does, but from the middle of the character.
+
+        So of differences of control variables what they displace; and of control variables themselves places that
+        stay precise however far from the origin the character is.
+        """
         return self._blended(R, np.zeros(3))
 
     def farthest(self, R: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:

@@ -1,5 +1,6 @@
 """Vertices that follow a reduced model: its own, or those of a mesh that is rendered."""
 
+import threading
 from copy import copy
 
 import numpy as np
@@ -10,6 +11,22 @@ from solver.deformer import Controls
 from solver.mesh import SolverMesh
 from solver.reduced_model import ReducedModel
 from solver.row import WIDTH
+
+
+class _Tables(threading.local):
+    """Each thread's own tables for `kernels`: no frame allocates one, and no thread writes into another's."""
+
+    def __init__(self) -> None:
+        self._by_length: dict[int, NDArray[np.float32]] = {}
+
+    def of(self, rows: int) -> NDArray[np.float32]:
+        """Return a (rows, 16) float32 table."""
+        if rows not in self._by_length:
+            self._by_length[rows] = np.zeros((rows, WIDTH), dtype=np.float32)
+        return self._by_length[rows]
+
+
+_tables = _Tables()
 
 
 class Binding:
@@ -28,8 +45,7 @@ class Binding:
         self.rest = np.ascontiguousarray(rest, dtype=np.float32)
         self._ladder = np.ascontiguousarray(model.ladder[follows])
         self._weights = model.weights
-        self._isolines = model.isolines
-        self._rows = np.zeros((len(model.weights) * model.isolines, WIDTH), dtype=np.float32)
+        self._transforms = (len(model.weights) * model.isolines, 3, 4)
 
     @classmethod
     def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "Binding":
@@ -42,6 +58,13 @@ class Binding:
         part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
         return part
 
+    def _check(self, controls: Controls, out: NDArray[np.float32]) -> None:
+        """Refuse what compiled loops would read or write beyond."""
+        if controls.shape != self._transforms or out.shape != self.rest.shape:
+            raise ValueError(
+                f"controls {controls.shape} for vertices {out.shape}, expected {self._transforms} for {self.rest.shape}"
+            )
+
     def vertices(self, controls: Controls, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return X = W R.
 
@@ -50,16 +73,21 @@ class Binding:
         controls : (m, 3, 4) float32
             Absolute, or of a displacement: the result is of the same kind.
         out : (n, 3) float32, optional
-            Written to, and returned: no array is allocated then.
+            Written to, and returned.
 
         Returns
         -------
         (n, 3) float32
             Mesh file's coordinates.
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes.
         """
         out = np.empty_like(self.rest) if out is None else out
-        kernels.table(controls, self._weights, self._rows)
-        kernels.blend_positions(self.rest, self._ladder, self._rows, self._isolines, out)
+        self._check(controls, out)
+        kernels.blend_positions(self.rest, self._ladder, controls, self._weights, _tables.of(len(controls)), out)
         return out
 
 
@@ -108,16 +136,30 @@ class ShadedBinding(Binding):
         controls : (m, 3, 4) float32
             Absolute.
         out, normals : (n, 3) float32, optional
-            Written to, and returned: no array is allocated then.
+            Written to, and returned.
 
         Returns
         -------
         positions, normals : (n, 3) float32
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes.
         """
         out = np.empty_like(self.rest) if out is None else out
         normals = np.empty_like(self.rest) if normals is None else normals
-        kernels.table(controls, self._weights, self._rows)
+        self._check(controls, out)
+        self._check(controls, normals)
         kernels.blend_normals(
-            self.rest, self._tangents, self._slopes, self._ladder, self._rows, self._isolines, out, normals
+            self.rest,
+            self._tangents,
+            self._slopes,
+            self._ladder,
+            controls,
+            self._weights,
+            _tables.of(len(controls)),
+            out,
+            normals,
         )
         return out, normals

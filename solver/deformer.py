@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from puppetline.errors import MeshError
 from solver import lanes, roll, rotations
-from solver.lanes import BLOCK, ROWS, add_product
+from solver.lanes import ROWS, add_product, place_of_row
 from solver.mesh import SolverMesh
 from solver.polar import nearest_rotations
 from solver.reduced_model import ReducedModel
@@ -143,18 +143,28 @@ class Deformer:
         targets : (h, 3) float64
             In the mesh file's coordinates.
         out : (4m, 3) float64, optional
-            Written to, and returned: frames after the first then allocate no array.
+            Written to, and returned.
 
         Returns
         -------
         (4m, 3) float64
             Model units.
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes, or targets that are not finite.
         """
+        out = np.empty_like(self.model.rest_controls) if out is None else out
+        targets = np.ascontiguousarray(targets, dtype=np.float64)
+        if targets.shape != self.handles.shape or out.shape != (4 * len(self._turn) // 3, 3):
+            raise ValueError(f"{targets.shape} targets into {out.shape}: there are {self.handles.shape} handles")
+        if not _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted):
+            raise ValueError("a handle's target is not a finite number")
         if not self._started:
             self._started = True
             start = roll.rigid_fit(self.handles, targets)
             self._turns[:] = lanes.pack(np.tile(start, (len(self._turn) // 3, 1)), self._turn)
-        _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted)
         if self._mode == "covariance":
             _turn_isolines(*self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
         else:
@@ -162,7 +172,6 @@ class Deformer:
         if self._on_a_line:
             start = roll.rigid_fit(self.handles, targets)
             roll.take_back(self._turns, len(self._turn) // 3, start, _line_through(targets))
-        out = np.empty_like(self.model.rest_controls) if out is None else out
         _settle(*self._controls, self._wanted, self._turns, self._result, out)
         return out
 
@@ -192,17 +201,21 @@ class Deformer:
 
 
 def _line_through(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the direction (3,) in which points spread most; zero for a single one."""
-    return np.linalg.svd(points - points.mean(axis=0))[2][0] if len(points) > 1 else np.zeros(3)
+    """Return the direction (3,) in which points spread most; zero where all are at one place."""
+    _, spread, directions = np.linalg.svd(points - points.mean(axis=0))
+    return directions[0] if spread[0] > 1e-12 * np.abs(points).max() else np.zeros(3)
 
 
 @numba.njit(cache=True, nogil=True)
 def _pack_targets(targets, center, diagonal, wanted):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Lay (h, 3) targets out in blocks, in model units."""
+    """Lay (h, 3) targets out in blocks, in model units; say whether all are finite."""
+    finite = True
     for h in range(len(targets)):
-        place = h // ROWS * BLOCK + h % ROWS
+        place = place_of_row(h)
         for axis in range(3):
             wanted[place + axis * ROWS] = (targets[h, axis] - center[axis]) / diagonal
+            finite = finite and np.isfinite(targets[h, axis])
+    return finite
 
 
 @numba.njit(cache=True, nogil=True)
@@ -228,25 +241,9 @@ def _settle(of_turns, of_handles, constant, wanted, turns, packed, out):  # type
     _fix(of_handles, constant, wanted, packed)
     add_product(of_turns, turns, packed)
     for row in range(len(out)):
-        place = row // ROWS * BLOCK + row % ROWS
+        place = place_of_row(row)
         for axis in range(3):
             out[row, axis] = packed[place + axis * ROWS]
-
-
-def displacement_to_file_units(R: NDArray[np.floating], model: ReducedModel) -> Controls:
-    """Turn a difference of control variables into affine maps from rest positions to displacements.
-
-    Parameters
-    ----------
-    R : (..., 4m, 3)
-        Model units.
-
-    Returns
-    -------
-    (..., m, 3, 4) float32
-        Mesh file's coordinates.
-    """
-    return _to_file_units(R, model, np.zeros(3))
 
 
 def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | None = None) -> Controls:
@@ -262,25 +259,27 @@ def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | 
     Returns
     -------
     (..., m, 3, 4) float32
+
+    Raises
+    ------
+    ValueError
+        An array of another shape to write to.
     """
-    return _to_file_units(R, model, model.center, out)
-
-
-def _to_file_units(
-    R: NDArray[np.floating], model: ReducedModel, origin: NDArray[np.float64], out: Controls | None = None
-) -> Controls:
-    out = np.empty((*R.shape[:-2], R.shape[-2] // 4, 3, 4), dtype=np.float32) if out is None else out
+    shape = (*R.shape[:-2], R.shape[-2] // 4, 3, 4)
+    out = np.empty(shape, dtype=np.float32) if out is None else out
+    if out.shape != shape:
+        raise ValueError(f"control variables {R.shape} into transforms {out.shape}, expected {shape}")
     stack = np.ascontiguousarray(R).reshape(-1, 4, 3)
-    _transforms(stack, model.center, float(model.diagonal), origin, out.reshape(-1, 3, 4))
+    _transforms(stack, model.center, float(model.diagonal), out.reshape(-1, 3, 4))
     return out
 
 
 @numba.njit(cache=True, nogil=True)
-def _transforms(R, center, diagonal, origin, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _transforms(R, center, diagonal, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write (k, 4, 3) control variables, which act on rows of model units, as (k, 3, 4) maps of the file's columns."""
     for k in range(len(R)):
         for row in range(3):
-            offset = R[k, 3, row] * diagonal + origin[row]
+            offset = R[k, 3, row] * diagonal + center[row]
             for column in range(3):
                 out[k, row, column] = R[k, column, row]
                 offset -= R[k, column, row] * center[column]

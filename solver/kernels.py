@@ -1,7 +1,7 @@
 """The loops that touch every vertex: control variables to positions and normals.
 
 X = W R without W: a vertex blends the transforms of two isolines a field and applies the sum to its rest position.
-Each transform is a row of a table, field weights multiplied in (`table`); a vertex sums 16 of them (`row`).
+Each transform is a row of a table, field weights multiplied in; a vertex sums 16 of them (`row`).
 """
 
 import numba
@@ -9,41 +9,36 @@ import numpy as np
 
 from solver.row import item, load, plus_scaled, zeros
 
-ONE = np.float32(1)
+ZERO, ONE = np.float32(0), np.float32(1)
 
 
 @numba.njit(cache=True, nogil=True)
-def table(controls, weights, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Multiply the field weights into controls, and lay each transform out as a row.
-
-    Parameters
-    ----------
-    controls : (m, 3, 4) float32
-    weights : (n_e,) float64
-    out : (m, 16) float32
-        Zero beyond the first 12 columns.
-    """
+def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write each transform as a row, the field weights multiplied in."""
     isolines = len(controls) // len(weights)
     for j in range(len(controls)):
         weight = np.float32(weights[j // isolines])
         for row in range(3):
             for column in range(4):
-                out[j, 4 * row + column] = weight * controls[j, row, column]
+                rows[j, 4 * row + column] = weight * controls[j, row, column]
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_positions(rest, ladder, rows, isolines, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write the positions of vertices.
 
     Parameters
     ----------
     rest, out : (n, 3) float32
     ladder : (n, n_e) float32
+    controls : (m, 3, 4) float32
+    weights : (n_e,) float64
+        Of the fields.
     rows : (m, 16) float32
-        From `table`.
-    isolines : int
-        n_iso, in each field.
+        A place for the table; written to, its last four columns left alone.
     """
+    _fill(rows, controls, weights)
+    isolines = len(controls) // len(weights)
     last = np.float32(isolines - 2)
     for v in range(len(ladder)):
         total = zeros()
@@ -57,7 +52,7 @@ def blend_positions(rest, ladder, rows, isolines, out):  # type: ignore[no-untyp
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_normals(rest, tangents, slopes, ladder, rows, isolines, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Write the positions and the unit normals of vertices.
 
     x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so that the derivative along a tangent a is
@@ -66,7 +61,7 @@ def blend_normals(rest, tangents, slopes, ladder, rows, isolines, out, normals):
 
     Parameters
     ----------
-    rest, ladder, rows, isolines, out
+    rest, ladder, controls, weights, rows, out
         As in `blend_positions`.
     tangents : (n, 2, 3) float32
         Their cross product is the rest normal.
@@ -75,6 +70,8 @@ def blend_normals(rest, tangents, slopes, ladder, rows, isolines, out, normals):
     normals : (n, 3) float32
         Zero where the surface is squashed to a line.
     """
+    _fill(rows, controls, weights)
+    isolines = len(controls) // len(weights)
     last = np.float32(isolines - 2)
     for v in range(len(ladder)):
         total, along_a, along_b = zeros(), zeros(), zeros()
@@ -89,8 +86,8 @@ def blend_normals(rest, tangents, slopes, ladder, rows, isolines, out, normals):
         out[v, 0], out[v, 1], out[v, 2] = _moved(total, x, y, z, ONE)
         ax, ay, az = _moved(along_a, x, y, z, ONE)
         bx, by, bz = _moved(along_b, x, y, z, ONE)
-        a = _moved(total, tangents[v, 0, 0], tangents[v, 0, 1], tangents[v, 0, 2], ONE - ONE)
-        b = _moved(total, tangents[v, 1, 0], tangents[v, 1, 1], tangents[v, 1, 2], ONE - ONE)
+        a = _moved(total, tangents[v, 0, 0], tangents[v, 0, 1], tangents[v, 0, 2], ZERO)
+        b = _moved(total, tangents[v, 1, 0], tangents[v, 1, 1], tangents[v, 1, 2], ZERO)
         ax, ay, az, bx, by, bz = ax + a[0], ay + a[1], az + a[2], bx + b[0], by + b[1], bz + b[2]
         nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         length = np.sqrt(nx * nx + ny * ny + nz * nz)

@@ -67,6 +67,18 @@ def matrix(M: NDArray[np.float64], row: NDArray[np.int64], column: NDArray[np.in
     return np.ascontiguousarray(filled.reshape(-1, ROWS, filled.shape[1]).swapaxes(1, 2)).ravel()
 
 
+@numba.njit(inline="always")
+def place_of_matrix(k):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return where the first entry of matrix k is."""
+    return k // LANES * BLOCK + k % LANES
+
+
+@numba.njit(inline="always")
+def place_of_row(row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return where the first entry of a plain row is; the next two are `ROWS` after each other."""
+    return row // ROWS * BLOCK + row % ROWS
+
+
 @numba.njit(cache=True, nogil=True, fastmath=True)
 def add_product(M, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Add M x to y.

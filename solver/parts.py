@@ -92,16 +92,15 @@ class PartSeparation:
     def __init__(self, mesh: SolverMesh) -> None:
         self.worst = 0.0
         ties = contacts(mesh)
-        self._touching = _only(ties, ties.gap == 0)
+        self._jump = _only(ties, ties.gap == 0).difference(len(mesh.vertices))
         self._diagonal = mesh.diagonal
 
     def add(self, positions: NDArray[np.floating]) -> None:
-        """Measure one frame of (n, 3) solver vertices, in the units of the mesh."""
-        held = self._touching
-        if len(held.vertices):
-            partner = np.einsum("kc,kcx->kx", held.blend, positions[held.corners])
-            apart = np.linalg.norm(positions[held.vertices] - partner, axis=1)
-            self.worst = max(self.worst, float(apart.max()) / self._diagonal)
+        """Measure some frames: (n, 3, F) solver vertices, in the units of the mesh."""
+        if self._jump.shape[0]:
+            jump = (self._jump @ positions.reshape(len(positions), -1)).reshape(-1, *positions.shape[1:])
+            apart = np.sqrt(np.einsum("kxf,kxf->kf", jump, jump).max(initial=0))
+            self.worst = max(self.worst, float(apart) / self._diagonal)
 
 
 def contacts(mesh: SolverMesh) -> Contacts:

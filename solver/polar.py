@@ -94,8 +94,8 @@ def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
     Parameters
     ----------
     S, out : (blocks · BLOCK,) float64
-        Matrices in the layout of `lanes`. Where one leaves a turn open, having rank 1 or 0, the result turns as little
-        as it can.
+        Matrices in the layout of `lanes`, their entries zero or of a size whose square is a number, 1e-100 to 1e100.
+        Where one leaves a turn open, having rank 1 or 0, the result turns as little as it can.
     """
     for block in range(len(S) // BLOCK):
         o = block * BLOCK

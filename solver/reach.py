@@ -1,5 +1,7 @@
 """How far limbs may go before the character tears, found by trying it on the reduced model."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,8 +77,10 @@ class _EdgeStrain:
 
     def __init__(self, model: ReducedModel, mesh: SolverMesh) -> None:
         edges = mesh.edges[np.linspace(0, len(mesh.edges) - 1, min(SAMPLED_EDGES, len(mesh.edges))).astype(int)]
-        self._model = model
-        self._ends = Binding.of_solver_mesh(model, mesh).only(edges.T.ravel())
+        ends = edges.T.ravel()
+        # in model units, whatever the mesh's: far from the origin a float32 holds no edge
+        self._model = replace(model, center=np.zeros(3), diagonal=np.asarray(1.0))
+        self._ends = Binding(self._model, model.to_model(mesh.vertices[ends]), ends)
         self._rest = self._lengths(self._ends.rest)
 
     def worst(self, R: NDArray[np.float64]) -> float:

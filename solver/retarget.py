@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 LIMIT_KNEE = 0.7
 """Share of a handle's reach within which it follows its joint in proportion; beyond, it comes softly to a stop."""
 
+FARTHEST = 1e6
+"""Metres from the calibration pose, and more: no place of a joint."""
+
 RETURN_TIME = 0.15
 """Seconds in which a joint that was lost closes 63 % of the way from where it was held to where it is."""
 
@@ -145,25 +148,25 @@ class SmoothReturn:
             Seconds, increasing from call to call.
         displacement : (j, 3) float64
         known : (j,) bool
-            A displacement that is not finite is not known either.
+            A displacement that is not finite, or farther than `FARTHEST`, is not known either.
 
         Returns
         -------
         (j, 3) float64
             Zero for a joint that was never known.
         """
-        fading = math.exp(-(time - self._time) / RETURN_TIME)
+        fading = math.exp(-max(0.0, time - self._time) / RETURN_TIME)  # a clock that is set back stands still here
         began = math.isfinite(self._time)
         self._time = time
         _close(displacement, known, fading, began, self._last, self._offset, self._known)
-        return self._last
+        return self._last.copy()
 
 
 @numba.njit(cache=True, nogil=True)
 def _close(displacement, known, fading, began, last, offset, was_known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring each joint's displacement up to date, and the offset at which it came back."""
     for j in range(len(displacement)):
-        now = known[j] and np.isfinite(displacement[j]).all()
+        now = known[j] and np.abs(displacement[j]).max() < FARTHEST  # which NaN is not
         for axis in range(3):
             offset[j, axis] *= fading
             if now and began and not was_known[j]:

@@ -7,7 +7,7 @@ every motion and never come back.
 import numba
 import numpy as np
 
-from solver.lanes import BLOCK, LANES, ROWS
+from solver.lanes import BLOCK, LANES, ROWS, place_of_matrix
 from solver.polar import nearest_rotations
 
 
@@ -28,7 +28,9 @@ def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
         for i in range(3):
             for j in range(3):
                 S[i, j] += (rest[h, i] - middle[i]) * (now[h, j] - moved[j])
-    least = 1e-9 * (np.sqrt((S * S).sum()) + 1e-300)
+    # handles at one point differ by rounding, which has no direction
+    size = np.abs(rest).max() * np.abs(now).max()
+    least = 1e-9 * np.sqrt((S * S).sum()) + 1e-24 * len(rest) * size + 1e-300
     for i in range(3):
         S[i, i] += least
     return _nearest(S)
@@ -51,14 +53,14 @@ def take_back(turns, count, start, line):  # type: ignore[no-untyped-def]  # noq
     """
     total = np.zeros((3, 3))
     for k in range(count):
-        place = k // LANES * BLOCK + k % LANES
+        place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
                 total[i, j] += turns[place + j * ROWS + i * LANES]
     roll = _about(line, _product(_nearest(total).T, start))
     row = np.empty(3)
     for k in range(count):
-        place = k // LANES * BLOCK + k % LANES
+        place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
                 row[j] = turns[place + j * ROWS + i * LANES]

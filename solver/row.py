@@ -8,6 +8,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic, models, register_model
 
 WIDTH = 16
@@ -49,6 +50,8 @@ def zeros(_context: Any) -> Any:
 @intrinsic  # type: ignore[untyped-decorator]
 def load(_context: Any, table: Any, _index: Any) -> Any:
     """Return a row of a (rows, 16) float32 table."""
+    if not (isinstance(table, types.Array) and (table.dtype, table.ndim, table.layout) == (types.float32, 2, "C")):
+        raise TypingError(f"a table of rows is a contiguous 2-d float32 array, not {table}")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = cgutils.create_struct_proxy(signature.args[0])(context, builder, value=arguments[0])

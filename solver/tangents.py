@@ -64,18 +64,25 @@ def slopes(
 @numba.njit(cache=True, nogil=True)
 def _one_for_each_side(follows, order, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return (n,) the first vertex at the same place with the same normal."""
-    smooth = np.arange(len(follows))
-    start = 0
+    smooth, sides = np.arange(len(follows)), np.empty(len(follows), dtype=np.int64)
+    count = 0
     for place in range(len(order)):
         v = order[place]
-        if follows[v] != follows[order[start]]:
-            start = place
-        for earlier in range(start, place):
-            u = order[earlier]
-            same = normals[u, 0] * normals[v, 0] + normals[u, 1] * normals[v, 1] + normals[u, 2] * normals[v, 2]
-            if smooth[u] == u and same > SAME_NORMAL:
+        if place == 0 or follows[v] != follows[order[place - 1]]:
+            count = 0
+        if not normals[v].any():
+            continue
+        for side in range(count):
+            u = sides[side]
+            if (
+                normals[u, 0] * normals[v, 0] + normals[u, 1] * normals[v, 1] + normals[u, 2] * normals[v, 2]
+                > SAME_NORMAL
+            ):
                 smooth[v] = u
                 break
+        if smooth[v] == v:
+            sides[count] = v
+            count += 1
     return smooth
 
 

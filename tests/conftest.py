@@ -1,5 +1,6 @@
 """Where tests find the data and programs that are not part of the project."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -13,7 +14,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-PEERS = Path(__file__).parent / "peers"
+ROOT = Path(__file__).parent.parent
+PEERS = ROOT / "tests" / "peers"
+
+
+def _compile_anew_where_something_changed() -> None:
+    """Keep compiled loops in a folder named by their sources: Numba looks at a function's own file alone."""
+    sources = sorted(path for room in ("capture", "solver", "engine_bridge") for path in (ROOT / room).rglob("*.py"))
+    compiled = [text for path in sources if b"numba" in (text := path.read_bytes())]
+    own = ROOT / ".pytest_cache" / "compiled" / hashlib.sha256(b"".join(compiled)).hexdigest()[:16]
+    for other in own.parent.glob("*"):
+        if other != own:
+            shutil.rmtree(other, ignore_errors=True)
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(own))
+
+
+_compile_anew_where_something_changed()
 
 OPTIONAL = {"data", "node"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))

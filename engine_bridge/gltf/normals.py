@@ -32,7 +32,7 @@ class TurningNormals:
         self._faces = mesh.faces.astype(np.int32)
         self._binding = BatchBinding.of_solver_mesh(model, mesh)
         self._per_unit = np.float32(1 / mesh.diagonal)
-        rest = mesh.vertices.astype(np.float32)[:, :, None]
+        rest = (mesh.vertices - model.center).astype(np.float32)[:, :, None]
         self._smooth = smooth_normals(rest, self._faces, self._per_unit)[:, :, 0]
 
     def __len__(self) -> int:
@@ -52,7 +52,7 @@ class TurningNormals:
         (N, 3, F) float32
             Of all parts, one after another; 0 where a part has no normals.
         """
-        now = smooth_normals(self._binding.vertices(frames), self._faces, self._per_unit)
+        now = smooth_normals(self._binding.displacements(frames), self._faces, self._per_unit)
         out = np.empty((*self._normals.shape, len(frames)), dtype=np.float32)
         _turn(self._normals, self._smooth, now, self._follows, out)
         return out

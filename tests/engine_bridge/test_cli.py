@@ -317,7 +317,7 @@ def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(stage, 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
 def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, record, dance, tmp_path, delay):
-    record(tmp_path / "long.log", np.tile(dance(), (60, 1, 1)))
+    record(tmp_path / "long.log", np.tile(dance(), (500, 1, 1)))
     (tmp_path / "out.glb").write_text("old")
     before = names(tmp_path)
     terminal, other = pty.openpty()

@@ -1,10 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from solver import batch
 from solver.batch import BatchBinding
-from solver.binding import Binding
-from solver.deformer import displacement_to_file_units
 from solver.mesh import SolverMesh
 from solver.reduced_model import build
 
@@ -33,10 +33,9 @@ def test_vertices_are_the_blend(binding, creature, creature_model, frames, surfa
     np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
 
 
-def test_displacements_are_those_of_one_frame_at_a_time(binding, creature, creature_model, frames):
+def test_displacements_are_how_far_vertices_go(binding, creature, creature_model, frames, surface):
     differences = frames - creature_model.rest_controls
-    one = Binding.of_solver_mesh(creature_model, creature)
-    true = np.stack([one.vertices(displacement_to_file_units(R, creature_model)) for R in differences], axis=2)
+    true = expected(surface, creature_model, creature, frames) - creature.vertices[:, :, None]
     np.testing.assert_allclose(binding.displacements(differences), true, rtol=0, atol=1e-6 * creature.diagonal)
 
 
@@ -94,3 +93,16 @@ def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypat
     assert binding.at_a_time == 20
     monkeypatch.setattr(batch, "LARGEST", 3 * len(binding))
     assert binding.at_a_time == batch.FEWEST
+
+
+def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
+    binding = BatchBinding(creature_model, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    assert binding.vertices(frames).shape == (0, 3, 7)
+
+
+def test_places_from_the_middle_are_precise_far_from_the_origin(creature, creature_model, creature_handles, frames):
+    """Model units do not know where the mesh is: only its center does."""
+    far = replace(creature_model, center=creature_model.center + 3000 * creature.diagonal)
+    moved = BatchBinding(far, creature.vertices + 3000 * creature.diagonal, np.arange(len(creature.vertices)))
+    here = BatchBinding.of_solver_mesh(creature_model, creature)
+    np.testing.assert_allclose(moved.displacements(frames), here.displacements(frames), atol=1e-6 * creature.diagonal)

@@ -38,24 +38,22 @@ def applied(transforms, points):
     return np.einsum("nrc,nc->nr", transforms[:, :, :3], points) + transforms[:, :, 3]
 
 
-def rows_of(scene, controls=None):
-    rows = np.zeros((FIELDS * ISOLINES, WIDTH), dtype=np.float32)
-    kernels.table(scene[5] if controls is None else controls, scene[4], rows)
-    return rows
+def table(rows):
+    return np.zeros((rows, WIDTH), dtype=np.float32)
 
 
 def positions(scene, controls=None):
-    rest, _, _, ladder, _, _ = scene
+    rest, _, _, ladder, weights, own = scene
     out = np.empty_like(rest)
-    kernels.blend_positions(rest, ladder, rows_of(scene, controls), ISOLINES, out)
+    kernels.blend_positions(rest, ladder, own if controls is None else controls, weights, table(80), out)
     return out
 
 
 def positions_and_normals(scene, controls=None):
-    rest, tangents, slopes, ladder, _, _ = scene
+    rest, tangents, slopes, ladder, weights, own = scene
     out, normals = np.empty_like(rest), np.empty_like(rest)
-    rows = rows_of(scene, controls)
-    kernels.blend_normals(rest, tangents, slopes, ladder, rows, ISOLINES, out, normals)
+    controls = own if controls is None else controls
+    kernels.blend_normals(rest, tangents, slopes, ladder, controls, weights, table(80), out, normals)
     return out, normals
 
 
@@ -66,15 +64,6 @@ def unit(vectors):
 def rigid(turn, offset=(0.0, 0.0, 0.0)):
     transform = np.column_stack([turn, offset])
     return np.tile(transform, (FIELDS * ISOLINES, 1, 1)).astype(np.float32)
-
-
-def test_weights_are_multiplied_into_rows_of_sixteen():
-    controls = np.arange(6 * 12, dtype=np.float32).reshape(6, 3, 4)
-    rows = np.zeros((6, 16), dtype=np.float32)
-    kernels.table(controls, np.array([0.25, 0.75]), rows)
-    np.testing.assert_array_equal(rows[:3, :12], 0.25 * controls[:3].reshape(3, 12))
-    np.testing.assert_array_equal(rows[3:, :12], 0.75 * controls[3:].reshape(3, 12))
-    np.testing.assert_array_equal(rows[:, 12:], 0)
 
 
 def test_vertices_are_the_weighted_blend_applied_to_rest(scene):
@@ -135,8 +124,7 @@ def test_any_number_of_fields_is_blended(scene, fields):
     rest, controls = scene[0], rng.normal(size=(fields * ISOLINES, 3, 4)).astype(np.float32)
     ladder = rng.uniform(0, ISOLINES - 1, (COUNT, fields)).astype(np.float32)
     weights = rng.dirichlet(np.ones(fields))
-    rows, out = np.zeros((fields * ISOLINES, WIDTH), dtype=np.float32), np.empty_like(rest)
-    kernels.table(controls, weights, rows)
-    kernels.blend_positions(rest, ladder, rows, ISOLINES, out)
+    out = np.empty_like(rest)
+    kernels.blend_positions(rest, ladder, controls, weights, table(len(controls)), out)
     expected = applied(blended(ladder, weights, controls), rest)
     np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6 * np.abs(expected).max())

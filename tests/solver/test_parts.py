@@ -67,7 +67,7 @@ def deformed(mesh, handles, targets):
 def test_a_mesh_of_one_part_has_no_contacts_and_does_not_come_apart(creature):
     assert len(contacts(creature).vertices) == 0
     measure = PartSeparation(creature)
-    measure.add(3 * creature.vertices)
+    measure.add((3 * creature.vertices)[:, :, None])
     assert measure.worst == 0
 
 
@@ -201,11 +201,11 @@ def test_parts_that_only_face_each_other_are_tied_all_the_same():
 def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.25, 0.999, 0.25], [0.75, 2, 0.75], 0.25))
     measure = PartSeparation(mesh)
-    measure.add(mesh.vertices)
+    measure.add((mesh.vertices)[:, :, None])
     assert measure.worst == pytest.approx(0.001 / mesh.diagonal)
     upper = mesh.components[:, None] == 1
     for lift in (0.02, 0.05, 0.03):
-        measure.add(mesh.vertices + lift * upper * [0, 1, 0])
+        measure.add((mesh.vertices + lift * upper * [0, 1, 0])[:, :, None])
     assert measure.worst == pytest.approx(0.05 / mesh.diagonal)
 
 
@@ -219,17 +219,17 @@ def test_separation_does_not_see_what_does_not_touch_at_rest(other):
     mesh = together(block, other, touching)
     number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
     measure = PartSeparation(mesh)
-    measure.add(mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])
+    measure.add((mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])[:, :, None])
     assert measure.worst == pytest.approx(0, abs=1e-12)
-    measure.add(mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])
+    measure.add((mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])[:, :, None])
     assert measure.worst == pytest.approx(0.1 / mesh.diagonal)
 
 
 def test_rigid_motion_separates_nothing(turn):
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), sphere([0.5, 1.25, 0.5], 0.3), sphere([3.0, 1, 0], 0.2))
     rest, moved = PartSeparation(mesh), PartSeparation(mesh)
-    rest.add(mesh.vertices)
-    moved.add(mesh.vertices @ turn(3, 70) + [4.0, -3, 2])
+    rest.add((mesh.vertices)[:, :, None])
+    moved.add((mesh.vertices @ turn(3, 70) + [4.0, -3, 2])[:, :, None])
     assert moved.worst == pytest.approx(rest.worst, abs=1e-12)
 
 
@@ -250,5 +250,5 @@ def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
     deformer, binding = Deformer(model, mesh, handles), Binding.of_solver_mesh(model, mesh)
     measure, rng = PartSeparation(mesh), np.random.default_rng(5)
     for _ in range(10):
-        measure.add(binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))
+        measure.add((binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))[:, :, None])
     assert measure.worst < TOUCHING + 0.001

@@ -114,7 +114,7 @@ def test_what_was_tried_before_does_not_matter(figure, figure_model, handles, re
     )
 
 
-@pytest.mark.parametrize(("scale", "offset"), [(100.0, 7.0)])
+@pytest.mark.parametrize(("scale", "offset"), [(100.0, 7.0), (1.0, 10_000.0)])
 def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
     larger = SolverMesh(scale * figure.vertices + offset, figure.faces, figure.of_render)
     found = limb_reach(Deformer(build(larger), larger, scale * handles + offset), larger, np.eye(5)[[0, 4]])

@@ -218,6 +218,19 @@ def test_targets_never_jump_however_often_joints_are_lost(usual, fit):
     assert steps.max() > own_step  # it did come back from somewhere
 
 
+@pytest.mark.parametrize("far", [1e7, 1e160, 1e300])
+def test_a_joint_where_no_joint_can_be_counts_as_lost(usual, fit, far):
+    stepwise = retargeter(usual, fit)
+    before = stepwise.step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    np.testing.assert_array_equal(stepwise.step(0.1, moved(3, [far, 0.2, 0.3]), ALL), before)
+
+
+def test_a_clock_that_is_set_back_does_not_make_a_jump(usual, fit):
+    stepwise = retargeter(usual, fit)
+    still = [stepwise.step(time, moved(3, [0.1, 0.2, 0.3]), ALL) for time in (1000.0, 1000.03, 3.0, 3.03)]
+    np.testing.assert_array_equal(still, [still[0]] * 4)
+
+
 def test_the_first_frame_is_taken_as_it_is(usual, fit):
     found = retargeter(usual, fit).step(123.0, moved(3, [0.1, 0.2, 0.3]), ALL)
     np.testing.assert_allclose(found[0], HANDLES[0] + 2.0 * np.array([0.1, 0.2, 0.3]))

@@ -58,3 +58,12 @@ def test_with_one_handle_the_whole_mean_turn_is_taken_back_and_what_isolines_dif
     np.testing.assert_allclose(U @ Vt, np.eye(3), atol=1e-12)
     apart = found[:, None] @ found.transpose(0, 2, 1)[None]
     np.testing.assert_allclose(apart, turns[:, None] @ turns.transpose(0, 2, 1)[None], atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3, 6, 7])
+def test_points_at_one_place_do_not_turn(rng, count):
+    """Their means are off by rounding, which has no direction."""
+    for _ in range(200):
+        rest, now = rng.normal(size=3), rng.normal(size=3)
+        found = roll.rigid_fit(np.tile(rest, (count, 1)), np.tile(now, (count, 1)))
+        np.testing.assert_allclose(found, np.eye(3), atol=1e-6)

@@ -1,5 +1,7 @@
 import numba
 import numpy as np
+import pytest
+from numba.core.errors import TypingError
 
 from solver.row import WIDTH, item, load, plus_scaled, zeros
 
@@ -27,3 +29,11 @@ def test_no_row_at_all_gives_zeros():
     nothing = np.zeros(0, dtype=np.int64)
     combination(np.ones((3, WIDTH), dtype=np.float32), nothing, nothing.astype(np.float32), out)
     np.testing.assert_array_equal(out, 0)
+
+
+@pytest.mark.parametrize(
+    "table", [np.ones((4, 16)), np.asfortranarray(np.ones((4, 16), np.float32)), np.ones((8, 16), np.float32)[::2]]
+)
+def test_a_table_of_another_kind_or_layout_is_refused(table):
+    with pytest.raises(TypingError, match="contiguous 2-d float32"):
+        combination(table, np.array([0]), np.ones(1, dtype=np.float32), np.empty(WIDTH, dtype=np.float32))

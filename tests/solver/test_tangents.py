@@ -74,3 +74,10 @@ def test_a_vertex_without_an_area_around_it_has_no_slope():
     rest = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [5, 5, 5]])
     found, _ = measured(rest, np.array([[0, 1, 2]]), rest[:, :2], np.tile([0.0, 0.0, 1.0], (4, 1)))
     np.testing.assert_array_equal(found, 0)
+
+
+def test_thousands_of_vertices_at_one_place_without_a_normal_are_done_at_once():
+    count = 200_000  # each compared with each would take minutes
+    rest = np.zeros((count, 3))
+    found, _ = measured(rest, np.zeros((0, 3), dtype=np.int64), rest[:, :1], rest, np.zeros(count, dtype=np.int64))
+    np.testing.assert_array_equal(found, 0)

@@ -75,6 +75,8 @@ FIGURES: dict[str, tuple[str, str]] = {
     "startup_ms": ("ms", "puppetline --help"),
     "arap_iteration_ms": ("ms", "for comparison: an iteration of libigl's full-resolution ARAP"),
     "memcpy_ms": ("ms", "for comparison: a copy of all the bytes that a frame touches"),
+    "constant_ms": ("ms", "for comparison: a loop in Python that always does the same"),
+    "constant_p99_ms": ("ms", "… of 100 such loops the slowest: the machine's own unrest"),
 }
 """Name to unit and meaning; a value is None where it cannot be measured."""
 
@@ -85,6 +87,7 @@ RATIOS: dict[str, tuple[str, str, str]] = {
     "vertices_to_memcpy": ("vertices_ms", "memcpy_ms", "vertices / copy"),
     "p99_to_solve": ("solve_p99_ms", "solve_ms", "99th percentile / median, controls"),
     "p99_to_frame": ("p99_ms", "frame_ms", "99th percentile / median, frame"),
+    "p99_to_constant": ("constant_p99_ms", "constant_ms", "99th percentile / median, a loop that does the same"),
 }
 """Name to the two figures and what their quotient is."""
 

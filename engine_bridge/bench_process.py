@@ -41,6 +41,9 @@ LOG = "performance.log"
 BLOCK = 250
 """Frames that are played at a stretch before the next thing is timed."""
 
+CONSTANT = 5000
+"""Numbers to add up: about as long as a frame's controls take."""
+
 LONGEST = 30.0
 """Seconds after which no further round of blocks begins."""
 
@@ -177,6 +180,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
         "vertices": Work(lambda number: played.vertices(controls[number]), len(controls)),
         "frame": Work(lambda _: played.vertices(played.controls()), BLOCK),
         "memcpy": Work(lambda _: np.copyto(copied, touched), 25),
+        "constant": Work(lambda _: sum(range(CONSTANT)), BLOCK),
     }
     try:
         handles = played.performance.deformer.handles
@@ -194,6 +198,7 @@ def frames(folder: Path, count: int) -> dict[str, float]:
         **{f"{name}_ms": float(np.median(taken)) for name, taken in times.items()},
         "p99_ms": float(np.percentile(times["frame"], 99)),
         "solve_p99_ms": float(np.percentile(times["solve"], 99)),
+        "constant_p99_ms": float(np.percentile(times["constant"], 99)),
         "frames": len(times["frame"]),
         "handles": len(played.performance.deformer.handles),
     }

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 from benchmarks.avx2 import Avx2Blend, MissingError
 from engine_bridge import bench_process
-from engine_bridge.bench_process import CHARACTER, LOG, Playing, Work, arap_iteration, handle_path, interleaved
+from engine_bridge.bench_process import (
+    CHARACTER,
+    LOG,
+    Playing,
+    Work,
+    arap_iteration,
+    constant_work,
+    handle_path,
+    interleaved,
+)
 from engine_bridge.puppet import SolverTable
 from engine_bridge.rig import Rig, load_rig
 from solver.binding import Binding
@@ -65,6 +74,7 @@ def point(folder: Path) -> dict[str, float]:
     todo = {
         "solve": Work(lambda _: playing.controls(), 250),
         "vertices": Work(lambda _: playing.vertices(controls), 5),
+        "constant": constant_work(),
     }
     if len(rig.mesh.vertices) <= LARGEST_ARAP:
         todo["arap_iteration"] = arap_iteration(

@@ -167,6 +167,11 @@ def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
     return np.array(path) * model.diagonal + model.center
 
 
+def constant_work() -> Work:
+    """Return a loop that always does the same: what varies in its time is the machine."""
+    return Work(lambda _: sum(range(CONSTANT)), BLOCK)
+
+
 def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
     """Return what a frame is made of, and beside it an ARAP iteration and a copy of all bytes that a frame touches."""
     rig = load_rig(folder / CHARACTER)
@@ -180,7 +185,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
         "vertices": Work(lambda number: played.vertices(controls[number]), len(controls)),
         "frame": Work(lambda _: played.vertices(played.controls()), BLOCK),
         "memcpy": Work(lambda _: np.copyto(copied, touched), 25),
-        "constant": Work(lambda _: sum(range(CONSTANT)), BLOCK),
+        "constant": constant_work(),
     }
     try:
         handles = played.performance.deformer.handles

@@ -16,7 +16,6 @@ from engine_bridge.bench_process import (
     Playing,
     Work,
     arap_iteration,
-    constant_work,
     handle_path,
     interleaved,
 )
@@ -74,7 +73,6 @@ def point(folder: Path) -> dict[str, float]:
     todo = {
         "solve": Work(lambda _: playing.controls(), 250),
         "vertices": Work(lambda _: playing.vertices(controls), 5),
-        "constant": constant_work(),
     }
     if len(rig.mesh.vertices) <= LARGEST_ARAP:
         todo["arap_iteration"] = arap_iteration(

@@ -42,7 +42,7 @@ BLOCK = 250
 """Frames that are played at a stretch before the next thing is timed."""
 
 CONSTANT = 5000
-"""Numbers to add up: about as long as a frame's controls take."""
+"""Numbers to add up, which always takes the same: what varies in its time is the machine."""
 
 LONGEST = 30.0
 """Seconds after which no further round of blocks begins."""
@@ -167,11 +167,6 @@ def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
     return np.array(path) * model.diagonal + model.center
 
 
-def constant_work() -> Work:
-    """Return a loop that always does the same: what varies in its time is the machine."""
-    return Work(lambda _: sum(range(CONSTANT)), BLOCK)
-
-
 def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
     """Return what a frame is made of, and beside it an ARAP iteration and a copy of all bytes that a frame touches."""
     rig = load_rig(folder / CHARACTER)
@@ -185,7 +180,7 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
         "vertices": Work(lambda number: played.vertices(controls[number]), len(controls)),
         "frame": Work(lambda _: played.vertices(played.controls()), BLOCK),
         "memcpy": Work(lambda _: np.copyto(copied, touched), 25),
-        "constant": constant_work(),
+        "constant": Work(lambda _: sum(range(CONSTANT)), BLOCK),
     }
     try:
         handles = played.performance.deformer.handles

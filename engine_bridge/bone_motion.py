@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, hstack
 
-from solver import rotations
+from solver import polar
 
 SWEEPS = 30
 """Times that each bone is taken; from the 20th on the error changes in its third digit only."""
@@ -105,7 +105,7 @@ def solve(sums: Moments, frames: NDArray[np.floating]) -> NDArray[np.float64]:
 def _rigid(moment: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (F, 3, 4) rigid motions that fit Σ x ũᵀ (F, 3, 4) best, given Σ ũ (4,)."""
     middle = mass[:3] / mass[3]
-    turns = rotations.from_covariance((moment[..., :3] - moment[..., 3:] * middle).reshape(-1, 3))
+    turns = polar.of_matrices((moment[..., :3] - moment[..., 3:] * middle).reshape(-1, 3, 3))
     return np.concatenate([turns, moment[..., 3:] / mass[3] - (turns @ middle)[..., None]], axis=-1)
 
 

@@ -1,4 +1,4 @@
-"""Vertices of many frames at a time: what a recording needs, and several times as fast as frame by frame.
+"""Vertices of many frames at a time, frames side by side: so a recording's stretch, errors and normals are measured.
 
 Between the same isolines of every field, in one *cell* of the surface, vertices blend the same transforms: with
 u_i in [0, 1] the place between two isolines of field i, X = [x y z 1] (T + Σ_i u_i D_i), T and D_i sums and differences

@@ -2,6 +2,7 @@
 
 import threading
 from copy import copy
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,7 @@ class Binding:
         """Bind the solver mesh itself."""
         return cls(model, mesh.vertices, np.arange(len(mesh.vertices)))
 
-    def only(self, chosen: NDArray[np.integer]) -> "Binding":
+    def only(self, chosen: NDArray[np.integer]) -> Self:
         """Return the binding of some of the vertices, by index."""
         part = copy(self)
         part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
@@ -116,10 +117,9 @@ class ShadedBinding(Binding):
         self._tangents = tangents.tangents(normals)
         self._slopes = tangents.slopes(rest, triangles, self._ladder, follows, normals, self._tangents)
 
-    def only(self, chosen: NDArray[np.integer]) -> "ShadedBinding":
+    def only(self, chosen: NDArray[np.integer]) -> Self:
         """Return the binding of some of the vertices, by index."""
-        part = copy(self)
-        part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
+        part = super().only(chosen)
         part._tangents, part._slopes = self._tangents[chosen], self._slopes[chosen]
         return part
 

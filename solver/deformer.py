@@ -96,23 +96,23 @@ class Deformer:
         constant = cho_solve(factor, pin * model.null_space @ rest)
         self._mode: RotationMode = mode
         reader = model.covariance if mode == "covariance" else model.edges
-        self._turn = lanes.of_matrices(model.B.shape[1] // 3)
-        self._seen = self._turn if mode == "covariance" else lanes.of_rows(len(reader))
+        self._place_of_turns = lanes.of_matrices(model.B.shape[1] // 3)
+        self._place_of_seen = self._place_of_turns if mode == "covariance" else lanes.of_rows(len(reader))
 
         def laid_out(reader: NDArray[np.float64], row: NDArray[np.int64]) -> _Affine:
             return _Affine(
-                lanes.matrix(reader @ from_turns, row, self._turn),
+                lanes.matrix(reader @ from_turns, row, self._place_of_turns),
                 lanes.matrix(reader @ from_handles, row, lanes.of_rows(len(rows))),
                 lanes.pack(reader @ constant, row),
             )
 
-        self._surface = laid_out(reader, self._seen)
+        self._surface = laid_out(reader, self._place_of_seen)
         self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)))
         self._wanted = lanes.pack(self.handles, lanes.of_rows(len(rows)))
         self._rest_frames = rotations.triangle_frames(model.edges @ rest)
         spread = np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False)
         self._on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
-        self._turns = lanes.pack(np.zeros((len(self._turn), 3)), self._turn)
+        self._turns = lanes.pack(np.zeros((len(self._place_of_turns), 3)), self._place_of_turns)
         self._started = False
         self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
         self._result = np.empty_like(self._controls.constant)
@@ -120,7 +120,7 @@ class Deformer:
     @property
     def turns(self) -> NDArray[np.float64]:
         """(3m, 3) float64: the isolines' rotations in the last frame, for row vectors."""
-        return lanes.unpack(self._turns, self._turn)
+        return lanes.unpack(self._turns, self._place_of_turns)
 
     def another(self, iterations: int) -> "Deformer":
         """Return one of the same character and handles, with a state of its own."""
@@ -157,21 +157,21 @@ class Deformer:
         """
         out = np.empty_like(self.model.rest_controls) if out is None else out
         targets = np.ascontiguousarray(targets, dtype=np.float64)
-        if targets.shape != self.handles.shape or out.shape != (4 * len(self._turn) // 3, 3):
+        if targets.shape != self.handles.shape or out.shape != (4 * len(self._place_of_turns) // 3, 3):
             raise ValueError(f"{targets.shape} targets into {out.shape}: there are {self.handles.shape} handles")
         if not _pack_targets(targets, self.model.center, float(self.model.diagonal), self._wanted):
             raise ValueError("a handle's target is not a finite number")
         if not self._started:
             self._started = True
             start = roll.rigid_fit(self.handles, targets)
-            self._turns[:] = lanes.pack(np.tile(start, (len(self._turn) // 3, 1)), self._turn)
+            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
         if self._mode == "covariance":
             _turn_isolines(*self._surface, self._wanted, self.iterations, self._turns, self._fixed, self._now)
         else:
             self._compare_triangles()
         if self._on_a_line:
             start = roll.rigid_fit(self.handles, targets)
-            roll.take_back(self._turns, len(self._turn) // 3, start, _line_through(targets))
+            roll.take_back(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
         _settle(*self._controls, self._wanted, self._turns, self._result, out)
         return out
 
@@ -181,8 +181,8 @@ class Deformer:
         for _ in range(self.iterations):
             self._now[:] = self._fixed
             add_product(self._surface.turns, self._turns, self._now)
-            found = rotations.from_edges(lanes.unpack(self._now, self._seen), self._rest_frames)
-            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._turn)
+            found = rotations.from_edges(lanes.unpack(self._now, self._place_of_seen), self._rest_frames)
+            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._place_of_turns)
 
     def step(self, targets: NDArray[np.float64]) -> Controls:
         """Bring the handles to their targets, warm-started from the previous call.

@@ -186,21 +186,6 @@ def edge_map(corners: csr_matrix) -> NDArray[np.float64]:
     return (rows[:, 1:] - rows[:, :1]).reshape(-1, corners.shape[1])
 
 
-def from_covariance(S: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotations nearest to the blocks of S by polar decomposition.
-
-    Parameters
-    ----------
-    S : (3 · m, 3) float64
-
-    Returns
-    -------
-    (m, 3, 3) float64
-        Determinant +1.
-    """
-    return polar.of_matrices(S.reshape(-1, 3, 3))
-
-
 def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:
     """Compare sampled triangles with their rest frames, average over each isoline, and make orthogonal.
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import solve as solve_dense
 from scipy.spatial.transform import Rotation
 
-from solver import fields, lanes, rotations
+from solver import fields, lanes, polar, rotations
 from solver.binding import Binding
 from solver.deformer import HANDLE_STIFFNESS, Deformer, to_file_units
 from solver.mesh import SolverMesh
@@ -70,7 +70,7 @@ class Plain:
 
     def turns(self, R):
         if self.mode == "covariance":
-            return rotations.from_covariance(self.model.covariance @ R).reshape(-1, 3)
+            return polar.of_matrices((self.model.covariance @ R).reshape(-1, 3, 3)).reshape(-1, 3)
         return rotations.from_edges(self.model.edges @ R, self.frames).reshape(-1, 3)
 
 

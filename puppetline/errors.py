@@ -36,6 +36,14 @@ class PuppetError(PuppetlineError):
     """A puppet file, or a mapping or handle given by hand, is wrong."""
 
 
+class SourceError(PuppetlineError):
+    """A live source of skeletons cannot be opened, or has ended."""
+
+
+class ServiceError(PuppetlineError):
+    """The live service cannot start as it is set up, or cannot do what it is asked."""
+
+
 class OutputError(PuppetlineError):
     """A result cannot be written."""
 

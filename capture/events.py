@@ -1,0 +1,60 @@
+"""What a live source gives: frames, and what happens between them.
+
+All times are seconds on the clock of the source that gives them, and never go back. Of a live source that clock is
+`time.monotonic`, of a replayed take it is the take's own, so that a take gives the very same events again.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from capture.skeleton import SkeletonFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The sender says that a performer has gone.
+
+    Attributes
+    ----------
+    time : float
+    user : int
+    """
+
+    time: float
+    user: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed and nothing came: what eases or waits goes on.
+
+    Attributes
+    ----------
+    time : float
+    """
+
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class Cue:
+    """Somebody asks for something to be done with performers or characters.
+
+    Attributes
+    ----------
+    time : float
+    do : str
+        ``"calibrate"``, ``"mirror"``, …
+    arguments : dict
+        Of JSON's types.
+    """
+
+    time: float
+    do: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+Event = SkeletonFrame | Lost | Tick | Cue
+
+TICK = 1 / 30
+"""Seconds of silence after which a source gives a tick, and then another one."""

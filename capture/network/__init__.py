@@ -1,0 +1,1 @@
+"""Skeletons from senders in the network: OSC in its dialects."""

@@ -1,0 +1,76 @@
+"""Where live skeletons come from: the protocol that every source follows.
+
+A source never blocks and has no thread that a caller knows of. Whoever runs it waits until its file descriptor can be
+read or its time is due, whichever is first, and then takes what has come::
+
+    while True:
+        ready = select([source.fileno()], timeout=source.due() - time.monotonic())
+        for event in source.receive(): …
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from capture.events import Event
+
+
+@dataclass
+class Counts:
+    """What a source has seen so far.
+
+    Attributes
+    ----------
+    received : int
+        Packets, or lines of a file.
+    dropped : int
+        Whole frames that a newer one of the same performer has overtaken before they were taken.
+    refused : Counter
+        Packets or messages that were not understood, by the reason in a few words. The reasons are a closed set.
+    """
+
+    received: int = 0
+    dropped: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+
+
+class SkeletonSource(Protocol):
+    """Gives what performers do, frame by frame.
+
+    Attributes
+    ----------
+    name : str
+        The URI that opened it.
+    counts : Counts
+    beginning : dict or None
+        What a take says the stage was like when it began (see `capture.recording`); None for all else.
+    """
+
+    name: str
+    counts: Counts
+    beginning: dict[str, Any] | None
+
+    def fileno(self) -> int | None:
+        """Return what becomes readable when something has come; None where only time matters."""
+
+    def due(self) -> float:
+        """Return when `receive` wants to be called though nothing has come: `time.monotonic`, infinity for never."""
+
+    def now(self) -> float:
+        """Return the time on the clock of this source's events, seconds."""
+
+    def receive(self) -> list[Event]:
+        """Return what has come since the last call, oldest first, without waiting.
+
+        Frames of one performer increase strictly in time. A live source keeps the latest frame of each performer and
+        drops what it has overtaken; a recording gives every frame. Where nothing came for `capture.events.TICK`, there
+        is a tick.
+
+        Raises
+        ------
+        SourceError
+            It can give no more: a recording has ended, a device is gone for good.
+        """
+
+    def close(self) -> None:
+        """Let go of sockets and files; closing again does nothing."""

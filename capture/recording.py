@@ -1,31 +1,43 @@
-"""The project's own skeleton log: written as it happens, readable after a crash.
+"""The project's own recording, a *take*: written as it happens, readable after a crash.
 
-JSON Lines in UTF-8. The first line is `HEADER`; each further line is one frame of one performer::
+JSON Lines in UTF-8. The first line is `HEADER`. Where the take is a stage's, the second says what the stage was like
+when it began. Each further line is one of `capture.events`: what the source gave, or what was asked for in between::
 
+    {"beginning": {…}}
     {"t": 12.5, "user": 1, "p": [[0.1, 0.92, 2.4], null, …], "c": [1.0, 0.0, …]}
+    {"t": 12.6, "tick": true}
+    {"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}
+    {"t": 12.8, "lost": 1}
 
 t is in seconds, p in metres in the sensor frame of `capture.skeleton` rounded to 0.01 mm, c is the confidence; both are
-in the order of the header's joints and a lost joint is null with confidence 0. A file is only ever appended to, and a
-line that does not end in ``}`` was torn by a crash, as a frame has no other ``}``. The reader is
-`capture.formats.puppetline_log`.
+in the order of the header's joints and a lost joint is null with confidence 0.
+
+A file is only ever appended to. A line is whole where it ends in ``}`` and a line feed; anything else was torn by a
+crash, and who goes on with such a file ends the torn line with `TORN`. The reader is `capture.formats.puppetline_log`.
 """
 
 import json
 import os
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from capture.events import Cue, Event, Lost, Tick
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import OutputError
 
-VERSION = 1
+VERSION = 2
+"""Version 1 had frames only."""
 
 HEADER = json.dumps({"puppetline": "skeleton log", "version": VERSION, "joints": JOINTS}).encode() + b"\n"
 """The first line of a recording."""
+
+TORN = b"...\n"
+"""The end of a line that was torn: it keeps one that broke off at a ``}`` from passing for a whole one."""
 
 DECIMALS = 5
 """Of a position in metres: 0.01 mm."""
@@ -35,7 +47,7 @@ SYNC_INTERVAL = 1.0
 
 
 class Recorder:
-    """Appends frames to a recording, new or begun earlier.
+    """Appends events to a recording, new or begun earlier.
 
     Parameters
     ----------
@@ -44,7 +56,7 @@ class Recorder:
     Raises
     ------
     OutputError
-        If the file cannot be opened, or is there already and no recording.
+        If the file cannot be opened, or is there already and no recording of this version.
     """
 
     def __init__(self, path: Path) -> None:
@@ -54,6 +66,9 @@ class Recorder:
             self._file = path.open("ab+", buffering=0)
         except OSError as error:
             raise _cannot_write(path, error) from error
+        # A disk may take a tenth of a second to sync, for which no frame should wait.
+        self._syncer = ThreadPoolExecutor(1, "sync")
+        self._syncing: Future[None] | None = None
         self._synced = time.monotonic()
         try:
             self._append(self._missing_start())
@@ -69,33 +84,62 @@ class Recorder:
     ) -> None:
         self.close()
 
-    def write(self, frame: SkeletonFrame) -> None:
-        """Append one frame.
+    def write_beginning(self, state: dict[str, Any]) -> None:
+        """Say in a new recording, before all events, what the stage is like.
+
+        Parameters
+        ----------
+        state : dict
+            Of JSON's types, numbers finite; it reads back equal, floats to the bit.
+
+        Raises
+        ------
+        OutputError
+            If the recording has begun already, or the system does not take it.
+        """
+        if os.fstat(self._file.fileno()).st_size != len(HEADER):
+            raise OutputError(
+                self.path,
+                found="a recording that has begun already",
+                expected="a new file",
+                fix="Choose another name; the file was left as it is.",
+            )
+        self._append(_line({"beginning": state}))
+
+    def write(self, event: Event) -> None:
+        """Append one event.
 
         Raises
         ------
         OutputError
             If the system does not take it, say because the disk is full.
         """
-        self._append(encode(frame))
+        self._append(encode(event))
         now = time.monotonic()
-        if now - self._synced >= SYNC_INTERVAL:
-            self._sync()
+        if now - self._synced >= SYNC_INTERVAL and (self._syncing is None or self._syncing.done()):
+            self._check_sync()
+            self._syncing = self._syncer.submit(os.fsync, self._file.fileno())
             self._synced = now
 
     def close(self) -> None:
         """Leave the recording complete on the disk. Closing again does nothing."""
-        if not self._file.closed:
-            with self._file:
-                self._sync()
+        if self._file.closed:
+            return
+        with self._file:
+            self._syncer.shutdown()
+            self._check_sync()
+            try:
+                os.fsync(self._file.fileno())
+            except OSError as error:
+                raise _cannot_write(self.path, error) from error
 
     def _missing_start(self) -> bytes:
-        """Return what must stand before the next frame: the header, what a crash left out of it, or a line's end."""
+        """Return what must stand before the next line: the header, what a crash took of it, or a torn line's end."""
         self._file.seek(0)
         start = self._file.read(len(HEADER))
         if start == HEADER:
             self._file.seek(-1, os.SEEK_END)
-            return b"" if self._file.read(1) == b"\n" else b"\n"
+            return b"" if self._file.read(1) == b"\n" else TORN
         if HEADER.startswith(start):
             return HEADER[len(start) :]
         raise OutputError(
@@ -110,29 +154,58 @@ class Recorder:
             while data:
                 data = data[self._file.write(data) :]
         except OSError as error:
-            # Part of a line may be written. The next to open the file ends it; going on here would spoil a frame.
+            # Part of a line may be written. The next to open the file ends it; going on here would spoil a line.
+            self._syncer.shutdown()
             self._file.close()
             raise _cannot_write(self.path, error) from error
 
-    def _sync(self) -> None:
+    def _check_sync(self) -> None:
         try:
-            os.fsync(self._file.fileno())
+            if self._syncing is not None:
+                self._syncing.result()
         except OSError as error:
             raise _cannot_write(self.path, error) from error
 
 
-def encode(frame: SkeletonFrame) -> bytes:
-    """Return a frame's line in a recording."""
-    known = (frame.confidence > LOST) & np.isfinite(frame.positions).all(axis=1)
-    rounded = np.round(frame.positions, DECIMALS).tolist()
-    line = {
-        "t": float(frame.time),
-        "user": int(frame.user),
-        "p": [position if seen else None for position, seen in zip(rounded, known, strict=True)],
-        # str gives the shortest number that reads back as the same float32.
-        "c": [float(str(value)) if seen else LOST for value, seen in zip(frame.confidence, known, strict=True)],
-    }
-    return json.dumps(line, allow_nan=False).encode() + b"\n"
+def as_recorded(frame: SkeletonFrame) -> SkeletonFrame:
+    """Return the frame that a reader of the take gives back, to the bit.
+
+    What is performed live must be this, so that a replay performs the same.
+    """
+    rounded = np.round(frame.positions, DECIMALS)
+    known = (frame.confidence > LOST) & np.isfinite(rounded).all(axis=1)
+    return SkeletonFrame(
+        float(frame.time),
+        int(frame.user),
+        np.where(known[:, None], rounded, np.nan),
+        np.where(known, frame.confidence, np.float32(LOST)),
+    )
+
+
+def encode(event: Event) -> bytes:
+    """Return an event's line in a recording."""
+    match event:
+        case Tick(time):
+            return _line({"t": time, "tick": True})
+        case Lost(time, user):
+            return _line({"t": time, "lost": user})
+        case Cue(time, do, arguments):
+            return _line({"t": time, "do": do, "arguments": arguments})
+    frame = as_recorded(event)
+    known = (frame.confidence > LOST).tolist()
+    return _line(
+        {
+            "t": frame.time,
+            "user": frame.user,
+            "p": [place if seen else None for place, seen in zip(frame.positions.tolist(), known, strict=True)],
+            # str gives the shortest number that reads back as the same float32.
+            "c": [float(str(value)) for value in frame.confidence],
+        }
+    )
+
+
+def _line(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, allow_nan=False).encode() + b"\n"
 
 
 def _cannot_write(path: Path, error: OSError) -> OutputError:

@@ -1,6 +1,6 @@
 """A recorded skeleton, performed by a character."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,37 +98,59 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
 
 
-def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
-    """Run the performance over a whole timeline."""
-    rest = body.resting_pose(
+def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
+    """Return the performer's joints (20, 3) in the pose that stands for the character's rest pose."""
+    return body.resting_pose(
         timeline.positions,
         timeline.confidence,
         first=int(settings.rest_at * timeline.fps),
         count=max(1, round(REST_SECONDS * timeline.fps)),
     )
-    performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
+
+
+def solve(
+    rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int
+) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Run the performance over a whole timeline.
+
+    Yields
+    ------
+    R : (f, 4m, 3) float32
+        Control variables of the next frames, at most `at_a_time`; model units.
+    root : (f, 3) float32
+        Translation, mesh file's coordinates.
+    """
+    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
+    times, count = timeline.times, len(timeline.positions)
+    for start in range(0, count, at_a_time):
+        numbers = range(start, min(start + at_a_time, count))
+        R = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
+        root = np.empty((len(numbers), 3), dtype=np.float32)
+        for row, number in enumerate(numbers):
+            joints, confidence = timeline.positions[number], timeline.confidence[number]
+            pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
+            R[row], root[row] = pose.R, pose.root
+        yield R, root
+
+
+def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
+    """Run the performance over a whole timeline, and look at what it does to the character."""
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
-    count = len(timeline.positions)
     frames = FrameStore(rig.model.rest_controls.shape)
-    root = np.empty((count, 3), dtype=np.float32)
-    times = timeline.times
+    root = np.empty((len(timeline.positions), 3), dtype=np.float32)
 
     def look_at(vertices: NDArray[np.float32]) -> None:
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)
 
-    for start in range(0, count, surface.at_a_time):
-        numbers = range(start, min(start + surface.at_a_time, count))
-        solved = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
-        for controls, number in zip(solved, numbers, strict=True):
-            joints, confidence = timeline.positions[number], timeline.confidence[number]
-            pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
-            controls[:], root[number] = pose.R, pose.root
+    for solved, moved in solve(rig, timeline, settings, surface.at_a_time):
+        root[len(frames) : len(frames) + len(solved)] = moved
         frames.append(solved)
         look_at(surface.displacements(solved))  # from the middle: lengths of edges are precise anywhere
-        progress("Performing", (start + len(solved)) / count)
+        progress("Performing", len(frames) / len(root))
+    rest = resting_pose(timeline, settings)
     unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
         notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")

@@ -4,29 +4,20 @@ TOML; the unit that users edit, share and load. `load` checks all of it and says
 """
 
 import difflib
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import tomlkit
 from numpy.typing import NDArray
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    FiniteFloat,
-    StrictBool,
-    ValidationError,
-    model_validator,
-)
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_validator
 
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
+from engine_bridge import tables
 from engine_bridge.files import written_whole
-from puppetline.errors import PuppetError, at
+from engine_bridge.tables import Table, mistake
+from puppetline.errors import PuppetError
 from solver.reduced_model import ModelParameters
 from solver.retarget import Mapping
 from solver.rotations import RotationMode
@@ -38,28 +29,11 @@ MOST_ISOLINES = 640
 """Memory grows with the square of this; eight times the default take half a gigabyte."""
 
 
-EXPECTED = {
-    "model_type": "a table",
-    "tuple_type": "a list",
-    "too_short": "a list that is not empty",
-    "too_long": "three numbers",
-    "string_too_short": "a text that is not empty",
-    "int_type": "a whole number",
-    "bool_type": "true or false, without quotes",
-}
-"""What pydantic's errors want, in TOML's words; the others speak for themselves."""
-
-
-def _mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
-    """Make an error that pydantic carries to `_puppet_error`; the place is below that of the validator."""
-    return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
-
-
 def _known_joint(name: str) -> str:
     if name not in JOINT_INDEX:
         close = difflib.get_close_matches(name, JOINTS, 1)
         fix = f"Did you mean {close[0]!r}?" if close else f"Choose one of them: {', '.join(JOINTS)}."
-        raise _mistake(found=repr(name), expected="the name of a Kinect joint", fix=fix)
+        raise mistake(found=repr(name), expected="the name of a Kinect joint", fix=fix)
     return name
 
 
@@ -69,11 +43,7 @@ Number = Annotated[FiniteFloat, Field(strict=True, ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(strict=True)]
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class CharacterTable(_Table):
+class CharacterTable(Table):
     """[character]: the mesh, relative to the puppet file, how it stands in its own coordinates, and metres a unit."""
 
     mesh: Annotated[str, Field(min_length=1)]
@@ -84,7 +54,7 @@ class CharacterTable(_Table):
     @model_validator(mode="after")
     def _axes_differ(self) -> Self:
         if self.up[-1] == self.front[-1]:
-            raise _mistake(
+            raise mistake(
                 "front",
                 found=f"{self.front!r}, and up is {self.up!r}",
                 expected="up and front along different axes",
@@ -99,7 +69,7 @@ class CharacterTable(_Table):
         return np.array([np.cross(up, front), up, front])
 
 
-class HandleTable(_Table):
+class HandleTable(Table):
     """[[handle]]: a point on the surface, and the joints whose mean motion it follows."""
 
     name: Annotated[str, Field(min_length=1)]
@@ -112,7 +82,7 @@ class HandleTable(_Table):
     @model_validator(mode="after")
     def _one_of_the_two(self) -> Self:
         if self.joint is not None and self.joints is not None:
-            raise _mistake(
+            raise mistake(
                 "joints", found="both joint and joints", expected="one of the two", fix="Leave one of them out."
             )
         return self
@@ -123,21 +93,21 @@ class HandleTable(_Table):
         return self.joints or (() if self.joint is None else (self.joint,))
 
 
-class RootTable(_Table):
+class RootTable(Table):
     """[root]: the joint that carries the whole character."""
 
     joint: JointName = "hip_center"
     axes: AxisSet = "xz"
 
 
-class RetargetTable(_Table):
+class RetargetTable(Table):
     """[retarget]: mirror, and the character's metres for one of the performer's."""
 
     mirror: StrictBool = False
     scale: Literal["auto"] | Annotated[Number, Field(gt=0)] = "auto"
 
 
-class SmoothingTable(_Table):
+class SmoothingTable(Table):
     """[smoothing]: see docs/smoothing.md; the defaults are those of `capture.smoothing.Smoothing`."""
 
     alpha: Annotated[Number, Field(gt=0, le=1)] = DEFAULT_SMOOTHING.alpha
@@ -152,7 +122,7 @@ class SmoothingTable(_Table):
         return Smoothing(**self.model_dump())
 
 
-class SolverTable(_Table):
+class SolverTable(Table):
     """[solver]: size of the reduced model, and work a frame."""
 
     fields: Annotated[Count, Field(ge=1, le=64)] = 8
@@ -163,7 +133,7 @@ class SolverTable(_Table):
     @model_validator(mode="after")
     def _fits_in_memory(self) -> Self:
         if self.fields * self.isolines > MOST_ISOLINES:
-            raise _mistake(
+            raise mistake(
                 "isolines",
                 found=f"{self.fields} fields with {self.isolines} isolines each",
                 expected=f"no more than {MOST_ISOLINES} isolines together",
@@ -177,7 +147,7 @@ class SolverTable(_Table):
         return ModelParameters(fields=self.fields, isolines=self.isolines)
 
 
-class Puppet(_Table):
+class Puppet(Table):
     """A whole puppet file."""
 
     character: CharacterTable
@@ -192,7 +162,7 @@ class Puppet(_Table):
         names = [handle.name for handle in self.handle]
         for index, name in enumerate(names):
             if name in names[:index]:
-                raise _mistake(
+                raise mistake(
                     "handle",
                     index,
                     "name",
@@ -243,26 +213,8 @@ def load(path: Path) -> Puppet:
     PuppetError
         With the line of a syntax error, or the table and key of anything else.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise PuppetError(
-            path,
-            found=f"that it cannot be read ({error.strerror})",
-            expected="a puppet file",
-            fix="Check the path, or make one: puppetline new MESH -o PUPPET.toml",
-        ) from error
-    except UnicodeDecodeError as error:
-        raise PuppetError(
-            path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check which file was given."
-        ) from error
-    try:
-        values = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:  # the latter for thousands of nested brackets
-        raise PuppetError(
-            path, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
-        ) from error
-    return check(values, path)
+    fix = "Check the path, or make one: puppetline new MESH -o PUPPET.toml"
+    return check(tables.read(path, "a puppet file", fix, PuppetError), path)
 
 
 def check(values: dict[str, Any], where: str | Path) -> Puppet:
@@ -280,74 +232,7 @@ def check(values: dict[str, Any], where: str | Path) -> Puppet:
     PuppetError
         For the first thing that is wrong.
     """
-    try:
-        return Puppet.model_validate(values)
-    except ValidationError as error:
-        raise _puppet_error(error.errors(), values, where) from error
-
-
-def _puppet_error(errors: list[ErrorDetails], values: dict[str, Any], where: str | Path) -> PuppetError:
-    """Say the first of pydantic's errors in the words of the puppet file."""
-    # an unknown table first: it is likely the one that is said to be missing
-    error = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
-    location = _location(error)
-    if error["type"] == "mistake":
-        told = error["ctx"]
-        location = [*location, *told["place"]]
-        found, expected, fix = told["found"], told["expected"], told["fix"]
-    elif error["type"] == "extra_forbidden":
-        known = _keys_beside(location)
-        close = difflib.get_close_matches(str(location[-1]), known, 1)
-        found, expected = f"the unknown key {location[-1]!r}", f"one of {', '.join(known)}"
-        fix = f"Did you mean {close[0]!r}?" if close else "Remove it."
-    elif error["type"] == "missing" and isinstance(location[-1], int):
-        location = location[:-1]
-        found, expected, fix = repr(error["input"]), "three numbers", "Write it like [0.1, 1.5, 0.2]."
-    elif error["type"] == "missing":
-        name = {"character": "the table [character]", "handle": "a table [[handle]]"}.get(str(location[-1]))
-        found, expected, fix = "nothing", "a value", f"Add {name or f'the key {location[-1]!r}'} there."
-    else:
-        # a key that may be of several kinds has an error for each of them
-        kinds = [EXPECTED.get(each["type"]) or _plain(each["msg"]) for each in errors if _location(each) == location]
-        found, expected, fix = repr(error["input"]), " or ".join(kinds), "Change the value of that key."
-    return PuppetError(at(where, field=_field_name(location, values)), found=found, expected=expected, fix=fix)
-
-
-def _location(error: ErrorDetails) -> list[int | str]:
-    """Return the keys and indices of an error's place; pydantic adds a kind where a key may be of several."""
-    return list(error["loc"][:2] if error["loc"][:2] == ("retarget", "scale") else error["loc"])
-
-
-def _plain(message: str) -> str:
-    """Turn "Input should be a valid number" into "a number", and "… greater than 0" into "a number greater than 0"."""
-    text = message.removeprefix("Input should be ").replace("valid ", "")
-    return f"a number {text}" if text.startswith(("greater", "less")) else text
-
-
-def _field_name(location: list[Any], values: dict[str, Any]) -> str:
-    """Write a place as a user sees it: ``[[handle]] 2 'tail', joint``."""
-    if not location:
-        return "the whole file"
-    if location[0] != "handle" or len(location) < 2:
-        table = f"[{location[0]}]" if len(location) > 1 else str(location[0])
-        return ", ".join([table, *map(str, location[1:])])
-    handle = values["handle"][location[1]]
-    name = f" {handle['name']!r}" if isinstance(handle, dict) and isinstance(handle.get("name"), str) else ""
-    keys = [str(key + 1 if isinstance(key, int) else key) for key in location[2:]]
-    return ", ".join([f"[[handle]] {location[1] + 1}{name}", *keys])
-
-
-def _keys_beside(location: list[Any]) -> list[str]:
-    """List the keys that may stand where an unknown one stands."""
-    tables: dict[str, type[_Table]] = {
-        "character": CharacterTable,
-        "handle": HandleTable,
-        "root": RootTable,
-        "retarget": RetargetTable,
-        "smoothing": SmoothingTable,
-        "solver": SolverTable,
-    }
-    return list((tables[location[0]] if len(location) > 1 else Puppet).model_fields)
+    return tables.check(Puppet, values, where, PuppetError)
 
 
 def dump(puppet: Puppet, path: Path) -> None:

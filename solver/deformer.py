@@ -122,6 +122,16 @@ class Deformer:
         """(3m, 3) float64: the isolines' rotations in the last frame, for row vectors."""
         return lanes.unpack(self._turns, self._place_of_turns)
 
+    @property
+    def memory(self) -> dict[str, NDArray[np.float64]]:
+        """What is carried from frame to frame; setting it goes on where another of the same handles was."""
+        return {"turns": self._turns.copy(), "started": np.array(float(self._started))}
+
+    @memory.setter
+    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
+        self._turns[:] = memory["turns"]
+        self._started = bool(memory["started"])
+
     def another(self, iterations: int) -> "Deformer":
         """Return one of the same character and handles, with a state of its own."""
         other = copy(self)

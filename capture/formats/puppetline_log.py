@@ -5,12 +5,14 @@ A line that was torn in mid-write is left out, with a note. Any other line that 
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from capture.clip import SkeletonClip
+from capture.events import Cue, Event, Lost, Tick
 from capture.formats._performers import clips_by_performer
 from capture.formats.options import ReadOptions
 from capture.recording import VERSION
@@ -27,30 +29,62 @@ def matches(head: bytes) -> bool:
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - a recording says all of it itself
-    """Read a recording.
+    """Read a recording's frames.
 
     Raises
     ------
     SkeletonLogError
         The file cannot be opened, a line is complete but wrong, or no complete frame shows a performer.
     """
-    frames: list[SkeletonFrame] = []
     torn: list[int] = []
+    frames = [event for event in _contents(path, torn) if isinstance(event, SkeletonFrame)]
+    return clips_by_performer(path, "puppetline", frames, _notes(torn))
+
+
+def beginning(path: Path) -> dict[str, Any] | None:
+    """Return what a recording says the stage was like when it began, None where it does not say.
+
+    Raises
+    ------
+    SkeletonLogError
+        The file cannot be opened, or one of its first lines is complete but wrong.
+    """
+    first = next(_contents(path, []), None)
+    return first if isinstance(first, dict) else None
+
+
+def events(path: Path) -> Iterator[Event]:
+    """Go through a recording's events, equal to those that were written, reading as it goes.
+
+    Raises
+    ------
+    SkeletonLogError
+        When it comes to it: the file cannot be read, or a line is complete but wrong.
+    """
+    return (event for event in _contents(path, []) if not isinstance(event, dict))
+
+
+def _contents(path: Path, torn: list[int]) -> Iterator[Event | dict[str, Any]]:
+    """Go through the lines after the header: the beginning, which is a dict, and events; note the torn ones."""
+    begun = False
     try:
         with path.open("rb") as file:
             for number, raw in enumerate(file, 1):
-                line = raw.rstrip()
-                if not line.endswith(b"}"):
+                if not raw.endswith((b"}\n", b"}\r\n")):
                     torn.append(number)
-                elif number == 1:
-                    _check_header(path, _json(path, number, line))
-                else:
-                    frames.append(_frame(path, number, _json(path, number, line)))
+                    continue
+                line = _json(path, number, raw)
+                if number == 1:
+                    _check_header(path, line)
+                    continue
+                if "beginning" in line and begun:
+                    raise _wrong(path, number, "beginning", line["beginning"], "that only before all events")
+                yield _content(path, number, line)
+                begun = True
     except OSError as error:
         raise SkeletonLogError(
             path, found=f"“{error.strerror}”", expected="a readable file", fix="Check its path and permissions."
         ) from error
-    return clips_by_performer(path, "puppetline", frames, _notes(torn))
 
 
 def _notes(torn: list[int]) -> tuple[str, ...]:
@@ -72,33 +106,49 @@ def _json(path: Path, number: int, line: bytes) -> dict[str, Any]:
 
 
 def _check_header(path: Path, header: dict[str, Any]) -> None:
-    if header.get("version") != VERSION:
+    if header.get("version") not in range(1, VERSION + 1):
         raise SkeletonLogError(
             at(path, 1, "version"),
             found=_shown(header.get("version")),
-            expected=str(VERSION),
+            expected=f"1 to {VERSION}",
             fix="Read it with the version of Puppetline that wrote it, or a newer one.",
         )
     if header.get("joints") != list(JOINTS):
         raise _wrong(path, 1, "joints", header.get("joints"), "the 20 joint names from hip_center to foot_right")
 
 
-def _frame(path: Path, number: int, line: dict[str, Any]) -> SkeletonFrame:
-    time, user = line.get("t"), line.get("user")
+def _content(path: Path, number: int, line: dict[str, Any]) -> Event | dict[str, Any]:
+    if "beginning" in line:
+        return _object(path, number, "beginning", line)
+    time = line.get("t")
     if not _is_number(time):
         raise _wrong(path, number, "t", time, "seconds, a finite number")
-    if type(user) is not int:
-        raise _wrong(path, number, "user", user, "a whole number")
+    time = float(line["t"])
+    if "lost" in line:
+        return Lost(time, _whole_number(path, number, "lost", line))
+    if "tick" in line:
+        return Tick(time)
+    if "do" in line:
+        if not isinstance(line["do"], str):
+            raise _wrong(path, number, "do", line["do"], "what was asked for, a text")
+        return Cue(time, line["do"], _object(path, number, "arguments", line))
+    return _frame(path, number, time, line)
+
+
+def _frame(path: Path, number: int, time: float, line: dict[str, Any]) -> SkeletonFrame:
+    user = _whole_number(path, number, "user", line)
     places, trusts = (_of_joints(path, number, key, line.get(key)) for key in ("p", "c"))
-    for joint, (place, trust) in enumerate(zip(places, trusts, strict=True)):
+    for joint, trust in enumerate(trusts):
         if not (_is_number(trust) and 0 <= trust <= 1):
             raise _wrong(path, number, f"c[{joint}]", trust, "a number from 0 to 1")
+    confidence = np.array(trusts, dtype=np.float32)
+    for joint, (place, trust) in enumerate(zip(places, confidence, strict=True)):
         if trust == LOST and place is not None:
             raise _wrong(path, number, f"p[{joint}]", place, "null, as its confidence is 0")
         if trust != LOST and not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
             raise _wrong(path, number, f"p[{joint}]", place, "[x, y, z] in metres, as its confidence is not 0")
     positions = np.array([(np.nan,) * 3 if place is None else place for place in places], dtype=np.float64)
-    return SkeletonFrame(float(line["t"]), user, positions, np.array(trusts, dtype=np.float32))
+    return SkeletonFrame(time, user, positions, confidence)
 
 
 def _of_joints(path: Path, number: int, key: str, value: object) -> list[Any]:
@@ -106,6 +156,20 @@ def _of_joints(path: Path, number: int, key: str, value: object) -> list[Any]:
         raise _wrong(path, number, key, value, f"a list of {len(JOINTS)}")
     if len(value) != len(JOINTS):
         raise _wrong(path, number, key, f"a list of {len(value)}", f"a list of {len(JOINTS)}")
+    return value
+
+
+def _whole_number(path: Path, number: int, key: str, line: dict[str, Any]) -> int:
+    value = line.get(key)
+    if type(value) is not int:
+        raise _wrong(path, number, key, value, "a whole number")
+    return value
+
+
+def _object(path: Path, number: int, key: str, line: dict[str, Any]) -> dict[str, Any]:
+    value = line.get(key)
+    if not isinstance(value, dict):
+        raise _wrong(path, number, key, value, "a JSON object")
     return value
 
 

@@ -162,7 +162,12 @@ def _describe_targets(node: Node, mesh: Mesh, before: list[float], count: int) -
     named = extras.get("targetNames")
     names = list(named)[: len(before)] if isinstance(named, list) else []
     names += [f"target_{index}" for index in range(len(names), len(before))]
-    mesh["extras"] = {**extras, "targetNames": [*names, *(f"motion_{index}" for index in range(count))]}
+    mesh["extras"] = {**extras, "targetNames": [*names, *target_names(count)]}
+
+
+def target_names(count: int) -> list[str]:
+    """Return what so many new morph targets of a mesh are called; they come after those that it has."""
+    return [f"motion_{index}" for index in range(count)]
 
 
 def _widen_animations(document: Document, node: int, before: int, more: int) -> None:

@@ -104,19 +104,27 @@ def fit(
         count = max(count + 1, sample.count_for(allowed, limit))
 
 
-def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
-    """Return all directions (r, 4m, 3) that a clip needs, the most important first; orthonormal in the metric WᵀW."""
+def surface_coordinates(model: ReducedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return C (r, 4m) with CᵀC = WᵀW, the map that keeps lengths of vertex displacements, and its inverse (4m, r).
+
+    Directions that move no vertex are left out.
+    """
     values, vectors = np.linalg.eigh(model.gram)
     kept = values > NULL_SPACE * values[-1]
     root = np.sqrt(values[kept])
-    C, C_inverse = root[:, None] * vectors[:, kept].T, vectors[:, kept] / root
+    return root[:, None] * vectors[:, kept].T, vectors[:, kept] / root
+
+
+def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
+    """Return all directions (r, 4m, 3) that a clip needs, the most important first; orthonormal in the metric WᵀW."""
+    C, C_inverse = surface_coordinates(model)
 
     def moved(chosen: slice) -> NDArray[np.float64]:
         frame = frames[chosen] - model.rest_controls
         return np.tensordot(frame, C, axes=(1, 1)).reshape(len(frame), -1)
 
     # the smaller of the two Gram matrices: neither grows with both frames and unknowns
-    width = 3 * len(root)
+    width = 3 * len(C)
     if len(frames) < width:
         everything = moved(slice(None))
         energy, left = _significant(everything @ everything.T)
@@ -127,7 +135,7 @@ def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
             some = moved(slice(start, start + CHUNK))
             gram += some.T @ some
         _, right = _significant(gram)
-    return np.einsum("jc,kxc->kjx", C_inverse, right.T.reshape(-1, 3, len(root)), optimize=True)
+    return np.einsum("jc,kxc->kjx", C_inverse, right.T.reshape(-1, 3, len(C)), optimize=True)
 
 
 def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -1,0 +1,272 @@
+"""OSC 1.0 datagrams, read within bounds and written.
+
+`decode` takes any bytes at all: what it gives back is well formed, and everything else is one `OscError`. It allocates
+no more than a small multiple of the datagram's own size, whatever lengths the datagram claims.
+"""
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+MAX_DATAGRAM = 65_536
+"""Bytes; UDP cannot carry more."""
+MAX_DEPTH = 4
+"""Bundles in bundles."""
+MAX_MESSAGES = 1024
+"""Messages and bundles in one datagram."""
+MAX_ADDRESS = 255
+"""Bytes."""
+
+BUNDLE = b"#bundle\0"
+
+Reason = Literal[
+    "larger than a datagram",
+    "no multiple of 4 bytes",
+    "cut short",
+    "bytes left over",
+    "bad address",
+    "no type tags",
+    "unknown type tag",
+    "text not in UTF-8",
+    "number not finite",
+    "bundles too deep",
+    "too many messages",
+]
+REASONS: tuple[Reason, ...] = get_args(Reason)
+"""Why a datagram can be refused."""
+
+Argument = int | float | str | bytes | bool | None
+
+
+class Message(NamedTuple):
+    """One OSC message.
+
+    Attributes
+    ----------
+    address : str
+        As it was sent: NI mate's have no slash before them.
+    tags : str
+        A type tag an argument, without the comma.
+    arguments : tuple
+        int for i, h and t; float for f and d; str for s and S; bytes for b; True, False and None for T, F and N.
+    """
+
+    address: str
+    tags: str
+    arguments: tuple[Argument, ...]
+
+
+class OscError(ValueError):
+    """A datagram is no OSC.
+
+    Attributes
+    ----------
+    reason : str
+        One of `REASONS`.
+    """
+
+    def __init__(self, reason: Reason) -> None:
+        self.reason: Reason = reason
+        super().__init__(reason)
+
+
+def decode(datagram: bytes) -> list[Message]:
+    """Read a message or a bundle, whose messages come in their order; time tags and bundles are forgotten.
+
+    Parameters
+    ----------
+    datagram : bytes
+
+    Returns
+    -------
+    list of Message
+        Empty for a bundle without messages.
+
+    Raises
+    ------
+    OscError
+        Nothing else is ever raised.
+    """
+    if len(datagram) > MAX_DATAGRAM:
+        raise OscError("larger than a datagram")
+    if len(datagram) % 4:
+        raise OscError("no multiple of 4 bytes")
+    if not datagram:
+        raise OscError("cut short")
+    messages: list[Message] = []
+    waiting = [(0, len(datagram), 0)]  # packets to read: from, to, depth; the next one last
+    packets = 1
+    while waiting:
+        start, end, depth = waiting.pop()
+        if datagram[start : start + 8] != BUNDLE:
+            messages.append(_message(datagram, start, end))
+            continue
+        if depth == MAX_DEPTH:
+            raise OscError("bundles too deep")
+        elements = _elements(datagram, start + 16, end)
+        packets += len(elements)
+        if packets > MAX_MESSAGES:
+            raise OscError("too many messages")
+        waiting.extend((first, last, depth + 1) for first, last in reversed(elements))
+    return messages
+
+
+def _elements(data: bytes, offset: int, end: int) -> list[tuple[int, int]]:
+    """Return from where to where each element of a bundle lies."""
+    if offset > end:
+        raise OscError("cut short")
+    elements: list[tuple[int, int]] = []
+    while offset < end:
+        if len(elements) == MAX_MESSAGES:
+            raise OscError("too many messages")
+        (size,) = _INT.unpack_from(data, offset)  # sizes and ends are multiples of 4, so 4 bytes are there
+        offset += 4
+        if size % 4:
+            raise OscError("no multiple of 4 bytes")
+        if not 0 < size <= end - offset:
+            raise OscError("cut short")
+        elements.append((offset, offset + size))
+        offset += size
+    return elements
+
+
+def _message(data: bytes, offset: int, end: int) -> Message:
+    address, offset = _text(data, offset, end)
+    if not address or len(address) > MAX_ADDRESS or address[0] in "#," or not address.isprintable():
+        raise OscError("bad address")
+    if offset == end or data[offset] != ord(","):
+        raise OscError("no type tags")
+    tags, offset = _text(data, offset, end)
+    arguments: list[Argument] = []
+    for tag in tags[1:]:
+        reader = _READERS.get(tag)
+        if reader is None:
+            raise OscError("unknown type tag")
+        argument, offset = reader(data, offset, end)
+        arguments.append(argument)
+    if offset != end:
+        raise OscError("bytes left over")
+    return Message(address, tags[1:], tuple(arguments))
+
+
+def _text(data: bytes, offset: int, end: int) -> tuple[str, int]:
+    stop = data.find(b"\0", offset, end)
+    if stop < 0:
+        raise OscError("cut short")
+    try:
+        return data[offset:stop].decode(), stop + 4 - stop % 4
+    except UnicodeDecodeError:
+        raise OscError("text not in UTF-8") from None
+
+
+def _blob(data: bytes, offset: int, end: int) -> tuple[bytes, int]:
+    size, offset = _integer(data, offset, end)
+    if not 0 <= size <= end - offset:
+        raise OscError("cut short")
+    return data[offset : offset + size], offset + size + -size % 4
+
+
+def _number(layout: str) -> Callable[[bytes, int, int], tuple[int, int]]:
+    number = struct.Struct(layout)
+
+    def read(data: bytes, offset: int, end: int) -> tuple[int, int]:
+        if offset + number.size > end:
+            raise OscError("cut short")
+        (value,) = number.unpack_from(data, offset)
+        if not math.isfinite(value):
+            raise OscError("number not finite")
+        return value, offset + number.size
+
+    return read
+
+
+def _constant(value: Argument) -> Callable[[bytes, int, int], tuple[Argument, int]]:
+    return lambda _data, offset, _end: (value, offset)
+
+
+_INT = struct.Struct(">i")
+_integer = _number(">i")
+_READERS: dict[str, Callable[[bytes, int, int], tuple[Argument, int]]] = {
+    "i": _integer,
+    "f": _number(">f"),
+    "h": _number(">q"),
+    "d": _number(">d"),
+    "t": _number(">Q"),
+    "s": _text,
+    "S": _text,
+    "b": _blob,
+    "T": _constant(True),
+    "F": _constant(False),
+    "N": _constant(None),
+}
+
+
+def encode(address: str, *arguments: int | float | str | bytes | NDArray[np.float32]) -> bytes:
+    """Write one message.
+
+    Parameters
+    ----------
+    address : str
+    arguments : int, float, str, bytes or array of float32
+        As i, f, s, b; an array as its numbers in C order, each an f.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    struct.error, OverflowError
+        An int beyond 32 bits or a float beyond float32.
+    ValueError
+        A text with a NUL, which would end it.
+    TypeError
+        An argument of another type, or an array of another dtype.
+    """
+    tags, parts = [","], []
+    for argument in arguments:
+        tag, part = _written(argument)
+        tags.append(tag)
+        parts.append(part)
+    return b"".join((_padded(address), _padded("".join(tags)), *parts))
+
+
+def bundle(*messages: bytes) -> bytes:
+    """Write a bundle of encoded messages or bundles, to be taken at once.
+
+    Parameters
+    ----------
+    messages : bytes
+
+    Returns
+    -------
+    bytes
+    """
+    return BUNDLE + b"\0\0\0\0\0\0\0\1" + b"".join(_INT.pack(len(message)) + message for message in messages)
+
+
+def _written(argument: int | float | str | bytes | NDArray[np.float32]) -> tuple[str, bytes]:
+    if isinstance(argument, np.ndarray):
+        if argument.dtype != np.float32:
+            raise TypeError(f"an array of {argument.dtype}; expected float32")
+        return "f" * argument.size, argument.astype(">f4").tobytes()
+    if isinstance(argument, int):
+        return "i", _INT.pack(argument)
+    if isinstance(argument, float):
+        return "f", struct.pack(">f", argument)
+    if isinstance(argument, str):
+        return "s", _padded(argument)
+    if isinstance(argument, bytes):
+        return "b", _INT.pack(len(argument)) + argument + bytes(-len(argument) % 4)
+    raise TypeError(f"an argument of type {type(argument).__name__}")
+
+
+def _padded(text: str) -> bytes:
+    data = text.encode()
+    if b"\0" in data:
+        raise ValueError(f"a NUL in {text!r}")
+    return data + bytes(4 - len(data) % 4)

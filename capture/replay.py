@@ -1,0 +1,221 @@
+"""Recorded skeletons given again as a live source gives them: ``replay:FILE`` and ``demo:NAME``.
+
+A take of a stage (one that says how it began) gives the very events that were recorded. Other recordings are frames and
+little else; where they are silent for longer than `GAP`, ticks are put in, so that what waits or eases goes on.
+
+The clock of the events is the recording's own. It runs as the monotonic clock does from the first call of `receive` on,
+and waits for a caller who was away for longer than `PATIENCE`: what comes then is late, and not all at once.
+"""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from dataclasses import replace
+from heapq import merge
+from itertools import count
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from capture.clip import SkeletonClip
+from capture.events import TICK, Event, Tick
+from capture.formats import FARTHEST, puppetline_log, read_log, recognize
+from capture.skeleton import SkeletonFrame
+from capture.source import Counts
+from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
+
+GAP = 3 * TICK
+"""Seconds of silence in a recording that are not filled with ticks: slow sensors give 10 frames a second."""
+
+PATIENCE = 1.0
+"""Seconds by which a caller may be late and still get all that is due."""
+
+BATCH = 1000
+"""Events given at a time, however many a recording has at one moment."""
+
+
+class TakeSource:
+    """A recording as a `capture.source.SkeletonSource`.
+
+    Parameters
+    ----------
+    name : str
+        The URI that opened it.
+    play : callable
+        Goes through the recording's events from the start.
+    loop : bool
+        Whether to play it again when it has ended. The times go on then; those of the first pass are the recording's.
+    beginning : dict, optional
+        What the stage was like when the recording began.
+
+    Raises
+    ------
+    SourceError
+        If the recording has no event.
+    """
+
+    def __init__(
+        self, name: str, play: Callable[[], Iterable[Event]], loop: bool, beginning: dict[str, Any] | None = None
+    ) -> None:
+        self.name = name
+        self.counts = Counts()
+        self.beginning = beginning
+        self._play = play
+        self._events = _endless(self._pass) if loop else self._pass()
+        self._end: PuppetlineError = SourceError(
+            name, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to play it in a loop."
+        )
+        self._next = self._following()
+        if self._next is None:
+            raise self._end
+        self._given = self._next.time
+        self._listening_since: float | None = None  # on the monotonic clock, when the recording's clock was at _start
+        self._start = self._next.time
+
+    @classmethod
+    def of_file(cls, name: str, path: Path, loop: bool = False) -> Self:
+        """Play a take, or a log of any format that `capture.formats` knows, all its performers together.
+
+        A take is read as it is played, any other log at once.
+
+        Raises
+        ------
+        SkeletonLogError
+            No known format, or a file that does not keep to its format; of a take, as far as its first event.
+        SourceError
+            If there is no event in it.
+        """
+        if recognize(path) is not puppetline_log:
+            return cls.of_clips(name, read_log(path), loop)
+        beginning = puppetline_log.beginning(path)
+        if beginning is None:
+            return cls(name, lambda: _with_ticks(_within_reach(path)), loop)
+        return cls(name, lambda: _within_reach(path), loop, beginning)
+
+    @classmethod
+    def of_clips(cls, name: str, clips: Sequence[SkeletonClip], loop: bool = False) -> Self:
+        """Play the clips of several performers together, each at its own times.
+
+        Raises
+        ------
+        SourceError
+            If there is no frame in them.
+        """
+        return cls(name, lambda: _with_ticks(merge(*(clip.frames() for clip in clips), key=_time)), loop)
+
+    def fileno(self) -> None:
+        """Only time matters here."""
+        return
+
+    def due(self) -> float:
+        """Return when the next event is due, on the monotonic clock."""
+        if self._next is None or self._listening_since is None:
+            return time.monotonic()
+        return self._listening_since + (self._next.time - self._start)
+
+    def now(self) -> float:
+        """Return the time on the recording's clock: not before what has been given, nor after what comes next."""
+        if self._listening_since is None:
+            return self._start
+        now = max(self._given, self._start + (time.monotonic() - self._listening_since))
+        return now if self._next is None else min(now, self._next.time)
+
+    def receive(self) -> list[Event]:
+        """Return the events that are due, every one and in order.
+
+        Raises
+        ------
+        SourceError
+            The recording has ended, or cannot be read any further.
+        """
+        now = time.monotonic()
+        if self._next is None:
+            raise self._end
+        if self._listening_since is None or now - self.due() > PATIENCE:
+            self._listening_since, self._start = now, self._next.time
+        events: list[Event] = []
+        while self._next is not None and self.due() <= now and len(events) < BATCH:
+            events.append(self._next)
+            self._next = self._following()
+        if events:
+            self._given = events[-1].time
+            self.counts.received += len(events)
+        return events
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._next = None
+        self._events.close()
+
+    def _pass(self) -> Generator[Event, None, None]:
+        return _forward(self._play(), self.counts.refused)
+
+    def _following(self) -> Event | None:
+        try:
+            return next(self._events, None)
+        except SkeletonLogError as error:
+            self._end = SourceError(error.where, found=error.found, expected=error.expected, fix=error.fix)
+            return None
+
+
+def _time(event: Event) -> float:
+    return event.time
+
+
+def _within_reach(path: Path) -> Iterator[Event]:
+    """Go through a take's events, refusing positions that are no performer's."""
+    for event in puppetline_log.events(path):
+        if isinstance(event, SkeletonFrame) and (np.abs(event.positions) > FARTHEST).any():
+            raise SkeletonLogError(
+                path,
+                found=f"a joint {np.nanmax(np.abs(event.positions)):.4g} m away at second {event.time:g}",
+                expected=f"a place within {FARTHEST:g} m of the sensor",
+                fix="Mend or delete that frame.",
+            )
+        yield event
+
+
+def _with_ticks(events: Iterable[Event]) -> Iterator[Event]:
+    """Fill what is silent for longer than `GAP` with ticks."""
+    before = math.inf
+    for event in events:
+        if event.time - before > GAP:
+            for k in count(1):
+                tick = before + k * TICK
+                if tick >= event.time:
+                    break
+                yield Tick(tick)
+        yield event
+        before = event.time
+
+
+def _forward(events: Iterable[Event], refused: Counter[str]) -> Generator[Event, None, None]:
+    """Leave out what goes back in time, as the later part of a take does that was continued after a restart."""
+    latest = -math.inf
+    performers: dict[int, float] = {}
+    for event in events:
+        if event.time < latest or (
+            isinstance(event, SkeletonFrame) and event.time <= performers.get(event.user, -math.inf)
+        ):
+            refused["goes back in time"] += 1
+            continue
+        latest = event.time
+        if isinstance(event, SkeletonFrame):
+            performers[event.user] = event.time
+        yield event
+
+
+def _endless(play: Callable[[], Iterable[Event]]) -> Generator[Event, None, None]:
+    """Play a recording again and again, each pass beginning a tick after the end of the one before."""
+    end: float | None = None
+    while True:
+        start, shift = end, 0.0
+        for k, event in enumerate(play()):
+            if start is not None and k == 0:
+                shift = start + TICK - event.time
+            yield replace(event, time=event.time + shift) if shift else event
+            end = event.time + shift
+        if end == start:
+            return

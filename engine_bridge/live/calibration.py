@@ -1,0 +1,101 @@
+"""When a performer stands still, and in which pose."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import body
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
+
+SECOND = 1.0
+"""Seconds for which a performer must stand still."""
+
+NOW = 0.4
+"""Seconds whose median is the pose at a moment."""
+
+MOST_FRAMES = 240
+
+DRIFT = 0.03
+"""Metres that a joint may have moved from the first half of the second to the other; a Kinect's noise averages out."""
+
+UNSTEADY = 0.1
+"""Share of the joints that may have moved more: sensors guess at hands and feet."""
+
+FEWEST_FRAMES, FEWEST_JOINTS = 8, 6
+"""Below these there is too little to tell a pose by."""
+
+SAME_BODY = 0.12
+"""Mean relative difference of bone lengths up to which it may be the same person."""
+
+
+class LastSecond:
+    """A performer's last second, to be asked whether they stood still."""
+
+    def __init__(self) -> None:
+        self._frames: deque[SkeletonFrame] = deque(maxlen=MOST_FRAMES)
+
+    def add(self, frame: SkeletonFrame) -> None:
+        """Take the next frame."""
+        self._frames.append(frame)
+        while frame.time - self._frames[0].time > SECOND:
+            self._frames.popleft()
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._frames.clear()
+
+    def still(self) -> bool:
+        """Tell whether the performer stood still for the whole second."""
+        if len(self._frames) < FEWEST_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * SECOND:
+            return False
+        positions, confidence = self._stacked(SECOND)
+        seen = np.where((confidence > LOST)[..., None], positions, np.nan)
+        half = len(seen) // 2
+        known = (confidence[:half] > LOST).any(axis=0) & (confidence[half:] > LOST).any(axis=0)
+        if np.count_nonzero(known) < FEWEST_JOINTS:
+            return False
+        before, after = np.nanmean(seen[:half, known], axis=0), np.nanmean(seen[half:, known], axis=0)
+        moved = np.linalg.norm(after - before, axis=1) > DRIFT
+        return bool(moved.mean() <= UNSTEADY)
+
+    def pose(self, seconds: float = SECOND) -> NDArray[np.float64]:
+        """Return the median pose (20, 3) of the last `seconds`, NaN for joints that were never seen in them."""
+        positions, confidence = self._stacked(seconds)
+        return body.resting_pose(positions, confidence, 0, len(positions))
+
+    def enough(self, seconds: float) -> bool:
+        """Tell whether there are frames over at least that long."""
+        return len(self._frames) > 1 and self._frames[-1].time - self._frames[0].time >= seconds
+
+    def _stacked(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        end = self._frames[-1].time if self._frames else 0.0
+        frames = [frame for frame in self._frames if end - frame.time <= seconds]
+        if not frames:
+            return np.empty((0, len(JOINTS), 3)), np.empty((0, len(JOINTS)), dtype=np.float32)
+        return np.stack([frame.positions for frame in frames]), np.stack([frame.confidence for frame in frames])
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What is remembered; setting it goes on where another one was."""
+        positions, confidence = self._stacked(SECOND)
+        return {
+            "times": np.array([frame.time for frame in self._frames]),
+            "user": np.array([frame.user for frame in self._frames]),
+            "positions": positions,
+            "confidence": confidence,
+        }
+
+    @memory.setter
+    def memory(self, memory: dict[str, Any]) -> None:
+        columns = (memory[name] for name in ("times", "user", "positions", "confidence"))
+        self._frames = deque(
+            (SkeletonFrame(float(t), int(user), p, c) for t, user, p, c in zip(*columns, strict=True)), MOST_FRAMES
+        )
+
+
+def same_body(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Tell whether two poses (20, 3) may be of one person, by the lengths of their bones."""
+    ours, theirs = (np.array(list(body.bone_lengths(pose).values())) for pose in (one, other))
+    return bool(np.mean(np.abs(ours - theirs)) <= SAME_BODY * np.mean(ours))

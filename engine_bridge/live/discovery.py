@@ -1,0 +1,210 @@
+"""The service announced by multicast DNS, so that an engine finds it without an address: ``_puppetline._tcp.local.``
+
+The TXT record holds ``version``, ``characters`` (their names with commas between them, as many as fit), ``control`` (the
+port of the control socket) and ``mechanism`` (``NULL``, ``PLAIN`` or ``CURVE``). What is found so is a hint from the
+network and nothing more: who connects still checks who answers.
+"""
+
+import ipaddress
+import logging
+import socket
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import psutil
+from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
+
+TYPE = "_puppetline._tcp.local."
+
+MOST_FOUND = 100
+"""Services looked at; more than one network has."""
+
+GOODBYE = 0.5
+"""Seconds that the end waits for the network to hear of it."""
+
+_TEXT_LENGTH = 255  # of a string in a TXT record, key and = included, RFC 6763
+_LABEL_LENGTH = 63  # of a part of a name, RFC 1035
+_RESOLVE_MS = 500  # for an address that did not come with the announcement
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A service that announced itself.
+
+    Attributes
+    ----------
+    name : str
+    addresses : tuple of str
+    port : int
+        Of the stream.
+    control : int or None
+        Port of the control socket.
+    mechanism : str
+        ``"NULL"``, ``"PLAIN"``, ``"CURVE"``, or empty.
+    characters : tuple of str
+    version : str
+    """
+
+    name: str
+    addresses: tuple[str, ...]
+    port: int
+    control: int | None
+    mechanism: str
+    characters: tuple[str, ...]
+    version: str
+
+
+class Announcement:
+    """Announces the service, from a thread of its own; where that fails there is one warning and no more.
+
+    Parameters
+    ----------
+    host : str
+        The address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. On loopback it
+        is announced on loopback.
+    port, control : int
+        Of the stream and of the control socket.
+    mechanism : {"NULL", "PLAIN", "CURVE"}
+    characters : sequence of str
+        Their names.
+    """
+
+    def __init__(self, host: str, port: int, control: int, mechanism: str, characters: Sequence[str]) -> None:
+        self._everywhere = host in ("*", "0.0.0.0", "")  # noqa: S104 - it is compared, not bound
+        self._addresses = _own_addresses() if self._everywhere else [host]
+        self._port = port
+        self._properties = {"version": version("puppetline"), "control": str(control), "mechanism": mechanism}
+        self._name = f"Puppetline on {socket.gethostname().partition('.')[0]}"
+        self._wanted: list[str] | None = list(characters)  # what is still to be announced
+        self._open = True
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="announcement", daemon=True)
+        self._thread.start()
+
+    def update(self, characters: Sequence[str]) -> None:
+        """Announce other characters."""
+        with self._changed:
+            self._wanted = list(characters)
+            self._changed.notify()
+
+    def close(self) -> None:
+        """Take the announcement back. Closing again does nothing."""
+        with self._changed:
+            self._open = False
+            self._changed.notify()
+        self._thread.join(GOODBYE)
+
+    def _run(self) -> None:
+        try:
+            with closing(Zeroconf(InterfaceChoice.All if self._everywhere else self._addresses)) as zeroconf:
+                registered: ServiceInfo | None = None
+                while (characters := self._next()) is not None:
+                    if registered is None:
+                        registered = self._info(self._name, characters)
+                        zeroconf.register_service(registered, allow_name_change=True)
+                    else:
+                        registered = self._info(registered.get_name(), characters)
+                        zeroconf.update_service(registered)
+        except Exception as error:  # noqa: BLE001 - the stream goes on, whatever the network has against multicast
+            log.warning("not announced in the network: %s", str(error) or type(error).__name__)
+
+    def _next(self) -> list[str] | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._wanted is not None or not self._open)
+            characters, self._wanted = self._wanted, None
+            return characters if self._open else None
+
+    def _info(self, name: str, characters: Sequence[str]) -> ServiceInfo:
+        return ServiceInfo(
+            TYPE,
+            f"{_cut(name, _LABEL_LENGTH)}.{TYPE}",
+            port=self._port,
+            properties=self._properties | {"characters": _as_many_as_fit(characters)},
+            server=f"{socket.gethostname().partition('.')[0]}.local.",
+            parsed_addresses=self._addresses,
+        )
+
+
+def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
+    """Look for services.
+
+    Parameters
+    ----------
+    seconds : float
+        How long.
+    addresses : sequence of str, optional
+        This machine's addresses at which to look; all of them where none is given.
+
+    Returns
+    -------
+    list of Found
+        In the order of their names.
+
+    Raises
+    ------
+    OSError
+        There is no network at all.
+    """
+    names: set[str] = set()
+
+    def heard(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:  # noqa: ARG001
+        if state_change is ServiceStateChange.Removed:
+            names.discard(name)
+        elif len(names) < MOST_FOUND:
+            names.add(name)
+
+    with closing(Zeroconf(InterfaceChoice.All if addresses is None else list(addresses))) as zeroconf:
+        browser = ServiceBrowser(zeroconf, TYPE, handlers=[heard])
+        time.sleep(seconds)
+        browser.cancel()
+        infos = [zeroconf.get_service_info(TYPE, name, _RESOLVE_MS) for name in sorted(names)]
+    return [_found(info) for info in infos if info is not None and info.port]
+
+
+def _found(info: ServiceInfo) -> Found:
+    texts = {key: value or "" for key, value in info.decoded_properties.items()}
+    return Found(
+        name=info.get_name(),
+        addresses=tuple(info.parsed_scoped_addresses()),
+        port=info.port or 0,
+        control=_port(texts.get("control", "")),
+        mechanism=texts.get("mechanism", ""),
+        characters=tuple(name for name in texts.get("characters", "").split(",") if name),
+        version=texts.get("version", ""),
+    )
+
+
+def _port(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= 5 and 0 < int(text) < 65536 else None
+
+
+def _as_many_as_fit(names: Sequence[str]) -> str:
+    """Join names with commas, leaving out those for which a TXT record has no room."""
+    joined = ""
+    for name in names:
+        longer = f"{joined},{name}" if joined else name
+        if len(f"characters={longer}".encode()) > _TEXT_LENGTH:
+            break
+        joined = longer
+    return joined
+
+
+def _cut(text: str, length: int) -> str:
+    return text.encode()[:length].decode(errors="ignore")
+
+
+def _own_addresses() -> list[str]:
+    """Return this machine's IPv4 addresses, loopback left out unless there is no other."""
+    found = [
+        address.address
+        for interface in psutil.net_if_addrs().values()
+        for address in interface
+        if address.family == socket.AF_INET
+    ]
+    return [address for address in found if not ipaddress.ip_address(address).is_loopback] or ["127.0.0.1"]

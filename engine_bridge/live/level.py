@@ -1,0 +1,78 @@
+"""A sensor that looks up or down, at some height: its skeletons turned upright and put on the floor."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.body import ANKLE_HEIGHT
+from capture.skeleton import JOINT_INDEX
+
+STRAIGHT = math.cos(math.radians(20))
+"""Thigh and shin, and legs and trunk, that enclose less than this are those of somebody who stands upright."""
+
+DEAD_ZONE = 5.0
+"""Degrees. People do not stand straighter than this, so less is no tilt of the sensor."""
+
+STEEPEST = 50.0
+"""Degrees of tilt beyond which a pose is taken for something else than standing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """How a sensor stands.
+
+    Attributes
+    ----------
+    tilt : float
+        Degrees that it looks down; negative where it looks up.
+    height : float
+        Metres above the floor, 0 where that is not known.
+    """
+
+    tilt: float = 0.0
+    height: float = 0.0
+
+    def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return (..., 3) positions with y straight up, from the floor where its height is known."""
+        if self == Level():
+            return positions
+        angle = math.radians(self.tilt)
+        turn = np.array([[1, 0, 0], [0, math.cos(angle), math.sin(angle)], [0, -math.sin(angle), math.cos(angle)]])
+        return positions @ turn + [0.0, self.height, 0.0]
+
+
+def level_of(pose: NDArray[np.float64]) -> Level | None:
+    """Find out from somebody who stands upright how the sensor stands.
+
+    Parameters
+    ----------
+    pose : (20, 3) float64
+        Metres, sensor frame; NaN for unknown joints.
+
+    Returns
+    -------
+    Level or None
+        None where legs or trunk are unknown or bent, so that nothing can be said.
+    """
+    joint = {name: pose[index] for name, index in JOINT_INDEX.items()}
+    hips, top = joint["hip_center"], joint["shoulder_center"]
+    ankles = (joint["ankle_left"] + joint["ankle_right"]) / 2
+    bends = [
+        (joint[f"knee_{side}"] - joint[f"hip_{side}"], joint[f"ankle_{side}"] - joint[f"knee_{side}"])
+        for side in ("left", "right")
+    ]
+    if not all(_along(*bend) > STRAIGHT for bend in [*bends, (top - hips, hips - ankles)]):
+        return None
+    _, up, forward = top - ankles
+    tilt = math.degrees(math.atan2(-forward, up))
+    if abs(tilt) > STEEPEST:
+        return None
+    upright = Level(tilt if abs(tilt) > DEAD_ZONE else 0.0)
+    return Level(upright.tilt, ANKLE_HEIGHT - float(upright(ankles)[1]))
+
+
+def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the cosine between two directions; NaN, which is above nothing, where one is unknown."""
+    return float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))

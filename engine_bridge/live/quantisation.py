@@ -1,0 +1,74 @@
+"""Vertices in ten bytes: positions as 16 bits an axis of their bounding box, normals folded onto a square."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+STEPS = 65535
+"""Of each side of the box."""
+
+SQUARE = 32767
+"""Of each half of the square."""
+
+
+def quantised(
+    positions: NDArray[np.float32], normals: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.int16]]:
+    """Return the box (2, 3) and what vertices are in it.
+
+    Parameters
+    ----------
+    positions, normals : (n, 3) float32
+        Finite; a normal of zero becomes +z.
+
+    Returns
+    -------
+    box : (2, 3) float32
+        Lowest and highest corner.
+    places : (n, 3) uint16
+        No coordinate is off by more than half a step and what float32 rounds.
+    folded : (n, 2) int16
+    """
+    box = np.empty((2, 3), dtype=np.float32)
+    places, folded = np.empty(positions.shape, dtype=np.uint16), np.empty((len(normals), 2), dtype=np.int16)
+    _quantise(positions, normals, box, places, folded)
+    return box, places, folded
+
+
+def positions_of(box: NDArray[np.float32], places: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return the (n, 3) float32 positions of places in a box."""
+    return box[0] + places.astype(np.float32) * ((box[1] - box[0]) / np.float32(STEPS))
+
+
+def normals_of(folded: NDArray[np.int16]) -> NDArray[np.float32]:
+    """Unfold (n, 2) points of the square into (n, 3) float32 unit normals."""
+    u, v = np.maximum(folded.astype(np.float32) / np.float32(SQUARE), -1).T
+    z = 1 - np.abs(u) - np.abs(v)
+    beyond = np.maximum(-z, 0)
+    normals = np.column_stack([u - np.copysign(beyond, u), v - np.copysign(beyond, v), z])
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+@numba.njit(cache=True, nogil=True)
+def _quantise(positions, normals, box, places, folded):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    one, half = np.float32(1), np.float32(0.5)
+    for axis in range(3):
+        low = high = positions[0, axis]
+        for v in range(1, len(positions)):
+            low, high = min(low, positions[v, axis]), max(high, positions[v, axis])
+        box[0, axis], box[1, axis] = low, high
+        scale = np.float32(STEPS) / (high - low) if high > low else np.float32(0)
+        for v in range(len(positions)):
+            places[v, axis] = np.uint16(min((positions[v, axis] - low) * scale + half, np.float32(STEPS)))
+    for v in range(len(normals)):
+        x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
+        length = abs(x) + abs(y) + abs(z)
+        by = one / length if length > 0 else np.float32(0)
+        x, y = x * by, y * by
+        if z < 0:  # the lower half is folded outwards over the edges
+            x, y = (
+                (one - abs(y)) * (one if x >= 0 else -one),
+                (one - abs(x)) * (one if y >= 0 else -one),
+            )
+        folded[v, 0] = np.int16(np.floor(x * np.float32(SQUARE) + half))
+        folded[v, 1] = np.int16(np.floor(y * np.float32(SQUARE) + half))

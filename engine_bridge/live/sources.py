@@ -1,0 +1,64 @@
+"""A source's URI: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``vmc:PORT``."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.network.source import open_osc, open_vmc
+from capture.replay import TakeSource
+from capture.source import SkeletonSource
+from puppetline.errors import SourceError
+
+LOOP = "?loop"
+
+
+def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
+    """Open a live source of skeletons.
+
+    Parameters
+    ----------
+    uri : str
+        A scheme, a colon, and what the scheme wants; see `SCHEMES`.
+    folder : Path
+        What the files of ``replay:`` are relative to.
+
+    Raises
+    ------
+    PuppetlineError
+        An unknown scheme, or what the source itself has against it.
+    """
+    scheme, colon, rest = uri.partition(":")
+    if not colon or scheme not in SCHEMES:
+        raise SourceError(
+            f"source {uri!r}",
+            found=f"the scheme {scheme!r}" if colon else "no scheme",
+            expected=f"one of {', '.join(SCHEMES)}",
+            fix="Write it like osc:7110, replay:take.log?loop or demo:walk?loop.",
+        )
+    return SCHEMES[scheme](uri, rest, folder)
+
+
+def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
+    name = rest.removesuffix(LOOP)
+    if name not in PERFORMANCES:
+        raise SourceError(
+            f"source {uri!r}",
+            found=f"no performance {name!r}",
+            expected=f"one of {', '.join(PERFORMANCES)}",
+            fix="Name one of these, as in demo:walk?loop.",
+        )
+    return TakeSource.of_clips(uri, [PERFORMANCES[name]()], rest.endswith(LOOP))
+
+
+def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    return TakeSource.of_file(uri, folder / rest.removesuffix(LOOP), rest.endswith(LOOP))
+
+
+SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
+    "demo": _demo,
+    "replay": _replay,
+    "osc": lambda _uri, rest, _folder: open_osc(rest),
+    "vmc": lambda _uri, rest, _folder: open_vmc(rest),
+}
+"""An example performance; a take or any skeleton log; senders in the network, all dialects; and VMC."""

@@ -1,0 +1,215 @@
+"""A stage: one source of skeletons and the characters that its performers play.
+
+It knows no clock and no socket. What it makes depends on the events it is given and on nothing else, so that a take,
+which is these events, plays to the very same controls again.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.events import Cue, Event, Lost, Tick
+from capture.skeleton import LOST, SkeletonFrame
+from engine_bridge import puppet as puppet_file
+from engine_bridge.live.casting import Casting, People, Presence
+from engine_bridge.live.frame import Frame
+from engine_bridge.live.memory import pack, unpack
+from engine_bridge.live.role import Role
+from puppetline.errors import ServiceError
+
+
+@dataclass(frozen=True)
+class Direction:
+    """How a stage treats the people before it.
+
+    Attributes
+    ----------
+    people : {"each", "nearest", "queue"}
+    turn : float
+        Seconds of a turn in a queue.
+    lost_after : float
+        Seconds after which somebody who is not seen has left.
+    least_confidence : float
+        A joint of less is lost.
+    """
+
+    people: People = "each"
+    turn: float = 60.0
+    lost_after: float = 0.5
+    least_confidence: float = 0.25
+
+
+class Stage:
+    """Characters, and the performers of one source.
+
+    Parameters
+    ----------
+    name : str
+    roles : sequence of Role
+        At least one; each name once.
+    direction : Direction
+    """
+
+    def __init__(self, name: str, roles: Sequence[Role], direction: Direction) -> None:
+        self.name = name
+        self.roles = list(roles)
+        self._direction = direction
+        self.casting = Casting(direction.people, direction.turn, [None] * len(self.roles))
+        self._latest: dict[int, float] = {}
+
+    def step(self, event: Event, received: int) -> list[Frame]:
+        """Take an event and return the frames of the characters that it moves.
+
+        Parameters
+        ----------
+        event : Event
+            No earlier than the one before.
+        received : int
+            `time.monotonic_ns` at which it came.
+
+        Raises
+        ------
+        ServiceError
+            A cue that cannot be followed.
+        """
+        match event:
+            case SkeletonFrame():
+                return self._perform(event, received)
+            case Lost():
+                self.casting.gone(event.user)
+            case Cue():
+                self._follow(event)
+            case Tick():
+                pass
+        self._recast(event.time)
+        return self._pass_time(event.time, received)
+
+    def _perform(self, frame: SkeletonFrame, received: int) -> list[Frame]:
+        confidence = np.where(frame.confidence < self._direction.least_confidence, np.float32(LOST), frame.confidence)
+        known = confidence > LOST
+        if known.any() and frame.time > self._latest.get(frame.user, -np.inf):
+            self.casting.see(frame.user, frame.time, _distance(frame.positions[known]))
+        self._recast(frame.time)
+        if frame.user not in self.casting.present or frame.time <= self._latest.get(frame.user, -np.inf):
+            return self._pass_time(frame.time, received)
+        self._latest[frame.user] = frame.time
+        frame = replace(frame, confidence=confidence)
+        shown = [role.perform(frame, received) for role in self.roles if role.user == frame.user]
+        return shown + self._pass_time(frame.time, received)
+
+    def _recast(self, time: float) -> None:
+        """Let people come and go."""
+        casting = self.casting
+        for user, presence in list(casting.present.items()):
+            if time - presence.seen > self._direction.lost_after:
+                casting.gone(user)
+        casting.recast(time)
+        for role, performer in zip(self.roles, casting.cast, strict=True):
+            if role.user == performer:
+                continue
+            if role.user is not None:
+                role.leave(time)
+            if performer is not None:
+                role.enter(performer, time)
+        self._latest = {user: self._latest[user] for user in self._latest if user in casting.present}
+
+    def _pass_time(self, time: float, received: int) -> list[Frame]:
+        return [frame for role in self.roles if (frame := role.pass_time(time, received)) is not None]
+
+    def _follow(self, cue: Cue) -> None:
+        names = [role.character.name for role in self.roles]
+        character = cue.arguments.get("character")
+        if character is not None and character not in names:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"no character {character!r}",
+                expected=f"one of {', '.join(names)}",
+                fix="Name one of these.",
+            )
+        chosen = [role for role in self.roles if character in (None, role.character.name)]
+        match cue.do:
+            case "calibrate":
+                if not [role for role in chosen if role.calibrate(cue.time)]:
+                    raise self._nobody(character)
+            case "mirror":
+                for role in chosen:
+                    on = cue.arguments.get("on")
+                    role.set_mirror(not role.mirror if on is None else bool(on), cue.time)
+            case "choose_user":
+                user = cue.arguments["user"]
+                if user not in self.casting.present:
+                    here = ", ".join(map(str, self.casting.present)) or "nobody"
+                    raise ServiceError(
+                        f"stage {self.name}",
+                        found=f"no user {user} before the sensor",
+                        expected=f"one of them: {here}",
+                        fix="Ask for the list again.",
+                    )
+                self.casting.choose(self.roles.index(chosen[0]), user, cue.time)
+
+    def _nobody(self, character: str | None) -> ServiceError:
+        return ServiceError(
+            f"stage {self.name}",
+            found=f"nobody who plays {character or 'a character'}",
+            expected="a performer whom the sensor sees",
+            fix="Calibrate when somebody is there.",
+        )
+
+    def replace_roles(self, roles: Sequence[Role]) -> None:
+        """Take over characters that were loaded anew; performers stay with those of the same name."""
+        before = {role.character.name: role for role in self.roles}
+        for role in roles:
+            old = before.get(role.character.name)
+            if old is not None:
+                role.succeed(old)
+        self.casting.cast = [role.user for role in roles]
+        self.casting.since = [0.0] * len(roles)
+        self.roles = list(roles)
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What the stage carries from event to event, as JSON has it, for the beginning of a take."""
+        casting = self.casting
+        people = [[user, p.waits_since, p.seen, p.distance, p.nearer_since] for user, p in casting.present.items()]
+        packed: dict[str, Any] = pack(
+            {
+                "puppets": self._puppets(),
+                "cast": casting.cast,
+                "since": casting.since,
+                "present": people,
+                "latest": [[user, time] for user, time in self._latest.items()],
+                "roles": [role.memory for role in self.roles],
+            }
+        )
+        return packed
+
+    def recall(self, memory: Mapping[str, Any]) -> bool:
+        """Go on where another stage of the same puppets was; False, and nothing changes, if it had others."""
+        if memory.get("puppets") != self._puppets():
+            return False
+        values = unpack(dict(memory))
+        self.casting.cast, self.casting.since = list(values["cast"]), list(values["since"])
+        self.casting.present = {user: Presence(*presence) for user, *presence in values["present"]}
+        self._latest = dict(values["latest"])
+        for role, role_memory in zip(self.roles, values["roles"], strict=True):
+            role.memory = role_memory
+        return True
+
+    def _puppets(self) -> list[str]:
+        """Return what tells whether another stage would do the same: its puppets and their meshes."""
+        return [
+            hashlib.sha256(
+                puppet_file.dumps(role.character.rig.puppet).encode() + role.character.rig.model.rest_controls.tobytes()
+            ).hexdigest()
+            for role in self.roles
+        ]
+
+
+def _distance(joints: NDArray[np.float64]) -> float:
+    """Return how far the middle of a body is from the sensor, along the floor; metres."""
+    x, _, z = np.median(joints, axis=0)
+    return float(np.hypot(x, z))

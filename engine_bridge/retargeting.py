@@ -1,0 +1,176 @@
+"""A performer's frames as the targets of a puppet's handles: filter, mirror, root, retarget.
+
+A frame is smoothed (`capture.smoothing`), mirrored if the puppet says so, turned into character axes, freed of the
+root's own motion and scaled to the character (`solver.retarget`).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import body
+from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
+from capture.smoothing import JointFilter
+from engine_bridge.puppet import Puppet, axis_mask
+from solver.deformer import Deformer
+from solver.mesh import SolverMesh
+from solver.reach import limb_reach
+from solver.retarget import Fit, Retargeter, SmoothReturn
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """Where a performer wants a character's handles.
+
+    Attributes
+    ----------
+    targets : (h, 3) float64
+        Mesh file's coordinates, without the root's motion.
+    root : (3,) float64
+        Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+    joints : (20, 3) float64
+        The smoothed joints, metres, sensor frame.
+    """
+
+    targets: NDArray[np.float64]
+    root: NDArray[np.float64]
+    joints: NDArray[np.float64]
+
+
+class Retargeting:
+    """A puppet's handles in the hands of one performer.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    mesh : SolverMesh
+        Of the puppet's character.
+    deformer : Deformer
+        Of that mesh and the puppet's handles; tried out for their reach, and not moved.
+    rest : (20, 3) float64
+        The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
+    """
+
+    def __init__(self, puppet: Puppet, mesh: SolverMesh, deformer: Deformer, rest: NDArray[np.float64]) -> None:
+        self._puppet = puppet
+        self._basis = puppet.character.basis
+        self._filter = JointFilter(puppet.smoothing.parameters)
+        self._rest = self._to_character(rest)
+        self.fit = fit_sizes(puppet, deformer, mesh, rest)
+        self.root_scale = _root_scale(puppet, mesh, rest)
+        self._retargeter = Retargeter(deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
+        self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
+        self._root_return = SmoothReturn(1)
+        self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
+
+    def step(self, frame: SkeletonFrame) -> Aim:
+        """Take the next frame, later than the one before."""
+        joints = self._filter.step(frame.time, frame.positions, frame.confidence)
+        positions = self._to_character(joints)
+        confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
+        moved = np.zeros(3)
+        if self._puppet.root is not None:
+            displacement = self._root_displacement(positions - self._rest, confidence > LOST)
+            moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
+            moved = moved * axis_mask(self._puppet.root.axes)
+        targets = self._retargeter.step(frame.time, positions - moved, confidence)
+        return Aim(targets, self.root_scale * moved @ self._basis, joints)
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What is carried from frame to frame; setting it goes on where another of the same puppet and rest was."""
+        return {
+            "filter": self._filter.memory,
+            "handles": self._retargeter.memory,
+            "root": self._root_return.memory,
+            "with_root": self._with_root,
+        }
+
+    @memory.setter
+    def memory(self, memory: dict[str, Any]) -> None:
+        self._filter.memory = memory["filter"]
+        self._retargeter.memory = memory["handles"]
+        self._root_return.memory = memory["root"]
+        self._with_root = memory["with_root"]
+
+    def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return where the root has moved to (3,); while its joint is lost it goes on with the median of the others.
+
+        NaN where nothing is known.
+        """
+        known = known & np.isfinite(displacement).all(axis=1)
+        if known[self._root]:
+            self._with_root = np.where(known[:, None], displacement, np.nan)
+            return displacement[self._root]
+        since = (displacement - self._with_root)[known]
+        since = since[np.isfinite(since).all(axis=1)]
+        return self._with_root[self._root] + (np.median(since, axis=0) if len(since) else np.nan)
+
+    def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
+
+
+def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:
+    """Set the performer's size against the character's (the paper's Eq. 5, for want of a window).
+
+    With ``scale = "auto"`` a limb of the performer that is stretched out fully takes its handles to the end of their
+    reach, found by trying the deformation; a number is used as it stands, without limits.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    deformer : Deformer
+        Of the puppet's character and handles.
+    mesh : SolverMesh
+        The character.
+    rest : (20, 3) float64
+        The performer, sensor frame.
+    """
+    mapping = puppet.mapping
+    if puppet.units_a_metre is not None:
+        count = len(puppet.handle)
+        return Fit(np.full(count, puppet.units_a_metre), np.full((count, 3, 2), np.inf))
+    arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
+    limbs, of_handle = _limbs(puppet, arm)
+    reach = limb_reach(deformer, mesh, limbs)[of_handle]
+    # the directions of the mesh in which the handle's joints may move it at all
+    used = mapping.axes @ np.abs(puppet.character.basis)
+    typical = np.einsum("has,ha->h", reach, used) / np.maximum(2 * used.sum(axis=1), 1)
+    share = np.abs(limbs[of_handle, np.arange(len(arm))])
+    longest = np.where(share > 0, arm / np.maximum(share, 1e-9), 1.0)
+    return Fit(typical / longest, np.maximum(share, 1e-9)[:, None, None] * reach)
+
+
+def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sort handles by the limb of the performer that moves them.
+
+    A handle moved by several limbs, or by none, is one by itself. Where the trunk goes, the arms go too.
+
+    Returns
+    -------
+    limbs : (l, h) float64
+        Each handle's share of a limb's motion, as `limb_reach` wants it.
+    of_handle : (h,) int64
+        The limb of each handle.
+    """
+    names = []
+    for number, handle in enumerate(puppet.handle):
+        moved_by = {limb for limb, joints in body.LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
+        names.append(moved_by.pop() if len(moved_by) == 1 else f"handle {number}")
+    distinct = list(dict.fromkeys(names))
+    of_handle = np.array([distinct.index(name) for name in names])
+    limbs = (of_handle == np.arange(len(distinct))[:, None]) * arm
+    limbs /= np.maximum(limbs.max(axis=1, keepdims=True), 1e-9)
+    if "trunk" in distinct:
+        limbs[distinct.index("trunk")] += [name.endswith("arm") for name in names]
+    return limbs * np.sign(puppet.mapping.gain), of_handle
+
+
+def _root_scale(puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64]) -> float:
+    """Return mesh units a metre of the root: the character's height to the performer's, or the number given."""
+    if puppet.units_a_metre is not None:
+        return puppet.units_a_metre
+    up = puppet.character.basis[1]
+    return float(np.ptp(mesh.vertices @ up) / body.height(rest))

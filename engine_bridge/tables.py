@@ -1,0 +1,204 @@
+"""Files in TOML, checked by pydantic, with errors in the words of the file."""
+
+import difflib
+import tomllib
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from puppetline.errors import PuppetlineError, at
+
+EXPECTED = {
+    "model_type": "a table",
+    "tuple_type": "a list",
+    "too_short": "a list that is not empty",
+    "too_long": "three numbers",
+    "string_too_short": "a text that is not empty",
+    "string_type": "a text",
+    "int_type": "a whole number",
+    "bool_type": "true or false, without quotes",
+}
+"""What pydantic's errors want, in TOML's words; the others speak for themselves."""
+
+
+class Table(BaseModel):
+    """A table of a file: unknown keys are mistakes."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+File = TypeVar("File", bound=Table)
+
+
+def mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
+    """Make an error that pydantic carries to `check`; the place is below that of the validator."""
+    return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
+
+
+def read(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> dict[str, Any]:
+    """Parse a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        As ``"a puppet file"``.
+    fix : str
+        What to do if there is none.
+    family : type
+        Of the errors.
+
+    Raises
+    ------
+    PuppetlineError
+        Of that family, with the line of a syntax error.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise family(path, found=f"that it cannot be read ({error.strerror})", expected=what, fix=fix) from error
+    except UnicodeDecodeError as error:
+        raise family(
+            path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check which file was given."
+        ) from error
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:  # the latter for thousands of nested brackets
+        raise family(
+            path, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
+        ) from error
+
+
+def check(model: type[File], values: dict[str, Any], where: str | Path, family: type[PuppetlineError]) -> File:
+    """Check the values of a file.
+
+    Parameters
+    ----------
+    model : type
+        What they should be.
+    values : dict
+        As parsed from TOML.
+    where : str or Path
+        What error messages call it.
+    family : type
+        Of the errors.
+
+    Raises
+    ------
+    PuppetlineError
+        Of that family, for the first thing that is wrong.
+    """
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise _explained(error.errors(), model, values, where, family) from error
+
+
+def _explained(
+    errors: list[ErrorDetails],
+    model: type[Table],
+    values: dict[str, Any],
+    where: str | Path,
+    family: type[PuppetlineError],
+) -> PuppetlineError:
+    """Say the first of pydantic's errors in the words of the file."""
+    # an unknown table first: it is likely the one that is said to be missing
+    error = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
+    location = _location(error, values)
+    if error["type"] == "mistake":
+        told = error["ctx"]
+        location = [*location, *told["place"]]
+        found, expected, fix = told["found"], told["expected"], told["fix"]
+    elif error["type"] == "extra_forbidden":
+        known = list(_model_at(model, location[:-1]).model_fields)
+        close = difflib.get_close_matches(str(location[-1]), known, 1)
+        found, expected = f"the unknown key {location[-1]!r}", f"one of {', '.join(known)}"
+        fix = f"Did you mean {close[0]!r}?" if close else "Remove it."
+    elif error["type"] == "missing" and isinstance(location[-1], int):
+        location = location[:-1]
+        found, expected, fix = repr(error["input"]), "three numbers", "Write it like [0.1, 1.5, 0.2]."
+    elif error["type"] == "missing":
+        found, expected, fix = "nothing", "a value", f"Add {_called(model, location)} there."
+    else:
+        # a key that may be of several kinds has an error for each of them
+        same = [each for each in errors if _location(each, values) == location]
+        kinds = [EXPECTED.get(each["type"]) or _plain(each["msg"]) for each in same]
+        found, expected, fix = repr(error["input"]), " or ".join(kinds), "Change the value of that key."
+    return family(at(where, field=_field_name(location, model, values)), found=found, expected=expected, fix=fix)
+
+
+def _location(error: ErrorDetails, values: dict[str, Any]) -> list[int | str]:
+    """Return the keys and indices of an error's place; pydantic adds a kind where a key may be of several."""
+    place: list[int | str] = []
+    here: Any = values
+    for step in error["loc"]:
+        if not isinstance(here, dict if isinstance(step, str) else list):
+            break
+        place.append(step)
+        here = _inside(here, step)
+    return place
+
+
+def _model_at(model: type[BaseModel], location: list[int | str]) -> type[BaseModel]:
+    """Return the table that a place is in."""
+    for step in location:
+        if isinstance(step, str):
+            model = _table_in(model.model_fields[step].annotation) or model
+    return model
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """Find the table in an annotation such as ``tuple[HandleTable, ...]`` or ``RootTable | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_table_in, typing.get_args(annotation))), None)
+
+
+def _called(model: type[Table], location: list[int | str]) -> str:
+    """Call what is missing by its name: a key, a table or a list of tables."""
+    name = str(location[-1])
+    annotation = _model_at(model, location[:-1]).model_fields[name].annotation
+    if _table_in(annotation) is None:
+        return f"the key {name!r}"
+    several = _table_in(annotation) is not annotation
+    return f"a table [[{name}]]" if several else f"the table [{name}]"
+
+
+def _plain(message: str) -> str:
+    """Turn "Input should be a valid number" into "a number", and "… greater than 0" into "a number greater than 0"."""
+    text = message.removeprefix("Input should be ").replace("valid ", "")
+    return f"a number {text}" if text.startswith(("greater", "less")) else text
+
+
+def _field_name(location: list[Any], model: type[BaseModel], values: dict[str, Any]) -> str:
+    """Write a place as a user sees it: ``[[handle]] 2 'tail', joint``."""
+    parts: list[str] = []
+    here: Any = values
+    for place, step in enumerate(location):
+        here = _inside(here, step)
+        if isinstance(step, int):
+            name = f" {here['name']!r}" if isinstance(here, dict) and isinstance(here.get("name"), str) else ""
+            parts[-1:] = [f"{parts[-1]} {step + 1}{name}"] if parts[-1].startswith("[[") else [parts[-1], str(step + 1)]
+            continue
+        annotation = model.model_fields[step].annotation if step in model.model_fields else None
+        table = _table_in(annotation)
+        last = place == len(location) - 1
+        if table is None or last:
+            parts.append(step)
+        else:
+            parts.append(
+                f"[{step}]" if table is annotation or not isinstance(location[place + 1], int) else f"[[{step}]]"
+            )
+        model = table or model
+    return ", ".join(parts) or "the whole file"
+
+
+def _inside(value: Any, step: int | str) -> Any:
+    """Return what is under a key or index; None where there is nothing."""
+    try:
+        return value[step]
+    except (TypeError, KeyError, IndexError):
+        return None

@@ -1,0 +1,209 @@
+import itertools
+import json
+
+import numpy as np
+import pytest
+
+from capture.events import TICK, Cue, Lost, Tick
+from capture.recording import as_recorded
+from capture.skeleton import SkeletonFrame
+from engine_bridge.live.role import PREPARATION, Manner
+from engine_bridge.live.stage import Direction
+from engine_bridge.performance import Performance
+from puppetline.errors import ServiceError
+
+EASE = Manner().ease
+
+
+def play(stage, events):
+    """Step through events; return the frames of each character."""
+    shown = {role.character.name: [] for role in stage.roles}
+    for event in events:
+        for frame in stage.step(event, 0):
+            shown[frame.character.name].append(frame)
+    return shown
+
+
+def ticks(start, seconds):
+    return [Tick(start + k * TICK) for k in range(1, round(seconds / TICK) + 1)]
+
+
+def largest_step(frames, diagonal):
+    """Return how far any handle goes from one frame to the next, in diagonals."""
+    return max(np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+
+
+def test_a_character_rests_while_nobody_is_there(make_stage, blob_rig):
+    frames = play(make_stage(), ticks(0.0, 1.0))["dog"]
+    assert [frame.state for frame in frames] == ["waiting"] * 30
+    assert [frame.sequence for frame in frames] == list(range(1, 31))
+    for frame in frames:
+        np.testing.assert_allclose(frame.R, blob_rig.model.rest_controls, atol=1e-5)
+        np.testing.assert_array_equal(frame.root, 0)
+
+
+def test_a_performer_is_calibrated_by_standing_still_and_then_plays_what_convert_would(make_stage, blob_rig, kung_fu):
+    stage = make_stage(manner=Manner(tilt=0.0, height=0.0))
+    frames = play(stage, kung_fu)["dog"]
+    states = [frame.state for frame in frames]
+    begun = states.index("performing")
+    assert set(states[:begun]) == {"calibrating"}
+    assert set(states[begun:]) == {"performing"}
+    assert 0.9 + PREPARATION <= frames[begun].time <= 1.4
+    # once it has eased in, it is the offline pipeline, frame by frame; only the deformation's warm start differs
+    rest = next(role for role in stage.roles).remembered()[kung_fu[0].user][0].rest
+    performance = Performance(blob_rig.puppet, blob_rig.mesh, blob_rig.model, rest)
+    for event, frame in zip(kung_fu[begun:], frames[begun:], strict=True):
+        aim = performance.retargeting.step(event)
+        if frame.time >= frames[begun].time + EASE:
+            np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
+            np.testing.assert_array_equal(frame.root, aim.root)
+            np.testing.assert_array_equal(frame.joints, aim.joints)
+
+
+def test_nothing_jumps_when_a_performer_comes_goes_and_comes_back(make_stage, blob_rig, kung_fu, moved):
+    stage = make_stage()
+    diagonal = blob_rig.mesh.diagonal
+    steady = largest_step(play(make_stage(), kung_fu)["dog"], diagonal)
+    gone = kung_fu[150].time
+    events = [*kung_fu[:150], *ticks(gone, 2.0)]
+    away = gone + 2.0
+    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK) for frame in kung_fu[150:]]
+    frames = play(stage, events)["dog"]
+    states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
+    assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
+    assert largest_step(frames, diagonal) <= 1.5 * steady
+    back = next(frame.time for frame in frames if frame.time > away and frame.state == "performing")
+    assert back - away <= PREPARATION + 3 * TICK  # remembered: no second still second
+
+
+def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blob_rig, kung_fu):
+    stage = make_stage()
+    frames = play(stage, [*kung_fu[:150], Lost(kung_fu[149].time + 0.01, kung_fu[0].user), *ticks(kung_fu[149].time, 2.0)])["dog"]
+    assert frames[-1].state == "waiting"
+    np.testing.assert_allclose(frames[-1].R, blob_rig.model.rest_controls, atol=1e-5)
+    assert np.abs(frames[149].R - blob_rig.model.rest_controls).max() > 1e-2
+
+
+def test_a_stage_goes_on_bit_by_bit_where_another_was(make_stage, kung_fu, moved):
+    friend = [moved(frame, time=frame.time + 0.011, user=7, by=(0.6, 0.0, 0.4)) for frame in kung_fu]
+    both = [event for pair in zip(kung_fu, friend, strict=True) for event in pair]
+    cues = [Cue(both[300].time + 1e-3, "mirror", {"character": "cat"}), *both[301:]]
+    events = [as_recorded(e) if isinstance(e, SkeletonFrame) else e for e in [*both[:301], *cues]]
+    for cut in (20, 71, 85, 300, 310, 400):
+        stage, other = make_stage(("dog", "cat")), make_stage(("dog", "cat"))
+        play(stage, events[:cut])
+        assert other.recall(json.loads(json.dumps(stage.memory)))
+        ours, theirs = play(stage, events[cut:]), play(other, events[cut:])
+        for name in ("dog", "cat"):
+            assert len(ours[name]) == len(theirs[name])
+            for a, b in zip(ours[name], theirs[name], strict=True):
+                assert (a.time, a.state, a.user) == (b.time, b.state, b.user)
+                np.testing.assert_array_equal(a.controls, b.controls)
+
+
+def test_a_stage_of_other_puppets_cannot_be_recalled(make_stage):
+    assert not make_stage(("dog",)).recall(make_stage(("dog", "cat")).memory)
+
+
+def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_stage, kung_fu, moved):
+    second = [moved(frame, time=frame.time + 0.5, user=9) for frame in kung_fu]
+    events = sorted([*kung_fu, *second], key=lambda event: event.time)
+    stage = make_stage(("dog", "cat"))
+    shown = play(stage, events)
+    assert {frame.user for frame in shown["dog"]} == {kung_fu[0].user}
+    assert {frame.user for frame in shown["cat"]} == {None, 9}
+    # and each is what it would be alone: nobody disturbs anybody
+    alone = play(make_stage(), kung_fu)["dog"]
+    for a, b in zip(alone, [frame for frame in shown["dog"] if frame.time <= alone[-1].time], strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+
+
+def test_the_queue_goes_on_when_somebody_leaves_or_their_turn_is_over(make_stage, kung_fu, moved):
+    stage = make_stage(direction=Direction(people="queue", turn=5.0))
+    second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
+    play(stage, sorted([*kung_fu, *second], key=lambda event: event.time))
+    assert stage.roles[0].user == 9  # nine seconds: the second one's turn
+    stage.step(Lost(kung_fu[-1].time + 0.02, 9), 0)
+    assert stage.roles[0].user == kung_fu[0].user
+
+
+def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage, kung_fu, moved):
+    def user_after(nearer, seconds):
+        stage = make_stage(direction=Direction(people="nearest"))
+        play(stage, kung_fu[:60])
+        rival = [moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds]
+        play(stage, sorted([*kung_fu[60:], *rival], key=lambda event: event.time)[: 2 * len(rival)])
+        return stage.roles[0].user
+
+    assert user_after(0.2, 6.0) == kung_fu[0].user
+    assert user_after(1.0, 0.5) == kung_fu[0].user
+    assert user_after(1.0, 3.0) == 9
+
+
+def test_somebody_can_be_chosen(make_stage, kung_fu, moved):
+    stage = make_stage()
+    play(stage, [event for frame in kung_fu[:60] for event in (frame, moved(frame, time=frame.time + 0.005, user=9))])
+    assert stage.roles[0].user == kung_fu[0].user
+    stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 9}), 0)
+    assert stage.roles[0].user == 9
+    with pytest.raises(ServiceError, match="no user 12 before the sensor"):
+        stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 12}), 0)
+    with pytest.raises(ServiceError, match="no character 'horse'"):
+        stage.step(Cue(kung_fu[60].time, "mirror", {"character": "horse"}), 0)
+
+
+def test_a_performer_can_be_calibrated_on_command_only(make_stage, kung_fu):
+    stage = make_stage(manner=Manner(calibrate="command"))
+    assert {frame.state for frame in play(stage, kung_fu[:100])["dog"]} == {"calibrating"}
+    stage.step(Cue(kung_fu[99].time, "calibrate", {"character": "dog"}), 0)
+    assert play(stage, kung_fu[100:])["dog"][-1].state == "performing"
+    empty = make_stage()
+    with pytest.raises(ServiceError, match="nobody who plays dog"):
+        empty.step(Cue(0.0, "calibrate", {"character": "dog"}), 0)
+
+
+def test_a_mirrored_character_moves_its_other_hand(make_stage, kung_fu):
+    plain, mirrored = make_stage(), make_stage()
+    mirrored.step(Cue(0.0, "mirror", {"on": True}), 0)
+    one, other = play(plain, kung_fu)["dog"][-1], play(mirrored, kung_fu)["dog"][-1]
+    assert abs(one.root[0] + other.root[0]) < 1e-9  # side to side is turned round
+    assert one.root[2] == pytest.approx(other.root[2], abs=1e-9)  # to and fro is not
+    assert abs(one.root[0]) > 0.01
+
+
+def test_a_joint_of_little_confidence_is_held_where_it_was(make_stage, kung_fu):
+    stage, unseen = make_stage(), make_stage()
+    doubtful = []
+    for frame in kung_fu[100:110]:
+        confidence, gone = frame.confidence.copy(), frame.confidence.copy()
+        confidence[7], gone[7] = 0.1, 0.0
+        wild = frame.positions.copy()
+        wild[7] += 3.0
+        doubtful.append(
+            (
+                SkeletonFrame(frame.time, frame.user, wild, confidence),
+                SkeletonFrame(frame.time, frame.user, frame.positions, gone),
+            )
+        )
+    ours = play(stage, [*kung_fu[:100], *(a for a, _ in doubtful), *kung_fu[110:]])["dog"]
+    theirs = play(unseen, [*kung_fu[:100], *(b for _, b in doubtful), *kung_fu[110:]])["dog"]
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+
+
+def test_frames_that_do_not_go_forward_are_left_out(make_stage, kung_fu, moved):
+    stage, plain = make_stage(), make_stage()
+    stuttering = [event for frame in kung_fu for event in (frame, moved(frame, by=(1.0, 0.0, 0.0)))]
+    for a, b in zip(play(stage, stuttering)["dog"], play(plain, kung_fu)["dog"], strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+
+
+def test_characters_loaded_anew_keep_their_performers(make_stage, make_role, kung_fu):
+    stage = make_stage(("dog", "cat"))
+    before = play(stage, kung_fu[:100])["dog"][-1]
+    stage.replace_roles([make_role("dog"), make_role("horse")])
+    after = play(stage, kung_fu[100:])["dog"]
+    assert after[0].user == before.user
+    assert after[0].sequence == before.sequence + 1
+    assert after[-1].state == "performing"

@@ -48,7 +48,7 @@ class TakeSource:
     loop : bool
         Whether to play it again when it has ended. The times go on then; those of the first pass are the recording's.
     beginning : dict, optional
-        What the stage was like when the recording began.
+        What the stage was like when the recording began; where it is given, no ticks are put in.
 
     Raises
     ------
@@ -89,10 +89,7 @@ class TakeSource:
         """
         if recognize(path) is not puppetline_log:
             return cls.of_clips(name, read_log(path), loop)
-        beginning = puppetline_log.beginning(path)
-        if beginning is None:
-            return cls(name, lambda: _with_ticks(_within_reach(path)), loop)
-        return cls(name, lambda: _within_reach(path), loop, beginning)
+        return cls(name, lambda: _within_reach(path), loop, puppetline_log.beginning(path))
 
     @classmethod
     def of_clips(cls, name: str, clips: Sequence[SkeletonClip], loop: bool = False) -> Self:
@@ -103,7 +100,7 @@ class TakeSource:
         SourceError
             If there is no frame in them.
         """
-        return cls(name, lambda: _with_ticks(merge(*(clip.frames() for clip in clips), key=_time)), loop)
+        return cls(name, lambda: merge(*(clip.frames() for clip in clips), key=_time), loop)
 
     def fileno(self) -> None:
         """Only time matters here."""
@@ -150,7 +147,8 @@ class TakeSource:
         self._events.close()
 
     def _pass(self) -> Generator[Event, None, None]:
-        return _forward(self._play(), self.counts.refused)
+        events = _forward(self._play(), self.counts.refused)
+        return _with_ticks(events) if self.beginning is None else events
 
     def _following(self) -> Event | None:
         try:
@@ -177,7 +175,7 @@ def _within_reach(path: Path) -> Iterator[Event]:
         yield event
 
 
-def _with_ticks(events: Iterable[Event]) -> Iterator[Event]:
+def _with_ticks(events: Iterable[Event]) -> Generator[Event, None, None]:
     """Fill what is silent for longer than `GAP` with ticks."""
     before = math.inf
     for event in events:

@@ -8,11 +8,12 @@ read or its time is due, whichever is first, and then takes what has come::
         for event in source.receive(): …
 """
 
+import time
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from capture.events import Event
+from capture.events import TICK, Event, Tick
 
 
 @dataclass
@@ -74,3 +75,46 @@ class SkeletonSource(Protocol):
 
     def close(self) -> None:
         """Let go of sockets and files; closing again does nothing."""
+
+
+class Silence:
+    """Stands in for a source that has ended or is gone: time passes, and nobody is there.
+
+    Parameters
+    ----------
+    name : str
+        The URI of the source.
+    counts : Counts
+        Of the source, which stay as they are.
+    start : float
+        Seconds on the source's clock, which goes on.
+    """
+
+    beginning: dict[str, Any] | None = None
+
+    def __init__(self, name: str, counts: Counts, start: float) -> None:
+        self.name, self.counts = name, counts
+        self._ahead = start - time.monotonic()
+        self._last = start
+
+    def fileno(self) -> int | None:
+        """Nothing is ever to be read."""
+        return None
+
+    def due(self) -> float:
+        """Return when the next tick is due."""
+        return self._last + TICK - self._ahead
+
+    def now(self) -> float:
+        """Return the time on the source's clock."""
+        return time.monotonic() + self._ahead
+
+    def receive(self) -> list[Event]:
+        """Return a tick if one is due."""
+        if time.monotonic() < self.due():
+            return []
+        self._last = self.now()
+        return [Tick(self._last)]
+
+    def close(self) -> None:
+        """Nothing is to be let go of."""

@@ -2,38 +2,20 @@
 
 import json
 import logging
-import math
 import os
-import signal
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from engine_bridge import cli_live
+from engine_bridge.command_line import FILE, Finite, progress
 from puppetline.errors import PuppetlineError
 
 if TYPE_CHECKING:
     from engine_bridge.convert import Summary
     from engine_bridge.puppet import Direction
-
-FILE = click.Path(path_type=Path)
-AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
-
-Reporter = Callable[[str, float], None]
-
-
-class Finite(click.FloatRange):
-    """A number in a range, which "nan" and "inf" are not."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read a number, or say what is wrong with it."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return number
 
 
 class _Commands(click.Group):
@@ -69,6 +51,9 @@ def _stopped(ctx: click.Context) -> NoReturn:
     ctx.exit(1)
 
 
+AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
+
+
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="puppetline")
 def main() -> None:
@@ -88,7 +73,7 @@ def demo(characters: tuple[str, ...], output: Path) -> None:
         if name not in CASTING:
             raise click.UsageError(f"{name!r} is none of the characters {', '.join(CASTING)}, or all.")
     for name in chosen:
-        with _progress() as report:
+        with progress() as report:
             summary, picture = play(name, output, report)
         click.echo(_describe(summary))
         click.echo(f"  contact sheet  {picture}")
@@ -150,7 +135,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     options = ReadOptions(fps=choices.pop("log_fps"), up=choices.pop("log_up"), unit=choices.pop("log_unit"))
     if preview is not None:
         check_writable(preview, ".png", inputs=(log, puppet))
-    with _progress() as report:
+    with progress() as report:
         clip, summary = run(log, puppet, output, Settings(log=options, **choices), report)
         if preview is not None:
             sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
@@ -307,52 +292,10 @@ def bench(mesh: Path | None, as_json: bool) -> None:
     """Measure what a character costs on this machine; takes a minute or two."""
     from engine_bridge import bench as benchmark
 
-    with _progress() as report:
+    with progress() as report:
         measured = benchmark.bench(mesh, progress=report)
     click.echo(json.dumps(measured.as_dict(), indent=2) if as_json else benchmark.describe(measured))
 
 
-@contextmanager
-def _interrupts() -> Iterator[Callable[[], None]]:
-    """Remember Ctrl-C, and give a check that raises it again.
-
-    Python loses the interrupt where it falls into a destructor or the edge of a compiled loop.
-    """
-    pressed: list[int] = []
-
-    def remember(number: int, _frame: object) -> None:
-        pressed.append(number)
-        raise KeyboardInterrupt
-
-    def check() -> None:
-        if pressed:
-            raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, remember)
-    try:
-        yield check
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def _progress() -> Iterator[Reporter]:
-    """Show a bar for each stage on a terminal, and nothing elsewhere."""
-    with _interrupts() as check:
-        if not sys.stderr.isatty():
-            yield lambda _stage, _share: check()
-            return
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-        columns = (TextColumn("{task.description:24}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
-            tasks: dict[str, Any] = {}
-
-            def report(stage: str, share: float) -> None:
-                check()
-                if stage not in tasks:
-                    tasks[stage] = bars.add_task(stage, total=1.0)
-                bars.update(tasks[stage], completed=share)
-
-            yield report
+for command in cli_live.COMMANDS:
+    main.add_command(command)

@@ -5,7 +5,9 @@
 
 import ipaddress
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 from urllib.parse import parse_qsl
 
 from capture.network.dialect import UNITS, Units
@@ -13,8 +15,10 @@ from puppetline.errors import SourceError, at
 
 LOOPBACK = "127.0.0.1"
 
-_PLACE = re.compile(r"(?P<host>\[[^\]]*\]|[^:\[\]]*?):?(?P<port>\d{1,5})?", re.ASCII)
-_FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?units=mm&mirrored=0; docs/senders.md lists the options."
+LAST_PORT = 65_535
+FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?units=mm&mirrored=0; docs/senders.md explains the options."
+
+_PLACE = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[0-9A-Fa-f:.%]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,37 +64,45 @@ def parse(scheme: str, rest: str, port: int) -> Address:
     uri = f"{scheme}:{rest}"
     place, _, query = rest.partition("?")
     match = _PLACE.fullmatch(place)
-    if match is None or int(match["port"] or 0) > 65535:
-        raise SourceError(uri, found=repr(place), expected="PORT, HOST or HOST:PORT", fix=_FIX)
-    host = match["host"].strip("[]") or LOOPBACK
-    given: dict[str, str] = {}
-    for key, value in parse_qsl(query, keep_blank_values=True):
-        if key in given or key not in ("units", "mirrored", "flip", "from"):
-            found = f"{key} twice" if key in given else f"the option {key!r}"
-            raise SourceError(uri, found=found, expected="units, mirrored, flip or from, each once", fix=_FIX)
-        given[key] = value
+    if match is None or int(match["port"] or match["only"] or 0) > LAST_PORT:
+        raise SourceError(
+            uri, found=repr(place), expected=f"PORT, HOST or HOST:PORT, with a port up to {LAST_PORT}", fix=FIX
+        )
+    options = _options(uri, query)
     return Address(
-        host,
-        port if match["port"] is None else int(match["port"]),
-        units=_chosen(uri, given, "units", {unit: unit for unit in UNITS}),
-        mirrored=_chosen(uri, given, "mirrored", {"0": False, "1": True}),
-        flip=_axes(uri, given.get("flip", "")),
-        sender=_sender(uri, given.get("from")),
+        (match["host"] or LOOPBACK).strip("[]"),
+        int(match["port"] or match["only"] or port),
+        units=options.get("units"),
+        mirrored=options.get("mirrored"),
+        flip=options.get("flip", ""),
+        sender=options.get("from"),
     )
 
 
-def _chosen[T](uri: str, given: dict[str, str], option: str, values: dict[str, T]) -> T | None:
-    return None
+def _options(uri: str, query: str) -> dict[str, Any]:
+    options: dict[str, Any] = {}
+    for key, value in parse_qsl(query, keep_blank_values=True):
+        if key not in _OPTIONS or key in options:
+            found = f"the option {key!r}" + (" for the second time" if key in options else "")
+            raise SourceError(uri, found=found, expected=f"{', '.join(_OPTIONS)}, each once at most", fix=FIX)
+        expected, read = _OPTIONS[key]
+        try:
+            options[key] = read(value)
+        except (KeyError, ValueError):
+            raise SourceError(at(uri, field=key), found=repr(value), expected=expected, fix=FIX) from None
+    return options
 
 
-def _axes(uri: str, axes: str) -> str:
+def _axes(axes: str) -> str:
     if not set(axes) <= set("xyz"):
-        raise SourceError(at(uri, field="flip"), found=repr(axes), expected="some of xyz", fix=_FIX)
+        raise ValueError(axes)
     return axes
 
 
-def _sender(uri: str, sender: str | None) -> str | None:
-    try:
-        return None if sender is None else str(ipaddress.ip_address(sender))
-    except ValueError:
-        raise SourceError(at(uri, field="from"), found=repr(sender), expected="an IP address", fix=_FIX) from None
+_OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "units": (", ".join(UNITS), {str(unit): unit for unit in UNITS}.__getitem__),
+    "mirrored": ("0 or 1", {"0": False, "1": True}.__getitem__),
+    "flip": ("axes out of xyz", _axes),
+    "from": ("an IP address", lambda sender: str(ipaddress.ip_address(sender))),
+}
+"""What each option may be, and how it is read."""

@@ -1,7 +1,7 @@
 """When a performer's frame is whole, where joints come one by one and nobody says which was the last.
 
-A frame is whole as soon as it has every part that the one before had: no waiting. If one is missing, it ends when a part
-comes for the second time, when the sender's time changes, or after `QUIET`.
+A frame is whole as soon as it has every part that the one before had: no waiting. If one is missing, it ends when a
+part comes for the second time, when the sender's time changes, or after `QUIET`.
 """
 
 from dataclasses import dataclass, field

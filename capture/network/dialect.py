@@ -89,7 +89,7 @@ class Dialect(Protocol):
     bundle_is_frame : bool
         Whether the end of a bundle ends the frames of the performers in it.
     mirrors : bool
-        Whether the program, as it comes, sends performers as a mirror shows them: x and the names of the sides exchanged.
+        Whether the program, as it comes, shows performers in a mirror: x and the names of the sides exchanged.
     """
 
     bundle_is_frame: bool

@@ -74,7 +74,7 @@ JOINTS: dict[str, tuple[str, Vector]] = {
 
 
 def _moved_by(joint: str) -> str:
-    """Return the required bone whose rotation puts a joint where it is; Unity's other bones of the trunk are optional."""
+    """Return the bone whose rotation puts a joint where it is, of those that every humanoid of Unity's has."""
     bone, place = JOINTS[joint]
     if place == _NOWHERE and bone != "Hips":
         bone = SKELETON[bone][0]

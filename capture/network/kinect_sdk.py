@@ -1,8 +1,9 @@
 """OSCeleton-KinectSDK and OSCeleton-KinectSDK2: the 20 joints of Microsoft's SDKs, each in a datagram of its own.
 
-Joint, sensor, performer, x, y, z in millimetres (their manuals say centimetres, their code multiplies metres by 1000), a
-confidence (1 tracked, 0.5 inferred, 0.1 not tracked) and a time in milliseconds, which is the same in all joints of a frame.
-Their axes are the sensor frame's but for y, which they turn down. Neither mirrors, and neither says who has gone.
+Joint, sensor, performer, x, y, z in millimetres (their manuals say centimetres, their code multiplies metres by 1000),
+a confidence (1 tracked, 0.5 inferred, 0.1 not tracked) and a time in milliseconds, which is the same in all joints of a
+frame. Their axes are the sensor frame's but for y, which they turn down. Neither mirrors, and neither says who has
+gone.
 """
 
 from collections.abc import Mapping

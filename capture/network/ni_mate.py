@@ -1,12 +1,12 @@
 """NI mate: a message a joint, whose address is the joint's name, commonly without a slash.
 
-The number of floats says what they are: 3 a position, 7 a position and a quaternion, 12 a position and a matrix; 1, 4 and 9
-tell no position. A performer's number may stand before the name or after it (``2/Left_Hand``, ``Left_Hand_2``), as the
-user's template has it. ``NI_mate_sync`` ends a frame.
+The number of floats says what they are: 3 a position, 7 a position and a quaternion, 12 a position and a matrix; 1, 4
+and 9 tell no position. A performer's number may stand before the name or after it (``2/Left_Hand``, ``Left_Hand_2``),
+as the user's template has it. ``NI_mate_sync`` ends a frame.
 
-Its manual says neither units nor axes. Its plug-ins for Blender and Unity turn its coordinates as those of a right-handed
-frame with y up and z towards the viewer, so the sensor frame is (−x, y, −z): half a turn about y, which keeps left and right
-what they are.
+Its manual says neither units nor axes. Its plug-ins for Blender and Unity turn its coordinates as those of a
+right-handed frame with y up and z towards the viewer, so the sensor frame is (−x, y, −z): half a turn about y, which
+keeps left and right what they are.
 """
 
 import re

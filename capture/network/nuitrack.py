@@ -1,9 +1,9 @@
 """nuitrack-osceleton: Nuitrack's skeletons in OSCeleton's manner, with the performer before the joint.
 
 Coordinates are where a joint stands in the depth picture, x to the right and y down, each 0 to 1, and its depth in
-millimetres. The picture's width in metres at that depth follows from the sensor's angle of view, which is not sent: that
-of the PrimeSense family is taken. The program makes its picture a mirror unless told ``-r``, and *left* is at the left of
-it, as with OSCeleton.
+millimetres. The picture's width in metres at that depth follows from the sensor's angle of view, which is not sent:
+that of the PrimeSense family is taken. The program makes its picture a mirror unless told ``-r``, and *left* is at the
+left of it, as with OSCeleton.
 """
 
 from collections.abc import Mapping

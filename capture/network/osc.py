@@ -7,7 +7,7 @@ no more than a small multiple of the datagram's own size, whatever lengths the d
 import math
 import struct
 from collections.abc import Callable
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Message(NamedTuple):
 
     address: str
     tags: str
-    arguments: tuple[Argument, ...]
+    arguments: tuple[Any, ...]
 
 
 class OscError(ValueError):

@@ -5,9 +5,9 @@ which it sends unless told ``-xr``, are x = (1280 − X) / 2560, y = (960 − Y)
 millimetres X, Y, Z; with ``-n``, of a hand alone, x = (480 − X) / 960 and y = (320 − Y) / 640.
 
 X grows to the right of the depth picture, Y up and Z away from the sensor. NiTE takes what it sees for a performer who
-faces it as in a mirror, so that *left* is at the left of the picture. With ``-r`` the picture is a mirror: names are the
-performer's own, and X is the sensor frame's x. Without, it is the camera's own view, and names and x are exchanged: the
-whole body is a mirror's (`Dialect.mirrors`).
+faces it as in a mirror, so that *left* is at the left of the picture. With ``-r`` the picture is a mirror: names are
+the performer's own, and X is the sensor frame's x. Without, it is the camera's own view, and names and x are exchanged:
+the whole body is a mirror's (`Dialect.mirrors`).
 """
 
 import re

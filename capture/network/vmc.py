@@ -1,13 +1,15 @@
-"""VMC protocol 3.1 (Virtual Motion Capture and many others): local rotations of Unity's humanoid bones, one performer a port.
+"""VMC protocol 3.1, of Virtual Motion Capture and many others: local rotations of Unity's humanoid bones.
 
-Positions come from forward kinematics over a body of our own proportions (`capture.network.humanoid`), because bones'
-lengths are an avatar's and not the performer's. The hips are where they are sent, in the root's frame. Unity's axes become
-the sensor frame's as (x, y, −z): an avatar that faces +z is a performer who faces the sensor. The origin is the sender's.
+A port is one performer's. Positions come from forward kinematics over a body of our own proportions
+(`capture.network.humanoid`), because bones' lengths are an avatar's and not the performer's. The hips are where they
+are sent, in the root's frame. Unity's axes become the sensor frame's as (x, y, −z): an avatar that faces +z is a
+performer who faces the sensor. The origin is the sender's.
 
-A bone keeps its rotation until it is sent again. More arguments than the protocol names are ignored, fewer are refused, and
-so are other addresses than those read here ignored, as it demands of receivers.
+A bone keeps its rotation until it is sent again. As the protocol demands of receivers, arguments beyond those that it
+names are ignored and so are addresses other than those read here; fewer arguments are refused.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -53,7 +55,7 @@ class Vmc:
         name = "Root" if address == "/VMC/Ext/Root/Pos" else str(bone)
         if not self._loaded or name not in ("Root", "Hips", *SKELETON):
             return Nothing()
-        length = np.linalg.norm(np.array(values[3:], dtype=np.float64))
+        length = math.hypot(*values[3:])
         if not _LENGTHS[0] < length < _LENGTHS[1]:
             return "wrong arguments"
         return Part(PERFORMER, name, (*values[:3], *(value / length for value in values[3:])))

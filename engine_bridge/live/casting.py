@@ -75,9 +75,9 @@ class Casting:
         self.present.pop(user, None)
         self.cast = [None if performer == user else performer for performer in self.cast]
 
-    def choose(self, character: int, user: int, time: float) -> None:
-        """Give a character to somebody, whoever has it now; they may change places."""
-        if user in self.cast:
+    def choose(self, character: int, user: int | None, time: float) -> None:
+        """Give a character to somebody, whoever has it now, and they may change places; or to nobody for the moment."""
+        if user is not None and user in self.cast:
             self._give(self.cast.index(user), self.cast[character], time)
         self._give(character, user, time)
 

@@ -1,8 +1,8 @@
-"""The service announced by multicast DNS, so that an engine finds it without an address: ``_puppetline._tcp.local.``
+"""The service announced by multicast DNS as ``_puppetline._tcp.local.``, so that an engine needs no address.
 
-The TXT record holds ``version``, ``characters`` (their names with commas between them, as many as fit), ``control`` (the
-port of the control socket) and ``mechanism`` (``NULL``, ``PLAIN`` or ``CURVE``). What is found so is a hint from the
-network and nothing more: who connects still checks who answers.
+The TXT record holds ``version``, ``characters`` (their names with commas between them, as many as fit), ``control``
+(the port of the control socket) and ``mechanism`` (``NULL``, ``PLAIN`` or ``CURVE``). What is found so is a hint from
+the network and nothing more: who connects still checks who answers.
 """
 
 import ipaddress
@@ -11,7 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -23,12 +23,17 @@ TYPE = "_puppetline._tcp.local."
 MOST_FOUND = 100
 """Services looked at; more than one network has."""
 
+RETRY = 30.0
+"""Seconds until it is tried again where there is no network."""
+
 GOODBYE = 0.5
 """Seconds that the end waits for the network to hear of it."""
 
+RESOLVE = 0.5
+"""Seconds in all for addresses that did not come with the announcements."""
+
 _TEXT_LENGTH = 255  # of a string in a TXT record, key and = included, RFC 6763
 _LABEL_LENGTH = 63  # of a part of a name, RFC 1035
-_RESOLVE_MS = 500  # for an address that did not come with the announcement
 
 log = logging.getLogger(__name__)
 
@@ -61,13 +66,13 @@ class Found:
 
 
 class Announcement:
-    """Announces the service, from a thread of its own; where that fails there is one warning and no more.
+    """Announces the service, from a thread of its own. Where there is no network it says so once, and tries again.
 
     Parameters
     ----------
     host : str
-        The address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. On loopback it
-        is announced on loopback.
+        The address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. What
+        listens on loopback is announced on loopback only.
     port, control : int
         Of the stream and of the control socket.
     mechanism : {"NULL", "PLAIN", "CURVE"}
@@ -76,12 +81,12 @@ class Announcement:
     """
 
     def __init__(self, host: str, port: int, control: int, mechanism: str, characters: Sequence[str]) -> None:
-        self._everywhere = host in ("*", "0.0.0.0", "")  # noqa: S104 - it is compared, not bound
-        self._addresses = _own_addresses() if self._everywhere else [host]
+        self._host = host
+        self._everywhere = host in ("*", "0.0.0.0")  # noqa: S104 - it is compared, not bound
         self._port = port
         self._properties = {"version": version("puppetline"), "control": str(control), "mechanism": mechanism}
         self._name = f"Puppetline on {socket.gethostname().partition('.')[0]}"
-        self._wanted: list[str] | None = list(characters)  # what is still to be announced
+        self._wanted = tuple(characters)
         self._open = True
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="announcement", daemon=True)
@@ -90,7 +95,7 @@ class Announcement:
     def update(self, characters: Sequence[str]) -> None:
         """Announce other characters."""
         with self._changed:
-            self._wanted = list(characters)
+            self._wanted = tuple(characters)
             self._changed.notify()
 
     def close(self) -> None:
@@ -101,24 +106,32 @@ class Announcement:
         self._thread.join(GOODBYE)
 
     def _run(self) -> None:
-        try:
-            with closing(Zeroconf(InterfaceChoice.All if self._everywhere else self._addresses)) as zeroconf:
-                registered: ServiceInfo | None = None
-                while (characters := self._next()) is not None:
-                    if registered is None:
-                        registered = self._info(self._name, characters)
-                        zeroconf.register_service(registered, allow_name_change=True)
-                    else:
-                        registered = self._info(registered.get_name(), characters)
-                        zeroconf.update_service(registered)
-        except Exception as error:  # noqa: BLE001 - the stream goes on, whatever the network has against multicast
-            log.warning("not announced in the network: %s", str(error) or type(error).__name__)
+        warned = False
+        while self._open:
+            try:
+                self._announce()
+            except Exception as error:  # the stream goes on, whatever the network has against multicast
+                if not warned:
+                    log.warning("not announced in the network: %s", str(error) or type(error).__name__)
+                    warned = True
+                with self._changed:
+                    self._changed.wait_for(lambda: not self._open, RETRY)
 
-    def _next(self) -> list[str] | None:
-        with self._changed:
-            self._changed.wait_for(lambda: self._wanted is not None or not self._open)
-            characters, self._wanted = self._wanted, None
-            return characters if self._open else None
+    def _announce(self) -> None:
+        """Announce what there is until the end or a failure."""
+        with closing(Zeroconf(InterfaceChoice.All if self._everywhere else [self._host])) as zeroconf:
+            announced: ServiceInfo | None = None
+            while self._open:
+                characters = self._wanted
+                if announced is None:
+                    announced = self._info(self._name, characters)
+                    zeroconf.register_service(announced, allow_name_change=True)
+                else:
+                    announced = self._info(announced.get_name(), characters)
+                    zeroconf.update_service(announced)
+                with self._changed:
+                    while self._open and self._wanted == characters:
+                        self._changed.wait()
 
     def _info(self, name: str, characters: Sequence[str]) -> ServiceInfo:
         return ServiceInfo(
@@ -127,7 +140,7 @@ class Announcement:
             port=self._port,
             properties=self._properties | {"characters": _as_many_as_fit(characters)},
             server=f"{socket.gethostname().partition('.')[0]}.local.",
-            parsed_addresses=self._addresses,
+            parsed_addresses=_own_addresses() if self._everywhere else [self._host],
         )
 
 
@@ -163,8 +176,12 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
         browser = ServiceBrowser(zeroconf, TYPE, handlers=[heard])
         time.sleep(seconds)
         browser.cancel()
-        infos = [zeroconf.get_service_info(TYPE, name, _RESOLVE_MS) for name in sorted(names)]
-    return [_found(info) for info in infos if info is not None and info.port]
+        infos = [ServiceInfo(TYPE, name) for name in sorted(names)]
+        until = time.monotonic() + RESOLVE
+        for info in infos:
+            if not info.load_from_cache(zeroconf):
+                info.request(zeroconf, 1000 * max(until - time.monotonic(), 0.0))
+    return [_found(info) for info in infos if info.port]
 
 
 def _found(info: ServiceInfo) -> Found:

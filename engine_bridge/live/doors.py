@@ -111,7 +111,7 @@ class Door:
         """
         socket.ipv6 = "[" in self.stream
         socket.handshake_ivl = round(HANDSHAKE * 1000)
-        socket.zap_domain = b"control" if socket.socket_type == zmq.ROUTER else b"stream"
+        socket.zap_domain = b"control" if socket.type == zmq.ROUTER else b"stream"
         socket.maxmsgsize = LARGEST[socket.zap_domain]
         socket.setsockopt(zmq.ZAP_ENFORCE_DOMAIN, 1)  # without it, NULL lets everybody in while there is no guard
         if self.mechanism == "PLAIN":
@@ -179,7 +179,8 @@ def make_token(path: Path) -> None:
     OutputError
         There is a file already, or it cannot be written.
     """
-    _write_new(path, secrets.token_urlsafe(32) + "\n", 0o600)
+    _check_new(path)
+    _write(path, secrets.token_urlsafe(32) + "\n", 0o600)
 
 
 def make_curve_keys(path: Path) -> None:
@@ -196,10 +197,12 @@ def make_curve_keys(path: Path) -> None:
         raise OutputError(
             path, found=f"the ending {path.suffix!r}", expected=repr(SECRET), fix=f"Call it {path.stem}{SECRET}."
         )
+    _check_new(path)
+    _check_new(path.with_suffix(PUBLIC))
     public, secret = (key.decode() for key in zmq.curve_keypair())
     curve = f'metadata\ncurve\n    public-key = "{public}"\n'
-    _write_new(path.with_suffix(PUBLIC), curve, 0o644)
-    _write_new(path, f'{curve}    secret-key = "{secret}"\n', 0o600)
+    _write(path.with_suffix(PUBLIC), curve, 0o644)
+    _write(path, f'{curve}    secret-key = "{secret}"\n', 0o600)
 
 
 def _address(host: str) -> Address:
@@ -323,7 +326,7 @@ def _unreadable(path: Path, what: str, error: OSError) -> PuppetlineError:
     )
 
 
-def _write_new(path: Path, text: str, mode: int) -> None:
+def _check_new(path: Path) -> None:
     if path.exists():
         raise OutputError(
             path,
@@ -331,8 +334,10 @@ def _write_new(path: Path, text: str, mode: int) -> None:
             expected="a new one, for somebody may be using the old one's secret",
             fix="Choose another name, or delete it first.",
         )
-    with (
-        written_whole(path) as beside,
-        os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "w") as file,
-    ):
-        file.write(text)
+
+
+def _write(path: Path, text: str, mode: int) -> None:
+    with written_whole(path) as beside:
+        descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+        with os.fdopen(descriptor, "w") as file:
+            file.write(text)

@@ -1,7 +1,7 @@
 """Who may come in: libzmq asks (ZAP, RFC 27) about everybody who connects, and the guard answers.
 
-It lives in the loop of the service like everything else and never waits. While nobody calls `Guard.handle`, nobody comes
-in.
+It lives in the loop of the service like everything else and never waits. While nobody calls `Guard.handle`, nobody
+comes in.
 """
 
 import logging
@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 import zmq
 from zmq.utils.monitor import parse_monitor_message
@@ -112,7 +112,7 @@ class Guard:
         monitor.rcvhwm = 0  # libzmq's thread waits, with everything else it has to do, where there is no room
         monitor.linger = 0
         monitor.connect(endpoint)
-        self._monitors[monitor] = socket, self._crowds[socket.getsockopt(zmq.ZAP_DOMAIN).rstrip(b"\0")]
+        self._monitors[monitor] = socket, self._crowds[cast(bytes, socket.zap_domain)]
         return monitor
 
     def handle(self) -> None:

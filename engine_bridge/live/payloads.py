@@ -13,7 +13,7 @@ from engine_bridge.live.wire import NOBODY, STATES, Header, Kind, WireError, joi
 if TYPE_CHECKING:
     from engine_bridge.live.frame import Frame
 
-Parts = tuple[bytes | NDArray[Any], ...]
+Parts = tuple[bytes | memoryview, ...]
 
 
 class Morphs(NamedTuple):
@@ -66,7 +66,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     payload = _PARTS[kind](frame)
     if payload is None:
         return None
-    length = sum(part.nbytes if isinstance(part, np.ndarray) else len(part) for part in payload)
+    length = sum(memoryview(part).nbytes for part in payload)
     return join(topic(frame.character.name, kind), header(kind, length, frame, published), *payload)
 
 
@@ -90,27 +90,27 @@ def _morphs(frame: "Frame") -> Parts | None:
     if frame.morphs is None:
         return None
     weights, residual = frame.morphs
-    return np.float32(residual).tobytes(), np.ascontiguousarray(weights, dtype="<f4")
+    return np.float32(residual).tobytes(), np.ascontiguousarray(weights, dtype="<f4").data
 
 
 def _vertices16(frame: "Frame") -> Parts:
     box, places, folded = quantisation.quantised(*frame.vertices_and_normals)
-    return box, places, bytes(-places.nbytes % 4), folded
+    return box.data, places.data, bytes(-places.nbytes % 4), folded.data
 
 
 def _joints(frame: "Frame") -> Parts | None:
     if frame.joints is None or frame.confidence is None:
         return None
-    return (np.column_stack([frame.joints, frame.confidence]).astype("<f4"),)
+    return (np.column_stack([frame.joints, frame.confidence]).astype("<f4").data,)
 
 
 _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
-    Kind.CONTROLS: lambda frame: (frame.controls,),
+    Kind.CONTROLS: lambda frame: (frame.controls.data,),
     Kind.MORPHS: _morphs,
-    Kind.VERTICES: lambda frame: (frame.vertices_and_normals,),
+    Kind.VERTICES: lambda frame: (frame.vertices_and_normals.data,),
     Kind.VERTICES16: _vertices16,
     Kind.JOINTS: _joints,
-    Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4"),),
+    Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4").data,),
 }
 
 

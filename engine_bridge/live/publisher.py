@@ -24,11 +24,8 @@ OTHERS_WAITING = 8
 SEND_BUFFER = 128 * 1024
 """Bytes that the system holds for a client; what waits there is old when it arrives."""
 
-HEARTBEAT_MS, SILENCE_MS, HANDSHAKE_MS = 2000, 6000, 5000
-"""How often a client is asked whether it is there, after what silence it is not, and how long it may take to begin."""
-
-LARGEST_RECEIVED = 1024
-"""Bytes; a client sends subscriptions, commands and credentials."""
+HEARTBEAT_MS, SILENCE_MS = 2000, 6000
+"""How often a client is asked whether it is there, and after what silence it is not."""
 
 AT_A_TIME = 256
 """Subscriptions that are read before frames have their turn again."""
@@ -42,7 +39,7 @@ class Door(Protocol):
         """Endpoint: ``tcp://127.0.0.1:7400``."""
 
     def prepare(self, socket: zmq.Socket[bytes]) -> None:
-        """Set what decides who may come in, before the socket is bound."""
+        """Set what limits who may come in and with what, before the socket is bound."""
 
 
 @dataclass
@@ -114,10 +111,7 @@ class Publisher:
             (zmq.HEARTBEAT_IVL, HEARTBEAT_MS),
             (zmq.HEARTBEAT_TIMEOUT, SILENCE_MS),
             (zmq.HEARTBEAT_TTL, SILENCE_MS),
-            (zmq.HANDSHAKE_IVL, HANDSHAKE_MS),
             (zmq.TCP_KEEPALIVE, 1),
-            (zmq.MAXMSGSIZE, LARGEST_RECEIVED),
-            (zmq.IPV6, 0),
         ):
             socket.setsockopt(option, value)
         door.prepare(socket)
@@ -131,7 +125,7 @@ class Publisher:
     @property
     def endpoints(self) -> list[str]:
         """Where clients connect to, in the order of the doors."""
-        return [socket.last_endpoint.decode() for socket in self._streams]
+        return [bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode() for socket in self._streams]
 
     @property
     def ignored(self) -> int:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK
-from capture.skeleton import SkeletonFrame
+from capture.skeleton import JOINTS, SkeletonFrame
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
 from engine_bridge.live.frame import Frame, StreamedCharacter
 from engine_bridge.live.idle import Idle
@@ -71,6 +71,25 @@ class Calibration:
 
     rest: NDArray[np.float64]
     level: Level
+
+    @property
+    def memory(self) -> list[Any]:
+        """All of it, for `engine_bridge.live.memory`."""
+        return [self.rest, [self.level.tilt, self.level.height]]
+
+    @classmethod
+    def of_memory(cls, memory: list[Any]) -> "Calibration":
+        """Make one of what `memory` was.
+
+        Raises
+        ------
+        ValueError
+            It was something else.
+        """
+        rest, (tilt, height) = memory
+        if np.shape(rest) != (len(JOINTS), 3):
+            raise ValueError(f"a pose of shape {np.shape(rest)}")
+        return cls(rest, Level(float(tilt), float(height)))
 
 
 @dataclass(frozen=True)
@@ -224,7 +243,9 @@ class Role:
         return Retargeting(puppet, rig.mesh, self._deformer, calibration.level(calibration.rest))
 
     def _begin(self, part: _Part, time: float) -> None:
-        self._part, self._next_part = part, None
+        self._next_part = None
+        part.working.result()  # were it to fail, the performer would be calibrated again
+        self._part = part
         self._level = part.calibration.level
         self.state = "performing"
         self._ease(time)
@@ -298,9 +319,7 @@ class Role:
             "eased_from": list(self._eased_from),
             "last_second": self._last_second.memory,
             "deformer": self._deformer.memory,
-            "remembered": [
-                [user, *_calibration_memory(known), left] for user, (known, left) in self._remembered.items()
-            ],
+            "remembered": [[user, known.memory, left] for user, (known, left) in self._remembered.items()],
         }
 
     @memory.setter
@@ -318,21 +337,14 @@ class Role:
         self._eased_from = targets, root
         self._last_second.memory = memory["last_second"]
         self._deformer.memory = memory["deformer"]
-        self._remembered = {
-            user: (Calibration(rest, Level(*level)), left) for user, rest, level, left in memory["remembered"]
-        }
+        self._remembered = {user: (Calibration.of_memory(known), left) for user, known, left in memory["remembered"]}
 
     def _part_of(self, memory: list[Any] | None) -> _Part | None:
         if memory is None:
             return None
-        rest, level, mirror, since = memory
-        calibration = Calibration(rest, Level(*level))
+        calibration, mirror, since = Calibration.of_memory(memory[0]), memory[1], memory[2]
         return _Part(calibration, mirror, since, self._executor.submit(self._retarget, calibration, mirror))
 
 
 def _part_memory(part: _Part | None) -> list[Any] | None:
-    return None if part is None else [*_calibration_memory(part.calibration), part.mirror, part.since]
-
-
-def _calibration_memory(calibration: Calibration) -> list[Any]:
-    return [calibration.rest, [calibration.level.tilt, calibration.level.height]]
+    return None if part is None else [part.calibration.memory, part.mirror, part.since]

@@ -157,15 +157,21 @@ def load(path: Path) -> ServiceFile:
     return tables.check(ServiceFile, values, path, ServiceError)
 
 
-def from_flags(sources: tuple[str, ...], puppets: tuple[Path, ...], stage: dict[str, Any], rest: dict[str, Any]) -> ServiceFile:
+def from_flags(
+    sources: tuple[str, ...],
+    puppets: tuple[Path, ...],
+    stage: dict[str, Any],
+    character: dict[str, Any],
+    rest: dict[str, Any],
+) -> ServiceFile:
     """Make the settings that command line options stand for.
 
     Parameters
     ----------
     sources, puppets
         One source with all the puppets, or as many sources as puppets, which belong together in their order.
-    stage, rest : dict
-        Further keys of each [[stage]], and of the file.
+    stage, character, rest : dict
+        Further keys of each [[stage]], of each [[stage.character]], and of the file.
 
     Raises
     ------
@@ -180,7 +186,7 @@ def from_flags(sources: tuple[str, ...], puppets: tuple[Path, ...], stage: dict[
         )
     groups = [puppets] if len(sources) == 1 else [(puppet,) for puppet in puppets]
     stages = [
-        {"source": source, "character": [{"puppet": str(puppet)} for puppet in group], **stage}
+        {"source": source, "character": [{"puppet": str(puppet), **character} for puppet in group], **stage}
         for source, group in zip(sources, groups, strict=True)
     ]
     return tables.check(ServiceFile, {"stage": stages, **rest}, "puppetline serve", ServiceError)

@@ -12,6 +12,9 @@ from puppetline.errors import SourceError
 
 LOOP = "?loop"
 
+RECORDED = ("demo:", "replay:")
+"""Sources that end."""
+
 
 def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     """Open a live source of skeletons.

@@ -141,7 +141,7 @@ class Stage:
                     role.set_mirror(not role.mirror if on is None else bool(on), cue.time)
             case "choose_user":
                 user = cue.arguments["user"]
-                if user not in self.casting.present:
+                if user is not None and user not in self.casting.present:
                     here = ", ".join(map(str, self.casting.present)) or "nobody"
                     raise ServiceError(
                         f"stage {self.name}",

@@ -1,18 +1,25 @@
+import errno
 import itertools
 import re
+import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 import capture.recording
+from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
-from capture.formats.puppetline_log import read
-from capture.recording import HEADER, Recorder, encode
-from capture.skeleton import LOST, SkeletonFrame
+from capture.formats.puppetline_log import beginning, events, read
+from capture.recording import HEADER, Recorder, as_recorded, encode
+from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import OutputError, SkeletonLogError
 
 
@@ -26,10 +33,47 @@ def make_frame(k, user=1):
     return SkeletonFrame(k / 30, user, positions, confidence)
 
 
-def record(path, frames):
+BEGINNING = {"roles": {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}, "level": {}}
+"""What a stage may say of itself: objects in objects, floats of every kind."""
+
+
+def record(path, events, state=None):
     with Recorder(path) as recorder:
-        for frame in frames:
-            recorder.write(frame)
+        if state is not None:
+            recorder.write_beginning(state)
+        for event in events:
+            recorder.write(event)
+
+
+def performance(count):
+    """Frames of two performers, and all else that happens between them."""
+    for k in range(count):
+        yield make_frame(k, user=1 + k % 2)
+        yield Tick(k / 30)
+        if k % 4 == 1:
+            yield Lost(k / 30, user=2)
+            yield Cue(k / 30, "mirror", {"character": "dog", "rest": {"of": [k / 7, None, {"é}": "}"}]}})
+
+
+def same(event, other):
+    """Whether two events are equal to the bit."""
+    if not isinstance(event, SkeletonFrame):
+        return event == other and type(event) is type(other)
+    return (
+        isinstance(other, SkeletonFrame)
+        and (event.time, event.user) == (other.time, other.user)
+        and event.positions.tobytes() == other.positions.tobytes()
+        and event.confidence.tobytes() == other.confidence.tobytes()
+        and (event.positions.dtype, event.confidence.dtype) == (other.positions.dtype, other.confidence.dtype)
+    )
+
+
+def assert_reads_back(path, written):
+    """All that was written is read, to the bit, frames as `as_recorded` promises."""
+    read_back = list(events(path))
+    promised = [as_recorded(event) if isinstance(event, SkeletonFrame) else event for event in written]
+    assert len(read_back) == len(promised)
+    assert all(map(same, read_back, promised))
 
 
 def assert_clip_is(clip, frames):
@@ -105,12 +149,111 @@ def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
     with Recorder(tmp_path / "take") as recorder:
         for k in range(5):
             recorder.write(make_frame(k))
+            if recorder._syncing is not None:
+                recorder._syncing.result()
             counts.append(len(synced))
     assert counts == [0, 0, 1, 1, 2]
     assert len(synced) == 3
 
 
-def test_cut_off_at_any_byte_all_complete_frames_are_there_and_recording_goes_on(tmp_path, monkeypatch):
+def test_no_frame_waits_for_the_disk(tmp_path, monkeypatch):
+    """The disk is busy until the recording is closed; meanwhile everything is written, and nothing is synced twice."""
+    clock, done, synced = itertools.count(), threading.Event(), []
+    monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda file: (synced.append(file), done.wait(60)))
+    with Recorder(tmp_path / "take") as recorder:
+        for k in range(5):
+            recorder.write(make_frame(k))
+        assert len(list(events(tmp_path / "take"))) == 5
+        done.set()
+    assert len(synced) == 2
+
+
+def test_a_disk_that_fails_to_sync_is_reported(tmp_path, monkeypatch):
+    def fail(_):
+        raise OSError(errno.EIO, "Input/output error")
+
+    recorder = Recorder(tmp_path / "take")
+    monkeypatch.setattr(capture.recording.os, "fsync", fail)
+    with pytest.raises(OutputError, match="Input/output error"):
+        recorder.close()
+    recorder.close()
+
+
+def test_every_kind_of_event_and_the_beginning_read_back_to_the_bit(tmp_path):
+    written = list(performance(40))
+    record(tmp_path / "take", written, BEGINNING)
+    assert_reads_back(tmp_path / "take", written)
+    assert repr(beginning(tmp_path / "take")) == repr(BEGINNING)
+    clips = read(tmp_path / "take", ReadOptions())
+    frames = [event for event in written if isinstance(event, SkeletonFrame)]
+    for clip, user in zip(clips, (1, 2), strict=True):
+        assert_clip_is(clip, [frame for frame in frames if frame.user == user])
+
+
+@given(
+    positions=arrays(np.float64, (len(JOINTS), 3), elements=st.floats(-1000, 1000) | st.just(np.nan)),
+    confidence=arrays(np.float32, len(JOINTS), elements=st.floats(0, 1, width=32)),
+    time=st.floats(allow_nan=False, allow_infinity=False),
+    user=st.integers(-(2**31), 2**31),
+)
+def test_as_recorded_is_what_a_reader_gives_back_and_recording_it_changes_nothing(
+    tmp_path_factory, positions, confidence, time, user
+):
+    frame = SkeletonFrame(time, user, positions, confidence)
+    recorded = as_recorded(frame)
+    assert same(as_recorded(recorded), recorded)
+    assert encode(recorded) == encode(frame)
+    path = tmp_path_factory.getbasetemp() / "one_frame"
+    path.write_bytes(HEADER + encode(frame))
+    assert_reads_back(path, [frame])
+
+
+def test_each_kind_of_event_is_a_line_of_its_own():
+    assert encode(Tick(12.6)) == b'{"t": 12.6, "tick": true}\n'
+    assert encode(Lost(12.8, 4)) == b'{"t": 12.8, "lost": 4}\n'
+    assert encode(Cue(12.7, "calibrate", {"character": "dog"})) == (
+        b'{"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}\n'
+    )
+
+
+def test_only_a_new_recording_has_a_beginning(tmp_path):
+    record(tmp_path / "take", [], BEGINNING)
+    whole = (tmp_path / "take").read_bytes()
+    with Recorder(tmp_path / "take") as recorder, pytest.raises(OutputError, match="has begun already"):
+        recorder.write_beginning(BEGINNING)
+    assert (tmp_path / "take").read_bytes() == whole
+
+
+@pytest.mark.parametrize("wrong", [Cue(0.0, "x", {"n": float("nan")}), Cue(0.0, "x", {"n": b""}), Tick(float("inf"))])
+def test_what_json_cannot_hold_is_refused_before_anything_is_written(tmp_path, wrong):
+    with Recorder(tmp_path / "take") as recorder:
+        with pytest.raises((ValueError, TypeError)):
+            recorder.write(wrong)
+        recorder.write(Tick(1.0))
+    assert (tmp_path / "take").read_bytes() == HEADER + encode(Tick(1.0))
+
+
+def test_cut_off_at_any_byte_all_whole_lines_are_there_and_recording_goes_on(tmp_path, monkeypatch):
+    """The lines hold objects in objects, so that many of the cuts leave a line that ends in a brace."""
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
+    written = list(performance(3))
+    record(tmp_path / "whole", written, BEGINNING)
+    whole = (tmp_path / "whole").read_bytes()
+    ends = [place + 1 for place, byte in enumerate(whole) if byte == ord("\n")]
+    begun = ends[1]
+    cut = tmp_path / "cut"
+    for size in range(len(whole)):
+        cut.write_bytes(whole[:size])
+        complete = sum(size >= end for end in ends[2:])
+        assert_reads_back(cut, written[:complete])
+        assert beginning(cut) == (BEGINNING if size >= begun else None)
+        record(cut, [Tick(99.0)])
+        assert_reads_back(cut, [*written[:complete], Tick(99.0)])
+        assert cut.read_bytes().startswith(whole[:size])
+
+
+def test_cut_off_at_any_byte_the_clip_has_all_whole_frames_and_says_what_was_torn(tmp_path, monkeypatch):
     monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
     frames = [make_frame(k) for k in range(3)]
     record(tmp_path / "whole", frames)
@@ -120,8 +263,8 @@ def test_cut_off_at_any_byte_all_complete_frames_are_there_and_recording_goes_on
     later, cut = make_frame(9), tmp_path / "cut"
     for size in range(len(whole)):
         cut.write_bytes(whole[:size])
-        complete = sum(size >= end - 1 for end in ends[1:])  # the line's end is not part of the frame
-        torn = size not in ends and size + 1 not in ends and size > 0
+        complete = sum(size >= end for end in ends[1:])
+        torn = size not in ends and size > 0
         line = 1 + sum(size >= end for end in ends)
         notes = (f"Line {line} was cut off in mid-write: left out.",) if torn else ()
         if complete:
@@ -163,7 +306,7 @@ def test_a_killed_process_loses_nothing_that_it_wrote(tmp_path):
         child.kill()
         said = 40 + len(child.stdout.read().split())
     clip = read_one(tmp_path / "take")
-    assert child.returncode != 0
+    assert child.returncode == -signal.SIGKILL
     assert said <= len(clip.times) <= said + 1
     assert_clip_is(clip, [make_frame(k) for k in range(len(clip.times))])
 
@@ -176,7 +319,7 @@ def test_recording_into_a_finished_recording_continues_it(tmp_path):
     assert (tmp_path / "take").read_bytes().count(HEADER) == 1
 
 
-@pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 1,", b": 2,"), b"\n"])
+@pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 2,", b": 1,"), b"\n"])
 def test_a_file_that_is_something_else_is_refused_and_left_alone(tmp_path, content):
     (tmp_path / "take").write_bytes(content)
     with pytest.raises(OutputError, match="not a recording"):

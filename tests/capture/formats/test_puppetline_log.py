@@ -1,10 +1,14 @@
 import json
+from contextlib import suppress
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
-from capture.formats.puppetline_log import matches, read
+from capture.formats.puppetline_log import beginning, events, matches, read
 from capture.recording import HEADER
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
@@ -29,7 +33,7 @@ def error_of(path):
 
 def test_is_told_by_its_first_line_of_any_version():
     assert matches(HEADER + line())
-    assert matches(HEADER.replace(b": 1,", b": 27,"))
+    assert matches(HEADER.replace(b": 2,", b": 27,"))
     assert not matches(b"")
     assert not matches(line())
     assert not matches(b'{"frames": [], "puppetline": "skeleton log"}')
@@ -97,13 +101,76 @@ def test_a_complete_line_that_is_not_json_is_an_error_with_its_line(tmp_path, te
 
 
 def test_a_newer_version_is_refused_by_its_number(tmp_path):
-    path = log(tmp_path, HEADER.replace(b": 1,", b": 2,"), line())
+    path = log(tmp_path, HEADER.replace(b": 2,", b": 3,"), line())
     error = error_of(path)
-    assert (error.where, error.found, error.expected) == (f"{path}, line 1, version", "2", "1")
+    assert (error.where, error.found, error.expected) == (f"{path}, line 1, version", "3", "1 to 2")
+
+
+def test_a_recording_of_version_1_reads_as_ever(tmp_path):
+    path = log(tmp_path, HEADER.replace(b": 2,", b": 1,"), line(0.0), line(1.0)[:-9] + b"\n", line(2.0))
+    (clip,) = read(path, ReadOptions())
+    np.testing.assert_array_equal(clip.times, [0.0, 2.0])
+    assert clip.notes == ("Line 3 was cut off in mid-write: left out.",)
+    assert [event.time for event in events(path)] == [0.0, 2.0]
+    assert beginning(path) is None
+
+
+def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
+    others = (
+        b'{"t": 0.5, "tick": true}\n{"t": 1, "lost": 1}\n'
+        b'{"t": 1.5, "do": "mirror", "arguments": {"character": "dog"}}\n'
+    )
+    path = log(tmp_path, HEADER, b'{"beginning": {"a": {"b": [0.1]}}}\n', line(0.0), others, line(2.0))
+    (clip,) = read(path, ReadOptions())
+    np.testing.assert_array_equal(clip.times, [0.0, 2.0])
+    assert list(events(path))[1:-1] == [Tick(0.5), Lost(1.0, 1), Cue(1.5, "mirror", {"character": "dog"})]
+    assert beginning(path) == {"a": {"b": [0.1]}}
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        (b'{"tick": true}', "t"),
+        (b'{"t": NaN, "tick": true}', "t"),
+        (b'{"t": 0, "lost": "1"}', "lost"),
+        (b'{"t": 0, "lost": true}', "lost"),
+        (b'{"t": 0, "do": 5, "arguments": {}}', "do"),
+        (b'{"t": 0, "do": "mirror"}', "arguments"),
+        (b'{"t": 0, "do": "mirror", "arguments": []}', "arguments"),
+        (b'{"beginning": {}}', "beginning"),
+    ],
+)
+def test_a_wrong_line_of_another_kind_is_an_error_with_line_and_field(tmp_path, text, field):
+    path = log(tmp_path, HEADER, line(0.0), text + b"\n")
+    assert error_of(path).where == f"{path}, line 3, {field}"
+    with pytest.raises(SkeletonLogError):
+        list(events(path))
+
+
+def test_a_beginning_that_is_no_object_is_an_error(tmp_path):
+    path = log(tmp_path, HEADER, b'{"beginning": 5, "x": {}}\n', line())
+    with pytest.raises(SkeletonLogError, match="line 2, beginning: found 5"):
+        beginning(path)
+
+
+def test_a_confidence_that_is_nothing_in_single_precision_is_lost(tmp_path):
+    error = error_of(log(tmp_path, HEADER, line(c=[1e-60] + [1.0] * 19)))
+    assert (error.where.rpartition(", ")[2], error.expected) == ("p[0]", "null, as its confidence is 0")
+
+
+@given(
+    st.lists(st.binary(max_size=80) | st.sampled_from([line(0.5), line(1.0)[:-5], b"}\n", b'{"t": 1, "tick": 1}\n']))
+)
+def test_any_bytes_after_the_header_are_read_or_refused(tmp_path_factory, chunks):
+    path = tmp_path_factory.getbasetemp() / "any"
+    path.write_bytes(HEADER + b"".join(chunks))
+    for reader in (lambda: read(path, ReadOptions()), lambda: list(events(path)), lambda: beginning(path)):
+        with suppress(SkeletonLogError):
+            reader()
 
 
 def test_other_joints_are_refused(tmp_path):
-    joints = json.dumps({"puppetline": "skeleton log", "version": 1, "joints": JOINTS[::-1]}).encode() + b"\n"
+    joints = json.dumps({"puppetline": "skeleton log", "version": 2, "joints": JOINTS[::-1]}).encode() + b"\n"
     assert error_of(log(tmp_path, joints, line())).where.endswith("line 1, joints")
 
 

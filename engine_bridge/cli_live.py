@@ -1,0 +1,243 @@
+"""The commands of the live service; everything heavy is imported by the command that needs it."""
+
+import json
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from engine_bridge.command_line import FILE, Finite, interrupts, progress
+
+if TYPE_CHECKING:
+    from engine_bridge.live.service_file import ServiceFile
+
+PORT = click.IntRange(0, 65534)
+
+
+@click.command()
+@click.option("--config", type=FILE, metavar="SERVICE.toml", help="A service file, instead of the options below.")
+@click.option("--puppet", "puppets", multiple=True, type=FILE, help="A puppet file; can be repeated.")
+@click.option(
+    "--source",
+    "sources",
+    multiple=True,
+    metavar="URI",
+    help="Where skeletons come from, for all puppets or one for each: osc:7110, vmc:39539, replay:FILE?loop, …",
+)
+@click.option(
+    "--people", type=click.Choice(["each", "nearest", "queue"]), help="Who plays, of several people.  [default: each]"
+)
+@click.option(
+    "--calibrate",
+    type=click.Choice(["still", "at_once", "command"]),
+    help="When a performer's pose becomes the character's rest pose.  [default: still]",
+)
+@click.option("--idle", type=FILE, metavar="LOG", help="What the character does while nobody plays it.")
+@click.option(
+    "--morphs", type=FILE, metavar="GLB", help="What puppetline bake has made of the puppet, for morph weights."
+)
+@click.option("--host", help="The address to listen at.  [default: 127.0.0.1]")
+@click.option("--port", type=PORT, help="The stream's; the control socket has the next one.  [default: 7400]")
+@click.option("--token-file", type=FILE, help="A token that clients must know: puppetline token FILE makes one.")
+@click.option("--osc", "targets", multiple=True, metavar="HOST:PORT", help="Send OSC there as well; can be repeated.")
+@click.option(
+    "--osc-rate", default=30.0, show_default=True, type=Finite(1, 1000), help="Frames a second for each of them."
+)
+@click.option("--takes", type=FILE, metavar="FOLDER", help="Where takes are recorded.  [default: takes]")
+@click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Answer Prometheus there, on loopback.")
+@click.option(
+    "--announce/--no-announce", default=None, help="Announce the service in the network by mDNS.  [default: yes]"
+)
+@click.option("--status", is_flag=True, help="Show a live table.")
+@click.option("--log-format", default="text", show_default=True, type=click.Choice(["text", "json"]))
+@click.option(
+    "--log-level", default="info", show_default=True, type=click.Choice(["debug", "info", "warning", "error"])
+)
+def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **options: Any) -> None:
+    """Stream characters that performers move, live, until it is stopped."""
+    from engine_bridge.live import logs
+    from engine_bridge.live.service import Service
+
+    settings, folder = _settings(config, options)
+    logs.setup(log_format, log_level)
+    with ExitStack() as stack:
+        display = None
+        if status:
+            from engine_bridge.live.status import StatusDisplay
+
+            display = StatusDisplay()
+            stack.callback(display.close)
+        service = Service(settings, folder, None if display is None else display.update)
+        stack.callback(service.close)
+        service.run()
+
+
+def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFile, Path]":
+    """Return the settings of a file or of options, and what their paths are relative to."""
+    from engine_bridge.live import service_file
+
+    given = {name: value for name, value in options.items() if value not in (None, ()) and name != "osc_rate"}
+    if config is not None:
+        if given:
+            raise click.UsageError("--config goes without any option that the file has a key for.")
+        return service_file.load(config), config.parent
+    if not options["puppets"] or not options["sources"]:
+        raise click.UsageError("Give --puppet and --source, or --config.")
+    network = {name: given[name] for name in ("host", "port", "token_file") if name in given}
+    rest: dict[str, Any] = {
+        "network": network,
+        "osc": [_target(each, options["osc_rate"]) for each in options["targets"]],
+    }
+    if "takes" in given:
+        rest["takes"] = str(given["takes"])
+    if "announce" in given:
+        rest["announce"] = given["announce"]
+    if "metrics" in given:
+        rest["metrics"] = {"port": given["metrics"]}
+    stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate") if name in given}
+    character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
+    return service_file.from_flags(options["sources"], options["puppets"], stage, character, rest), Path()
+
+
+def _target(text: str, rate: float) -> dict[str, Any]:
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal():
+        raise click.UsageError(f"--osc wants HOST:PORT, and not {text!r}.")
+    return {"host": host or "127.0.0.1", "port": int(port), "rate": rate}
+
+
+@click.command()
+@click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
+@click.option("-o", "--output", required=True, type=FILE, help="The take to write.")
+@click.option("--seconds", type=Finite(0, min_open=True), help="How long.  [default: until Ctrl-C]")
+@click.option("--force", is_flag=True, help="Replace an existing file.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def record(source: str, output: Path, seconds: float | None, force: bool, as_json: bool) -> None:
+    """Record what a live source gives, for puppetline convert and replay:."""
+    from contextlib import closing
+    from dataclasses import asdict
+
+    from engine_bridge.live.record import record as run
+    from engine_bridge.live.sources import open_source
+
+    def report(frames: int, elapsed: float) -> None:
+        if sys.stderr.isatty():
+            click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
+
+    with closing(open_source(source)) as opened:
+        summary = run(opened, output, seconds, report, force)
+    if sys.stderr.isatty():
+        click.echo(err=True)
+    if as_json:
+        click.echo(json.dumps(asdict(summary), indent=2))
+        return
+    users = ", ".join(map(str, summary.users)) or "nobody"
+    click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+
+
+@click.command()
+@click.argument("address", default="127.0.0.1:7400")
+@click.option("--character", "characters", multiple=True, help="Only this one; can be repeated.")
+@click.option(
+    "--kind",
+    "kinds",
+    multiple=True,
+    help="controls, morphs, vertices, vertices16, joints, handles, performer; can be repeated.  [default: controls]",
+)
+@click.option("--seconds", type=Finite(0, min_open=True), help="How long.  [default: until Ctrl-C]")
+@click.option("--token-file", type=FILE, help="The token that the service wants.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def listen(
+    address: str,
+    characters: tuple[str, ...],
+    kinds: tuple[str, ...],
+    seconds: float | None,
+    token_file: Path | None,
+    as_json: bool,
+) -> None:
+    """Say what a client of the service at ADDRESS receives: rates, latency, gaps."""
+    from dataclasses import asdict
+
+    from engine_bridge.live import listening
+    from engine_bridge.live.doors import read_token
+
+    token = None if token_file is None else read_token(token_file)
+    report = listening.listen(
+        address, seconds=seconds, token=token, characters=characters, kinds=kinds or ("controls",)
+    )
+    click.echo(json.dumps(asdict(report), indent=2) if as_json else listening.describe(report))
+
+
+@click.command()
+@click.argument("puppet", type=FILE)
+@click.option("-o", "--output", required=True, type=FILE, help="The .glb to write.")
+@click.option(
+    "--log", "logs", multiple=True, type=FILE, help="Recorded motion to fit to; can be repeated.  [default: made up]"
+)
+@click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
+@click.option(
+    "--tolerance",
+    type=Finite(0, 1, min_open=True),
+    help="Largest error of a vertex, as a fraction of the character's diagonal.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def bake(
+    puppet: Path, output: Path, logs: tuple[Path, ...], targets: int | None, tolerance: float | None, as_json: bool
+) -> None:
+    """Make a .glb of PUPPET with morph targets that a live performance can be played on."""
+    from engine_bridge.bake import bake as run
+
+    with progress() as report:
+        summary = run(puppet, output, logs, targets=targets, tolerance=tolerance, progress=report)
+    if as_json:
+        click.echo(json.dumps(summary.as_dict(), indent=2))
+        return
+    size = f"{summary.targets} morph targets, {summary.bytes / 1e6:.1f} MB"
+    click.echo(f"{summary.output}: {size}, from {summary.frames:,} frames of motion")
+    click.echo(
+        f"  largest error  {summary.error:.2g} of the diagonal, root mean square {summary.rms:.2g} "
+        f"(tolerance {summary.tolerance:g})"
+    )
+    for note in (*summary.repairs, *summary.notes):
+        click.echo(f"  note: {note}")
+
+
+@click.command()
+@click.option("--takes", default="takes", show_default=True, type=FILE, help="The folder of takes.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def doctor(takes: Path, as_json: bool) -> None:
+    """Say what works on this machine: libraries, ports, folders, sensors, network."""
+    from dataclasses import asdict
+
+    from engine_bridge.live import doctor as doctors
+
+    with interrupts():
+        findings = doctors.examine(takes)
+    click.echo(json.dumps([asdict(each) for each in findings], indent=2) if as_json else doctors.text(findings))
+    if any(finding.ok is False for finding in findings):
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
+@click.argument("file", type=FILE)
+def token(file: Path) -> None:
+    """Write a new token to FILE, for serve and for its clients."""
+    from engine_bridge.live.doors import make_token
+
+    make_token(file)
+    click.echo(f"{file}: give it to puppetline serve --token-file, and to the clients.")
+
+
+@click.command()
+@click.argument("file", type=FILE)
+def keys(file: Path) -> None:
+    """Write new CURVE keys to FILE, NAME.key_secret, and NAME.key."""
+    from engine_bridge.live.doors import make_curve_keys
+
+    make_curve_keys(file)
+    click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
+
+
+COMMANDS = (serve, record, listen, bake, doctor, token, keys)

@@ -1,0 +1,174 @@
+"""Senders that know nothing of the code under test, and a body that walks."""
+
+import socket
+import struct
+import time
+from contextlib import ExitStack
+from select import select
+
+import numpy as np
+import pytest
+
+from capture.events import Tick
+from capture.network.source import open_osc, open_vmc
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
+
+PATIENCE = 10.0
+"""Seconds after which a test gives up."""
+
+
+def _pad(data):
+    return data + bytes(4 - len(data) % 4)
+
+
+def message(address, tags, *arguments):
+    """Write an OSC message byte for byte as the specification says."""
+    data = _pad(address.encode()) + _pad(b"," + tags.encode())
+    for tag, argument in zip(tags, arguments, strict=True):
+        data += _pad(argument.encode()) if tag == "s" else struct.pack(f">{'q' if tag == 'h' else tag}", argument)
+    return data
+
+
+def bundle(*elements, time_tag=1):
+    return b"#bundle\0" + struct.pack(">Q", time_tag) + b"".join(struct.pack(">i", len(e)) + e for e in elements)
+
+
+class Wire:
+    """A source that listens, and a socket that sends to it."""
+
+    def __init__(self, source):
+        self.source = source
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def send(self, *datagrams):
+        for datagram in datagrams:
+            self.socket.sendto(datagram, ("127.0.0.1", self.source.port))
+
+    def events(self, *datagrams, count=1, until=None):
+        """Send, and wait as a caller would until that many events have come, ticks not counted."""
+        self.send(*datagrams)
+        found = []
+        give_up = time.monotonic() + PATIENCE
+        while not (until(found) if until else len(found) >= count):
+            assert time.monotonic() < give_up, found
+            select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))
+            found += [event for event in self.source.receive() if not isinstance(event, Tick)]
+        return found
+
+    def frame(self, *datagrams):
+        [frame] = self.events(*datagrams)
+        assert isinstance(frame, SkeletonFrame)
+        return frame
+
+    def settle(self, *datagrams):
+        """Send, and take whatever comes of it until all datagrams have arrived."""
+        arrived = self.source.counts.received + len(datagrams)
+        return self.events(*datagrams, until=lambda _: self.source.counts.received >= arrived)
+
+    def close(self):
+        self.socket.close()
+        self.source.close()
+
+
+@pytest.fixture
+def osc_message():
+    return message
+
+
+@pytest.fixture
+def osc_bundle():
+    return bundle
+
+
+@pytest.fixture
+def listen():
+    """Open a source on any free port of this machine, by its options."""
+    with ExitStack() as stack:
+
+        def opened(options="", scheme="osc"):
+            wire = Wire((open_vmc if scheme == "vmc" else open_osc)(f"127.0.0.1:0{options}"))
+            stack.callback(wire.close)
+            return wire
+
+        yield opened
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+STANDING = {
+    "hip_center": (0.0, 0.0, 0.0),
+    "spine": (0.0, 0.07, 0.01),
+    "shoulder_center": (0.0, 0.41, 0.02),
+    "head": (0.01, 0.61, 0.0),
+    "shoulder_left": (-0.19, 0.36, 0.02),
+    "elbow_left": (-0.24, 0.11, 0.05),
+    "wrist_left": (-0.26, -0.12, 0.02),
+    "hand_left": (-0.27, -0.20, 0.0),
+    "shoulder_right": (0.19, 0.35, 0.02),
+    "elbow_right": (0.35, 0.52, -0.02),
+    "wrist_right": (0.41, 0.75, -0.08),
+    "hand_right": (0.43, 0.83, -0.11),
+    "hip_left": (-0.08, -0.06, 0.0),
+    "knee_left": (-0.10, -0.54, -0.01),
+    "ankle_left": (-0.11, -0.92, 0.05),
+    "foot_left": (-0.12, -0.96, -0.05),
+    "hip_right": (0.08, -0.06, 0.0),
+    "knee_right": (0.11, -0.53, -0.05),
+    "ankle_right": (0.12, -0.90, 0.03),
+    "foot_right": (0.14, -0.95, -0.08),
+}
+"""Facing the sensor, the right arm up: no joint is another's mirror image."""
+
+
+@pytest.fixture
+def walk():
+    """(T, 20, 3) metres in the sensor frame: from 3 m away towards the sensor and to the performer's right."""
+    standing = np.array([STANDING[name] for name in JOINT_INDEX])
+    frames = []
+    for step in range(12):
+        phase = step * 0.5
+        pose = standing + np.array([0.3 + 0.04 * step, -0.2 + 0.02 * np.sin(2 * phase), 3.0 - 0.07 * step])
+        for name, reach in (("left", 1.0), ("right", -1.0)):
+            for joint, share in (("knee", 0.5), ("ankle", 1.0), ("foot", 1.0)):
+                pose[JOINT_INDEX[f"{joint}_{name}"], 2] += 0.25 * reach * share * np.sin(phase)
+            for joint, share in (("elbow", 0.5), ("wrist", 0.9), ("hand", 1.0)):
+                pose[JOINT_INDEX[f"{joint}_{name}"], 2] -= 0.2 * reach * share * np.sin(phase)
+        frames.append(pose)
+    return np.array(frames)
+
+
+@pytest.fixture
+def fifteen():
+    """Which joint of ours each of NiTE's 15 is, by OSCeleton's names."""
+    parts = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
+    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
+    return {"head": "head", "neck": "shoulder_center", "torso": "spine", **sided}
+
+
+@pytest.fixture
+def twenty(fifteen):
+    """Which joint of ours each of the Kinect SDK's 20 is, by OSCeleton's names."""
+    parts = ("wrist", "ankle")
+    sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
+    return {**fifteen, **sided, "waist": "hip_center"}
+
+
+@pytest.fixture
+def of_fifteen():
+    """What is made of a pose of which only NiTE's 15 joints were sent: the rest lies on lines between neighbours."""
+
+    def completed(pose):
+        ours = {name: pose[index] for name, index in JOINT_INDEX.items()}
+        ours["hip_center"] = (ours["hip_left"] + ours["hip_right"]) / 2
+        for side in ("left", "right"):
+            ours[f"wrist_{side}"] = 0.25 * ours[f"elbow_{side}"] + 0.75 * ours[f"hand_{side}"]
+            ours[f"ankle_{side}"] = 0.15 * ours[f"knee_{side}"] + 0.85 * ours[f"foot_{side}"]
+        confidence = [
+            0.5 if name == "hip_center" or name.startswith(("wrist", "ankle")) else 1.0 for name in JOINT_INDEX
+        ]
+        return np.array(list(ours.values())), confidence
+
+    return completed

@@ -1,0 +1,269 @@
+import math
+import struct
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message import OscMessage
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+from capture.network.osc import (
+    MAX_DATAGRAM,
+    MAX_DEPTH,
+    MAX_MESSAGES,
+    REASONS,
+    Message,
+    OscError,
+    bundle,
+    decode,
+    encode,
+)
+
+ADDRESSES = st.from_regex(r"/?[A-Za-z0-9_äéø][A-Za-z0-9_/äéø ]{0,40}", fullmatch=True)
+TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=50)
+FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
+ARGUMENTS = st.lists(
+    st.one_of(st.integers(-(2**31), 2**31 - 1), FLOATS, TEXTS, st.binary(max_size=50)), max_size=20
+).map(tuple)
+TAGS = {int: "i", float: "f", str: "s", bytes: "b"}
+
+
+def _refused(datagram):
+    with pytest.raises(OscError) as caught:
+        decode(datagram)
+    assert caught.value.reason in REASONS
+    return caught.value.reason
+
+
+@given(ADDRESSES, ARGUMENTS)
+def test_what_is_encoded_is_decoded(address, arguments):
+    tags = "".join(TAGS[type(argument)] for argument in arguments)
+    [decoded] = decode(encode(address, *arguments))
+    assert decoded == Message(address, tags, arguments)
+    assert [type(argument) for argument in decoded.arguments] == [type(argument) for argument in arguments]
+
+
+@given(ADDRESSES.filter(lambda address: address.startswith("/")), ARGUMENTS)
+def test_python_osc_reads_what_is_encoded_and_writes_the_same_bytes(address, arguments):
+    encoded = encode(address, *arguments)
+    theirs = OscMessage(encoded)
+    assert (theirs.address, tuple(theirs.params)) == (address, arguments)
+    builder = OscMessageBuilder(address)
+    for argument in arguments:
+        builder.add_arg(argument, TAGS[type(argument)])
+    assert builder.build().dgram == encoded
+
+
+def test_what_python_osc_writes_is_decoded():
+    builder = OscMessageBuilder("/all")
+    for value, tag in [
+        (1, "i"),
+        (2**40, "h"),
+        (0.5, "f"),
+        (0.1, "d"),
+        ("ü", "s"),
+        (b"abcde", "b"),
+        (True, "T"),
+        (False, "F"),
+        (None, "N"),
+    ]:
+        builder.add_arg(value, tag)
+    everything = builder.build()
+    [decoded] = decode(everything.dgram)
+    assert decoded == Message("/all", "ihfdsbTFN", (1, 2**40, 0.5, 0.1, "ü", b"abcde", True, False, None))
+
+    inner, outer = OscBundleBuilder(IMMEDIATELY), OscBundleBuilder(4e9)  # a time tag in 2096 is not waited for
+    inner.add_content(everything)
+    outer.add_content(inner.build())
+    outer.add_content(everything)
+    assert decode(outer.build().dgram) == [decoded, decoded]
+
+
+def test_python_osc_reads_our_bundles():
+    one, other = encode("/one", 1), encode("/other", "x")
+    theirs = OscBundle(bundle(one, bundle(other)))
+    assert theirs.content(0).dgram == one
+    assert theirs.content(1).content(0).dgram == other
+    assert decode(bundle(bundle(one), other, bundle())) == decode(one) + decode(other)
+
+
+@pytest.mark.parametrize("number", [80 * 12, 1, 0])
+def test_an_array_is_its_numbers_in_big_endian_order(number):
+    values = np.arange(number, dtype=np.float32) / 7
+    assert encode("/dog/controls", 5, values) == encode("/dog/controls", 5, *values.tolist())
+
+
+@given(st.lists(FLOATS, min_size=6, max_size=6))
+def test_an_array_of_any_layout_is_written_in_c_order(numbers):
+    array = np.array(numbers, dtype=np.float32).reshape(2, 3)
+    assert encode("/a", np.asfortranarray(array)) == encode("/a", array) == encode("/a", *numbers)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ((2**31,), struct.error),
+        ((1e39,), OverflowError),
+        (("a\0b",), ValueError),
+        ((np.zeros(3),), TypeError),
+        (([1.0],), TypeError),
+        ((None,), TypeError),
+    ],
+)
+def test_what_osc_cannot_carry_is_not_encoded(arguments, error):
+    with pytest.raises(error):
+        encode("/a", *arguments)
+
+
+def _bundles(depth):
+    nested = encode("/deep", 1)
+    for _ in range(depth):
+        nested = bundle(nested)
+    return nested
+
+
+HOSTILE = {
+    "a negative element size, on which python-osc hangs": (
+        b"#bundle\0" + bytes(8) + struct.pack(">i", -4),
+        "cut short",
+    ),
+    "400 bundles deep, on which python-osc dies": (_bundles(400), "bundles too deep"),
+    "an address that is not UTF-8": (b"/\xff\xfe\0,\0\0\0", "text not in UTF-8"),
+    "an element of 2 GiB": (b"#bundle\0" + bytes(8) + struct.pack(">i", 0x7FFFFFFC), "cut short"),
+    "an element size that is no multiple of 4": (
+        b"#bundle\0" + bytes(8) + struct.pack(">i", 0x7FFFFFFF),
+        "no multiple of 4 bytes",
+    ),
+    "an empty element": (b"#bundle\0" + bytes(8) + struct.pack(">i", 0), "cut short"),
+    "a blob of -1 bytes": (b"/a\0\0,b\0\0" + struct.pack(">i", -1), "cut short"),
+    "a blob of 2 GiB": (b"/a\0\0,b\0\0" + struct.pack(">i", 2**31 - 1), "cut short"),
+    "not a number": (b"/a\0\0,f\0\0" + struct.pack(">f", math.nan), "number not finite"),
+    "an infinite number": (b"/a\0\0,d\0\0" + struct.pack(">d", -math.inf), "number not finite"),
+    "nothing": (b"", "cut short"),
+    "five bytes": (b"/abc\0", "no multiple of 4 bytes"),
+    "an address without an end": (b"/abcdefg", "cut short"),
+    "no address": (b"\0\0\0\0,\0\0\0", "bad address"),
+    "an address of tags": (b",f\0\0,f\0\0", "bad address"),
+    "an address that is too long": (encode("/" + 255 * "a"), "bad address"),
+    "an address with a bell": (encode("/\a"), "bad address"),
+    "no tags": (b"/a\0\0", "no type tags"),
+    "tags without a comma": (b"/a\0\0f\0\0\0\0\0\0\0", "no type tags"),
+    "an array": (b"/a\0\0,[f]\0\0\0\0\0\0\0\0", "unknown type tag"),
+    "fewer numbers than tags": (b"/a\0\0,ff\0\0\0\0\0", "cut short"),
+    "half a double": (b"/a\0\0,d\0\0\0\0\0\0", "cut short"),
+    "more than the tags say": (b"/a\0\0,\0\0\0\0\0\0\0", "bytes left over"),
+    "a bundle without a time": (b"#bundle\0\0\0\0\0", "cut short"),
+    "too many messages": (bundle(*[encode("/")] * MAX_MESSAGES), "too many messages"),
+    "too many messages in two bundles": (bundle(*[bundle(*[encode("/")] * 600)] * 2), "too many messages"),
+    "too large": (encode("/a", bytes(MAX_DATAGRAM)), "larger than a datagram"),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_datagrams_are_refused_with_the_reason(name):
+    datagram, reason = HOSTILE[name]
+    assert _refused(datagram) == reason
+
+
+def test_the_hostile_datagrams_that_mean_something_are_read_at_once():
+    tomorrow = b"#bundle\0" + struct.pack(">II", 0xFFFFFFFF, 0)  # python-osc's dispatcher sleeps until then
+    message = encode("/a", 1)
+    assert decode(tomorrow + struct.pack(">i", len(message)) + message) == [Message("/a", "i", (1,))]
+    pattern = "/" + 25 * "*" + "b"  # python-osc matches it against its handlers for 10 s
+    assert decode(encode(pattern)) == [Message(pattern, "", ())]
+    assert decode(encode("Left_Hand", 1.0)) == [Message("Left_Hand", "f", (1.0,))]
+    assert decode(_bundles(MAX_DEPTH)) == [Message("/deep", "i", (1,))]
+
+
+def test_every_reason_can_happen():
+    assert {reason for _, reason in HOSTILE.values()} == set(REASONS)
+
+
+CORPUS = [
+    encode("/joint", "l_shoulder", 3, 0.5, 0.25, 1.5),
+    encode("Left_Hand", 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0),
+    encode("/VMC/Ext/Bone/Pos", "Hips", 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+    bundle(encode("/joint", "head", 1, 0.5, 0.5, 1.0), bundle(encode("/a", b"12345", "text")), encode("/lost_user", 1)),
+    b"/all\0\0\0\0,ihfdtsSbTFN\0\0\0\0"
+    + bytes(4 + 8 + 4 + 8 + 8)
+    + b"a\0\0\0b\0\0\0"
+    + struct.pack(">i", 3)
+    + b"abc\0",
+]
+
+
+def _check(datagram):
+    """Assert that bytes are either messages within bounds or one documented error."""
+    try:
+        messages = decode(datagram)
+    except OscError as error:
+        assert error.reason in REASONS
+        return
+    assert len(messages) <= MAX_MESSAGES
+    for message in messages:
+        assert len(message.tags) == len(message.arguments)
+        assert all(math.isfinite(number) for number in message.arguments if isinstance(number, float))
+    assert sum(len(message.address) + len(message.tags) for message in messages) <= len(datagram)
+
+
+@pytest.mark.parametrize("datagram", CORPUS)
+def test_the_corpus_is_well_formed_and_every_part_of_it_is_refused(datagram):
+    assert decode(datagram)
+    whole = len(datagram)
+    for length in range(whole):
+        cut = datagram[:length]
+        if datagram.startswith(b"#bundle") and length in _ends_of_elements(datagram):
+            _check(cut)
+        else:
+            _refused(cut)
+
+
+def _ends_of_elements(datagram):
+    ends, offset = [16], 16
+    while offset < len(datagram):
+        offset += 4 + struct.unpack_from(">i", datagram, offset)[0]
+        ends.append(offset)
+    return ends
+
+
+@settings(max_examples=2000, deadline=None)
+@given(st.data())
+def test_changed_datagrams_are_read_or_refused(data):
+    datagram = bytearray(data.draw(st.sampled_from(CORPUS)))
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(datagram) - 1))
+        change = data.draw(st.sampled_from(["byte", "word", "cut", "twice"]))
+        if change == "byte":
+            datagram[place] = data.draw(st.integers(0, 255))
+        elif change == "word":
+            word = data.draw(st.sampled_from([0, 1, 4, 0x7FFFFFFC, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFC, 0xFFFFFFFF]))
+            datagram[place & ~3 : (place & ~3) + 4] = struct.pack(">I", word)
+        elif change == "cut":
+            del datagram[place:]
+            datagram += bytes(-len(datagram) % 4) or b"\0\0\0\0"
+        else:
+            datagram += datagram[place & ~3 :]
+    _check(bytes(datagram))
+
+
+@settings(max_examples=2000, deadline=None)
+@given(st.binary(max_size=200).map(lambda data: data + bytes(-len(data) % 4)))
+def test_any_bytes_are_read_or_refused(data):
+    _check(data)
+    _check(b"#bundle\0" + bytes(8) + struct.pack(">I", len(data)) + data)
+    _check(b"/a\0\0," + data)
+
+
+@pytest.mark.parametrize("datagram", [datagram for datagram, _ in HOSTILE.values()])
+def test_no_false_claim_takes_memory(datagram):
+    tracemalloc.start()
+    try:
+        _refused(datagram)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 200_000 + 20 * len(datagram)

@@ -112,7 +112,7 @@ class Recorder:
         Raises
         ------
         OutputError
-            If the system does not take it, say because the disk is full.
+            If the system does not take it, say because the disk is full; the recording is closed then.
         """
         self._append(encode(event))
         now = time.monotonic()
@@ -155,8 +155,7 @@ class Recorder:
                 data = data[self._file.write(data) :]
         except OSError as error:
             # Part of a line may be written. The next to open the file ends it; going on here would spoil a line.
-            self._syncer.shutdown()
-            self._file.close()
+            self._abandon()
             raise _cannot_write(self.path, error) from error
 
     def _check_sync(self) -> None:
@@ -164,7 +163,12 @@ class Recorder:
             if self._syncing is not None:
                 self._syncing.result()
         except OSError as error:
+            self._abandon()
             raise _cannot_write(self.path, error) from error
+
+    def _abandon(self) -> None:
+        self._syncer.shutdown()
+        self._file.close()
 
 
 def as_recorded(frame: SkeletonFrame) -> SkeletonFrame:

@@ -18,7 +18,7 @@ LOOPBACK = "127.0.0.1"
 LAST_PORT = 65_535
 FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?units=mm&mirrored=0; docs/senders.md explains the options."
 
-_PLACE = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[0-9A-Fa-f:.%]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
+_PLACE = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[^\[\]]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)

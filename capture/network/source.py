@@ -4,6 +4,7 @@ import errno
 import math
 import socket
 import time
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,19 @@ FARTHEST = 1000.0
 RECEIVE_BUFFER = 1 << 20
 """Bytes asked of the system, which may give less."""
 USERS = range(-(2**31), 2**31)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """A frame that is whole and has no positions yet."""
+
+    time: float
+    user: int
+    dialect: Dialect
+    whole: Whole
+
+
+_News = _Frame | Lost
 
 
 def open_osc(rest: str) -> "OscSource":
@@ -93,9 +107,9 @@ class OscSource:
         self._dialects: tuple[Dialect, ...] = (OSCeleton(), Nuitrack(), KinectSDK(), Vmc(), NIMate())
         self._refusals = Refusals(name, self.counts.refused)
         self._assemblies: dict[tuple[Dialect, int], Assembly] = {}  # the one heard of last is last
-        self._present: set[int] = set()  # performers of whom there were frames
-        self._events: dict[tuple[type[Event], int], Event] = {}  # not taken yet, the newest last
-        self._time = time.monotonic()  # of the last event
+        self._news: dict[tuple[type[_News], int], _News] = {}  # not taken yet, the newest last
+        self._present: set[int] = set()  # performers of whom frames were given
+        self._newest = self._given = time.monotonic()  # of the last news, and when something was given
         self._socket = _listen(name, address)
         self.port: int = self._socket.getsockname()[1]
 
@@ -106,7 +120,7 @@ class OscSource:
     def due(self) -> float:
         """Return when a tick is due, or a frame that lacks a joint has waited long enough for it."""
         waiting = [assembly.time + QUIET for assembly in self._assemblies.values() if assembly.parts]
-        return min([self._time + TICK, *waiting])
+        return min([self._given + TICK, *waiting])
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
@@ -121,12 +135,14 @@ class OscSource:
         now = self.now()
         for key, assembly in self._assemblies.items():
             if assembly.parts and now - assembly.time >= QUIET:
-                self._give(*key, assembly.end())
-        if not self._events and now - self._time >= TICK:
-            self._happen(Tick(self._moment(now)), 0)
+                self._hold(*key, assembly.end())
+        events = [event for news in self._news.values() if (event := self._event(news))]
+        self._news.clear()
+        if not events and now - self._given >= TICK:
+            events.append(Tick(self._moment(now)))
+        if events:
+            self._given = events[-1].time
         self._refusals.report(now)
-        events = list(self._events.values())
-        self._events.clear()
         return events
 
     def close(self) -> None:
@@ -165,7 +181,7 @@ class OscSource:
             ending += self._hear(message, now, bundled=bundled)
         for key in dict.fromkeys(ending):
             if key in self._assemblies:
-                self._give(*key, self._assemblies[key].end())
+                self._hold(*key, self._assemblies[key].end())
         return len(messages)
 
     def _hear(self, message: Message, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
@@ -183,7 +199,7 @@ class OscSource:
         if isinstance(reading, Part):
             key = dialect, reading.user
             end_follows = bundled and dialect.bundle_is_frame
-            self._give(*key, self._assembly(key).add(reading, now, end_follows=end_follows))
+            self._hold(*key, self._assembly(key).add(reading, now, end_follows=end_follows))
             return [key] if end_follows else []
         if isinstance(reading, FrameEnd):
             return [key for key in self._assemblies if key[0] is dialect]
@@ -204,22 +220,41 @@ class OscSource:
     def _forget(self, user: int, now: float) -> None:
         for key in [key for key in self._assemblies if key[1] == user]:
             del self._assemblies[key]
-        if user in self._present:
-            self._present.discard(user)
-            self._happen(Lost(self._moment(now), user), user)
+        self._tell(Lost(self._moment(now), user), user)
 
-    def _give(self, dialect: Dialect, user: int, frames: list[Whole]) -> None:
-        """Make events of frames that are whole."""
+    def _hold(self, dialect: Dialect, user: int, frames: list[Whole]) -> None:
+        """Keep frames that are whole until they are taken: what is overtaken before costs no more than that."""
         for whole in frames:
-            with np.errstate(over="ignore", invalid="ignore"):
-                positions, confidence = self._in_sensor_frame(dialect, whole)
-                known = confidence > LOST
-                near = bool((np.abs(positions[known]) <= FARTHEST).all())
-            if not near:
-                self._refusals.add("position too far away")
-            elif known.any():
-                self._present.add(user)
-                self._happen(SkeletonFrame(self._moment(whole.time), user, positions, confidence), user)
+            self._tell(_Frame(self._moment(whole.time), user, dialect, whole), user)
+
+    def _tell(self, news: _News, user: int) -> None:
+        key = type(news), user
+        if self._news.pop(key, None) is not None and isinstance(news, _Frame):
+            self.counts.dropped += 1
+        self._news[key] = news
+
+    def _moment(self, came: float) -> float:
+        """Return a time for an event of what came then: time never stands still and never goes back."""
+        self._newest = max(came, math.nextafter(self._newest, math.inf))
+        return self._newest
+
+    def _event(self, news: _News) -> Event | None:
+        """Return what is told of news; None of a performer who never was there, and of a frame that cannot be."""
+        if isinstance(news, Lost):
+            if news.user not in self._present:
+                return None
+            self._present.discard(news.user)
+            return news
+        with np.errstate(over="ignore", invalid="ignore"):
+            positions, confidence = self._in_sensor_frame(news.dialect, news.whole)
+            known = confidence > LOST
+            near = bool((np.abs(positions[known]) <= FARTHEST).all())
+        if not near:
+            self._refusals.add("position too far away")
+        if not (near and known.any()):
+            return None
+        self._present.add(news.user)
+        return SkeletonFrame(news.time, news.user, positions, confidence)
 
     def _in_sensor_frame(self, dialect: Dialect, whole: Whole) -> Pose:
         positions, confidence = dialect.pose(whole.parts, self._address.units)
@@ -227,17 +262,6 @@ class OscSource:
         if dialect.mirrors if self._address.mirrored is None else self._address.mirrored:
             positions, confidence = mirrored(positions), confidence[OPPOSITE]
         return synthesise_missing(positions, confidence)
-
-    def _moment(self, came: float) -> float:
-        """Return a time for an event of what came then: time never stands still and never goes back."""
-        return max(came, math.nextafter(self._time, math.inf))
-
-    def _happen(self, event: Event, user: int) -> None:
-        key = type(event), user
-        if self._events.pop(key, None) is not None and isinstance(event, SkeletonFrame):
-            self.counts.dropped += 1
-        self._events[key] = event
-        self._time = event.time
 
 
 def _listen(name: str, address: Address) -> socket.socket:

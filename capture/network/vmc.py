@@ -58,7 +58,8 @@ class Vmc:
         length = math.hypot(*values[3:])
         if not _LENGTHS[0] < length < _LENGTHS[1]:
             return "wrong arguments"
-        return Part(PERFORMER, name, (*values[:3], *(value / length for value in values[3:])))
+        self._bones[name] = (*values[:3], *(value / length for value in values[3:]))
+        return Part(PERFORMER, name, self._bones[name])
 
     def _status(self, message: Message) -> Reading:
         tags = shape(message)
@@ -73,13 +74,13 @@ class Vmc:
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:  # noqa: ARG002 - metres, by the protocol
         """Pose the bones, those of this frame and those that stay."""
-        self._bones.update(parts)
-        root_place, root_turn = _split(self._bones.get("Root", _ROOT))
-        place, turn = _split(self._bones.get("Hips", _ROOT))
+        bones = {**self._bones, **parts}
+        root_place, root_turn = _split(bones.get("Root", _ROOT))
+        place, turn = _split(bones.get("Hips", _ROOT))
         hips = moved(root_place, root_turn, place), product(root_turn, turn)
-        rotations = {name: _split(values)[1] for name, values in self._bones.items()}
+        rotations = {name: _split(values)[1] for name, values in bones.items()}
         positions = np.array(places(hips, rotations)) * TO_SENSOR_FRAME
-        sure = [self._certainty if MOVED_BY[joint] in self._bones else LOST for joint in JOINTS]
+        sure = [self._certainty if MOVED_BY[joint] in bones else LOST for joint in JOINTS]
         return kinect20(JOINTS, positions, np.array(sure, dtype=np.float32))
 
 

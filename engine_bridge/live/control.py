@@ -10,7 +10,7 @@ import msgpack
 import zmq
 
 from engine_bridge import tables
-from engine_bridge.live.doors import Door
+from engine_bridge.live.doors import Door, check_token
 from engine_bridge.live.requests import (
     WHERE,
     Encoding,
@@ -207,12 +207,13 @@ def request(
     ServiceError
         The service's own, if it refuses; or there is no answer, or none that is understood.
     """
+    password = None if token is None else check_token(token.encode(), "the token")
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
         socket = context.socket(zmq.DEALER)
         socket.ipv6 = "[" in address
-        if token is not None:
-            socket.plain_username, socket.plain_password = b"puppetline", token.encode()
+        if password is not None:
+            socket.plain_username, socket.plain_password = b"puppetline", password
         monitor = socket.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL)
         socket.connect(address)
         socket.send(encode({"do": do, "id": 1, **arguments}, encoding))

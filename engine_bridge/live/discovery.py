@@ -82,7 +82,7 @@ class Announcement:
 
     def __init__(self, host: str, port: int, control: int, mechanism: str, characters: Sequence[str]) -> None:
         self._host = host
-        self._everywhere = host in ("*", "0.0.0.0")  # noqa: S104 - it is compared, not bound
+        self._everywhere = host in ("*", "0.0.0.0", "::")  # noqa: S104 - it is compared, not bound
         self._port = port
         self._properties = {"version": version("puppetline"), "control": str(control), "mechanism": mechanism}
         self._name = f"Puppetline on {socket.gethostname().partition('.')[0]}"

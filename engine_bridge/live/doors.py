@@ -171,6 +171,24 @@ def doors(network: NetworkSettings, folder: Path = Path()) -> list[Door]:
     return opened
 
 
+def check_token(token: bytes, where: str | Path) -> bytes:
+    """Return a token if it can be one.
+
+    Raises
+    ------
+    ServiceError
+        Which does not show it.
+    """
+    if not TOKEN.fullmatch(token):
+        raise ServiceError(
+            where,
+            found=f"a token of {len(token)} bytes",
+            expected="16 to 255 letters, digits and signs of ASCII, without spaces",
+            fix="Make a new one: puppetline token FILE",
+        )
+    return token
+
+
 def make_token(path: Path) -> None:
     """Write a new token to a file that nobody else can read.
 
@@ -229,19 +247,10 @@ def _endpoints(address: Address, port: int) -> tuple[str, str]:
 def _token(path: Path | None) -> bytes | None:
     """Return the token of a file, else of the environment; None where there is neither."""
     if path is not None:
-        token, where = _read(path, "a token file", 0o077).strip().encode(), str(path)
-    elif TOKEN_VARIABLE in os.environ:
-        token, where = os.fsencode(os.environ[TOKEN_VARIABLE]), f"the environment variable {TOKEN_VARIABLE}"
-    else:
-        return None
-    if not TOKEN.fullmatch(token):
-        raise ServiceError(  # which must not show it
-            where,
-            found=f"a token of {len(token)} bytes",
-            expected="16 to 255 letters, digits and signs of ASCII, without spaces",
-            fix="Make a new one: puppetline token FILE",
-        )
-    return token
+        return check_token(_read(path, "a token file", 0o077).strip().encode(), path)
+    if TOKEN_VARIABLE in os.environ:
+        return check_token(os.fsencode(os.environ[TOKEN_VARIABLE]), f"the environment variable {TOKEN_VARIABLE}")
+    return None
 
 
 def _secret_key(path: Path) -> bytes:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from engine_bridge.live.live_basis import LiveBasis
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StreamedCharacter:
     """What does not change from frame to frame.
 
@@ -74,7 +74,7 @@ class StreamedCharacter:
         self.scene  # noqa: B018
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Frame:
     """One character at one moment.
 

@@ -51,12 +51,15 @@ class _Crowd:
     opened: dict[tuple[Any, int], float] = field(default_factory=dict)
     admitted: deque[float] = field(default_factory=deque)
 
-    def size(self, now: float) -> int:
-        """Count those that have been let in and are still there; strangers that keep a connection open do not count."""
+    def size(self, now: float, knocking: int = 0) -> int:
+        """Count those that have been let in and are still there, of which `knocking` connections are none.
+
+        Strangers that keep a connection open do not count.
+        """
         while self.admitted and self.admitted[0] < now - SETTLED:
             self.admitted.popleft()
         new = sum(came >= now - SETTLED for came in self.opened.values())
-        return len(self.opened) - new + min(new, len(self.admitted))
+        return len(self.opened) - new + min(max(new - knocking, 0), len(self.admitted))
 
 
 class Guard:
@@ -117,13 +120,13 @@ class Guard:
 
     def handle(self) -> None:
         """Take note of who has come and gone, and answer who is at a door; not too many at a time."""
-        for monitor, (_, crowd) in self._monitors.items():
-            self._count(monitor, crowd)
+        self._count()
         for _ in range(AT_A_TIME):
             try:
                 frames = self.socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 return
+            self._count()  # who asks has come before
             if len(frames) >= 4:  # else there is nothing that an answer could refer to
                 origin, _, _, request, *_ = frames
                 status = self._judge(frames[2:])
@@ -147,7 +150,7 @@ class Guard:
         if crowd is None or door is None or not door.admits(credentials):
             return self._refuse(NO, "wrong credentials", address)
         now = time.monotonic()
-        if crowd.size(now) >= self._limit:
+        if crowd.size(now, knocking=1) >= self._limit:
             return self._refuse(LATER, "too many clients", address)
         crowd.admitted.append(now)
         return YES
@@ -157,17 +160,18 @@ class Guard:
         self._log.warning("client refused", reason=reason, address=address.decode(errors="replace"))
         return status
 
-    def _count(self, monitor: "zmq.Socket[bytes]", crowd: _Crowd) -> None:
-        for _ in range(EVENTS_AT_A_TIME):
-            try:
-                event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
-            except zmq.Again:
-                return
-            connection = monitor, event["value"]
-            if event["event"] == zmq.EVENT_ACCEPTED:
-                crowd.opened[connection] = time.monotonic()
-            elif event["event"] == zmq.EVENT_DISCONNECTED:
-                crowd.opened.pop(connection, None)
-            elif event["event"] & BROKEN_OFF:
-                self.refused += 1
-                self._log.warning("connection without a handshake")
+    def _count(self) -> None:
+        for monitor, (_, crowd) in self._monitors.items():
+            for _ in range(EVENTS_AT_A_TIME):
+                try:
+                    event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
+                except zmq.Again:
+                    break
+                connection = monitor, event["value"]
+                if event["event"] == zmq.EVENT_ACCEPTED:
+                    crowd.opened[connection] = time.monotonic()
+                elif event["event"] == zmq.EVENT_DISCONNECTED:
+                    crowd.opened.pop(connection, None)
+                elif event["event"] & BROKEN_OFF:
+                    self.refused += 1
+                    self._log.warning("connection without a handshake")

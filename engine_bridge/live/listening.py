@@ -7,26 +7,32 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import zmq
 
 from engine_bridge.live.payloads import Morphs, Received, decode
-from engine_bridge.live.wire import FRAME_KINDS, STATES, WORDS, Kind, WireError, subscription
+from engine_bridge.live.wire import FRAME_KINDS, NAME, STATES, Kind, WireError, subscription
 from puppetline.errors import ServiceError
 
 ADDRESS = "tcp://127.0.0.1:7400"
 
-KINDS = tuple(kind.word for kind in FRAME_KINDS)
+KINDS = tuple(kind.word for kind in (*FRAME_KINDS, Kind.PERFORMER))
 """What can be listened to."""
+
+NOT_EVERY_FRAME = ("/joints", "/performer")
+"""Topics on which numbers are left out though nothing is lost."""
 
 UPDATE_EVERY = 1.0
 """Seconds between two calls of `on_update`."""
 
 MOST_KEPT = 100_000
 """Latencies of a topic that percentiles are taken of: the newest."""
+
+MOST_FOLLOWED = 256
+"""Characters."""
 
 LARGEST = 1 << 30
 """Bytes of a message, above which whatever sends it is no service."""
@@ -45,7 +51,7 @@ class Heard:
     rate : float or None
         Messages a second, from the first to the last; None for fewer than two.
     missing : int or None
-        Frames whose numbers were left out; None where not every frame has such a message.
+        Frames whose numbers were left out; None for `NOT_EVERY_FRAME`.
     restarts : int
         How often numbers began anew.
     latency_ms : dict or None
@@ -95,10 +101,6 @@ class ListenReport:
     scenes: dict[str, dict[str, Any]]
     heard: list[Heard]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
-        return asdict(self)
-
 
 def listen(
     address: str = ADDRESS,
@@ -129,11 +131,16 @@ def listen(
     Raises
     ------
     ServiceError
-        An address that is none, a kind that there is not, or nothing at all that came in all the time.
+        An address that is none, a kind that there is not, a name that no character can have, or nothing at all that
+        came in all the time.
     """
     for kind in kinds:
         if kind not in KINDS:
             raise ServiceError("--kind", found=repr(kind), expected=f"one of {', '.join(KINDS)}", fix="Choose another.")
+    for name in characters:
+        if not NAME.fullmatch(name):
+            fix = "Leave it out to see them all."
+            raise ServiceError("--character", found=repr(name), expected="a character's name", fix=fix)
     address = address if "://" in address else f"tcp://{address}"
     listener = _Listener(address, tuple(kinds))
     context = zmq.Context[zmq.Socket[bytes]]()
@@ -245,12 +252,7 @@ class _Listener:
     def _subscribe(self, socket: "zmq.Socket[bytes]", name: str) -> None:
         """Ask for a character's scene, for this client alone, and for its frames."""
         for kind in (f"scene/{self._own}", *self._kinds):
-            try:
-                socket.subscribe(subscription(f"{name}/{kind}"))
-            except ValueError as error:
-                raise ServiceError(
-                    "--character", found=repr(name), expected="a character's name", fix="Leave it out to see them all."
-                ) from error
+            socket.subscribe(subscription(f"{name}/{kind}"))
         self._followed.add(name)
 
     def take(self, socket: "zmq.Socket[bytes]", content: bytes, now: int) -> None:
@@ -261,17 +263,22 @@ class _Listener:
             self._refused += 1
             return
         self._bytes += len(content)
-        name, _, word = message.topic.partition("/")
+        name = message.topic.partition("/")[0]
         match message.header.kind:
             case Kind.CHARACTERS if isinstance(message.body, list):
-                names = [each.get("name") for each in message.body if isinstance(each, dict)]
-                for new in [new for new in names if isinstance(new, str) and self._all and new not in self._followed]:
-                    self._subscribe(socket, new)
+                names = [each.get("name") for each in message.body[:MOST_FOLLOWED] if isinstance(each, dict)]
+                for new in [new for new in names if isinstance(new, str) and NAME.fullmatch(new)]:
+                    if self._all and new not in self._followed and len(self._followed) < MOST_FOLLOWED:
+                        self._subscribe(socket, new)
             case Kind.SCENE:
                 facts = message.body.facts
-                wanted = ("revision", "vertices", "triangles", "fields", "isolines", "morphs", "diagonal")
-                self._scenes[name] = {key: facts.get(key) for key in wanted} | {"bytes": len(content)}
-            case kind if kind in FRAME_KINDS:
+                wanted = ("vertices", "triangles", "fields", "isolines", "morphs", "diagonal")
+                self._scenes[name] = {
+                    "revision": message.header.revision,
+                    **{key: facts.get(key) for key in wanted},
+                    "bytes": len(content),
+                }
+            case kind if kind in FRAME_KINDS or kind == Kind.PERFORMER:
                 self._tallies.setdefault(message.topic, _Tally()).add(message, len(content), now)
                 self._refresh(socket, name, message.header.revision)
 
@@ -306,7 +313,7 @@ class _Listener:
             messages=tally.messages,
             bytes=tally.bytes,
             rate=(tally.messages - 1) / span if span > 0 else None,
-            missing=None if WORDS[topic.partition("/")[2]] is Kind.JOINTS else tally.missing,
+            missing=None if topic.endswith(NOT_EVERY_FRAME) else tally.missing,
             restarts=tally.restarts,
             latency_ms=latency,
             state=STATES[tally.state],

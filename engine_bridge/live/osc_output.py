@@ -29,7 +29,7 @@ AGAIN = 1.0
 """Seconds after which the performer's state is sent again, for datagrams get lost."""
 
 SLACK = 0.1
-"""Of a period: a turn that was a little late does not put off the next one, or frames of just that rate would be lost."""
+"""Of a period: a turn that was a little late does not put off the next one, or frames of just that rate get lost."""
 
 SEND_BUFFER = 1 << 20
 """Bytes."""

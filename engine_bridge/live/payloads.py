@@ -126,7 +126,7 @@ def decode(message: bytes | memoryview) -> Received:
     kind = next((kind for kind in Kind if kind == head.kind), None)
     if kind is None:
         return Received(name, head, None)
-    if kind.word not in name.split("/"):
+    if name.split("/")[1:2] != [kind.word]:
         raise WireError(f"{kind.word} under the topic {name}")
     return Received(name, head, _BODIES[kind](payload))
 

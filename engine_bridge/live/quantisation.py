@@ -53,13 +53,14 @@ def normals_of(folded: NDArray[np.int16]) -> NDArray[np.float32]:
 def _quantise(positions, normals, box, places, folded):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     one, half = np.float32(1), np.float32(0.5)
     for axis in range(3):
-        low = high = positions[0, axis]
+        low = high = np.float64(positions[0, axis])
         for v in range(1, len(positions)):
-            low, high = min(low, positions[v, axis]), max(high, positions[v, axis])
+            place = np.float64(positions[v, axis])
+            low, high = min(low, place), max(high, place)
         box[0, axis], box[1, axis] = low, high
-        scale = np.float32(STEPS) / (high - low) if high > low else np.float32(0)
+        scale = STEPS / (high - low) if high > low else 0.0
         for v in range(len(positions)):
-            places[v, axis] = np.uint16(min((positions[v, axis] - low) * scale + half, np.float32(STEPS)))
+            places[v, axis] = np.uint16((positions[v, axis] - low) * scale + 0.5)
     for v in range(len(normals)):
         x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]
         length = abs(x) + abs(y) + abs(z)

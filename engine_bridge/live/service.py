@@ -35,6 +35,7 @@ from engine_bridge.live.osc_output import OscOutput, OscTarget
 from engine_bridge.live.publisher import Publisher
 from engine_bridge.live.role import Role
 from engine_bridge.live.service_file import ServiceFile, stage_names
+from engine_bridge.live.sources import RECORDED
 from engine_bridge.live.stage import Stage
 from engine_bridge.live.statistics import Statistics
 from engine_bridge.live.systemd import Notifier
@@ -105,7 +106,7 @@ class Service:
             line = Line(table.source, Stage(name, roles, table.direction), folder)
             keep.callback(line.close)
             self.lines.append(line)
-        performers.recall(self._stages(), performers.state_file())
+        performers.recall(self._live_stages(), performers.state_file())
         self._bind(opened)
         self.osc = OscOutput(
             [OscTarget(each.host, each.port, each.rate, each.send, each.characters) for each in settings.osc]
@@ -291,8 +292,10 @@ class Service:
     def _names(self) -> list[str]:
         return [role.character.name for line in self.lines for role in line.stage.roles]
 
-    def _stages(self) -> dict[str, tuple[Stage, float]]:
-        return {line.source.name: (line.stage, line.source.now()) for line in self.lines}
+    def _live_stages(self) -> dict[str, tuple[Stage, float]]:
+        """Return the stages whose performers are people, by their sources; a recording calibrates as it did before."""
+        live = (line for line in self.lines if not line.source.name.startswith(RECORDED))
+        return {line.source.name: (line.stage, line.source.now()) for line in live}
 
     def _report(self) -> None:
         self.status = self._snapshot()
@@ -303,7 +306,7 @@ class Service:
         self._notifier.status(f"{playing} of {len(self.status['characters'])} characters performing")
         if playing and time.monotonic() >= self._keep_at:
             self._keep_at = time.monotonic() + KEEP_INTERVAL
-            self._loading.submit(performers.write, performers.known_performers(self._stages()), performers.state_file())
+            self._loading.submit(performers.write, performers.known_performers(self._live_stages()), performers.state_file())
 
     def _snapshot(self) -> dict[str, Any]:
         return self._statistics.snapshot(

@@ -173,11 +173,15 @@ def test_a_disk_that_fails_to_sync_is_reported(tmp_path, monkeypatch):
     def fail(_):
         raise OSError(errno.EIO, "Input/output error")
 
-    recorder = Recorder(tmp_path / "take")
+    clock = itertools.count()
+    monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", fail)
-    with pytest.raises(OutputError, match="Input/output error"):
+    for tell in (Recorder.close, lambda recorder: [recorder.write(make_frame(k)) for k in range(10_000)]):
+        recorder = Recorder(tmp_path / "take")
+        with pytest.raises(OutputError, match="Input/output error"):
+            tell(recorder)
+        assert recorder._file.closed
         recorder.close()
-    recorder.close()
 
 
 def test_every_kind_of_event_and_the_beginning_read_back_to_the_bit(tmp_path):

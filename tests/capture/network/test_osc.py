@@ -1,5 +1,6 @@
 import math
 import struct
+import time
 import tracemalloc
 
 import numpy as np
@@ -26,8 +27,8 @@ from capture.network.osc import (
 ADDRESSES = st.from_regex(r"/?[A-Za-z0-9_äéø][A-Za-z0-9_/äéø ]{0,40}", fullmatch=True)
 TEXTS = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=50)
 FLOATS = st.floats(width=32, allow_nan=False, allow_infinity=False)
-ARGUMENTS = st.lists(
-    st.one_of(st.integers(-(2**31), 2**31 - 1), FLOATS, TEXTS, st.binary(max_size=50)), max_size=20
+ARGUMENTS = st.lists(  # python-osc cannot write an empty blob
+    st.one_of(st.integers(-(2**31), 2**31 - 1), FLOATS, TEXTS, st.binary(min_size=1, max_size=50)), max_size=20
 ).map(tuple)
 TAGS = {int: "i", float: "f", str: "s", bytes: "b"}
 
@@ -76,7 +77,7 @@ def test_what_python_osc_writes_is_decoded():
     [decoded] = decode(everything.dgram)
     assert decoded == Message("/all", "ihfdsbTFN", (1, 2**40, 0.5, 0.1, "ü", b"abcde", True, False, None))
 
-    inner, outer = OscBundleBuilder(IMMEDIATELY), OscBundleBuilder(4e9)  # a time tag in 2096 is not waited for
+    inner, outer = OscBundleBuilder(IMMEDIATELY), OscBundleBuilder(time.time() + 3600)
     inner.add_content(everything)
     outer.add_content(inner.build())
     outer.add_content(everything)
@@ -200,8 +201,8 @@ def _check(datagram):
     """Assert that bytes are either messages within bounds or one documented error."""
     try:
         messages = decode(datagram)
-    except OscError as error:
-        assert error.reason in REASONS
+    except OscError:
+        _refused(datagram)
         return
     assert len(messages) <= MAX_MESSAGES
     for message in messages:
@@ -230,7 +231,7 @@ def _ends_of_elements(datagram):
     return ends
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=1000, deadline=None)
 @given(st.data())
 def test_changed_datagrams_are_read_or_refused(data):
     datagram = bytearray(data.draw(st.sampled_from(CORPUS)))
@@ -250,7 +251,7 @@ def test_changed_datagrams_are_read_or_refused(data):
     _check(bytes(datagram))
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=1000, deadline=None)
 @given(st.binary(max_size=200).map(lambda data: data + bytes(-len(data) % 4)))
 def test_any_bytes_are_read_or_refused(data):
     _check(data)

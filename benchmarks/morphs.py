@@ -1,0 +1,140 @@
+"""What `puppetline bake` makes of the example characters, and how well it follows what it has not seen.
+
+python -m benchmarks.morphs FOLDER
+
+prints the table of docs/morphs.md and draws FOLDER/morphs.png: of each character the moment in which a vertex is
+farthest off, as the solver has it and as weights do. Each performance is left out of a basis once, and then projected.
+"""
+
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from puppetline.examples.characters import CHARACTERS
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.recording import Recorder
+from capture.timeline import resample
+from engine_bridge.bake import TOLERANCE, Motion, bake, fit, made_up, recorded
+from engine_bridge.clip import solve
+from engine_bridge.gltf.character import make_character
+from engine_bridge.live.live_basis import LiveBasis
+from engine_bridge.preview import View, contact_sheet, render
+from engine_bridge.rig import Rig, load_rig
+from engine_bridge.settings import Settings
+from solver.batch import BatchBinding
+
+PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
+SETTINGS = Settings(tolerance=TOLERANCE)
+TILE_SIZE = (320, 320)
+REPEATED = 2000
+HEADER = """| character | vertices | targets | file, MB | baked in, s | largest error | unseen: mean | worst frame | \
+worst vertex | targets of recordings | their worst frame | weights, µs | residual, µs |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A performance on a basis that was not made of it: residuals, and the pose whose vertex is farthest off."""
+
+    targets: int
+    left: NDArray[np.float64]
+    farthest: float
+    R: NDArray[np.float32]
+    nearest: NDArray[np.float32]
+
+
+def main() -> None:
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    logs = {name: write_log(name, folder) for name in PERFORMANCES}
+    print(HEADER)
+    tiles, labels = [], []
+    for name, make in CHARACTERS.items():
+        made = make()
+        make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
+        puppet, output = folder / f"{name}.toml", folder / f"{name}.morphs.glb"
+        shutil.copyfile(PUPPETS / puppet.name, puppet)
+        rig = load_rig(puppet)
+        start = time.perf_counter()
+        summary = bake(puppet, output)
+        seconds = time.perf_counter() - start
+        others = {name: [other for other in PERFORMANCES if other != name] for name in PERFORMANCES}
+        unseen = [project(rig, name, made_up(rig, rest, SETTINGS, silent)) for name, rest in others.items()]
+        alone = [
+            project(rig, name, recorded(rig, [logs[other] for other in rest], SETTINGS, silent))
+            for name, rest in others.items()
+        ]
+        left = np.concatenate([one.left for one in unseen])
+        worst = max(unseen, key=lambda one: one.farthest)
+        weigh, judge = microseconds(LiveBasis.load(output, rig), worst.R.astype(np.float64))
+        print(
+            f"| {name} | {len(rig.character.vertices):,} | {summary.targets} | {summary.bytes / 1e6:.0f} "
+            f"| {seconds:.1f} | {percent(summary.error)} | {percent(left.mean())} | {percent(left.max())} "
+            f"| {percent(worst.farthest)} | {min(one.targets for one in alone)}–{max(one.targets for one in alone)} "
+            f"| {percent(max(one.left.max() for one in alone))} | {weigh:.0f} | {judge:.0f} |",
+            flush=True,
+        )
+        tiles += pictures(rig, worst)
+        labels += [f"{name}: solver", f"weights, {percent(worst.farthest)} off"]
+    contact_sheet(tiles, labels, 2, folder / "morphs.png", "Where an unseen clip is farthest off")
+
+
+def silent(_stage: str, _share: float) -> None: ...
+
+
+def write_log(name: str, folder: Path) -> Path:
+    path = folder / f"{name}.log"
+    path.unlink(missing_ok=True)
+    with Recorder(path) as recorder:
+        for frame in PERFORMANCES[name]().frames():
+            recorder.write(frame)
+    return path
+
+
+def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
+    directions = fit(rig, motion, SETTINGS, silent).directions.astype(np.float32)
+    basis = LiveBasis(directions, rig.model)
+    timeline = resample(PERFORMANCES[performance](), SETTINGS.fps, SETTINGS.max_gap)
+    frames = np.concatenate([R for R, _ in solve(rig, timeline, SETTINGS, 64)])
+    weights = np.array([basis.weights(R) for R in frames])
+    nearest = (rig.model.rest_controls + np.tensordot(weights, directions, axes=1)).astype(np.float32)
+    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).farthest(frames - nearest)
+    left = [basis.residual(R, own) for R, own in zip(frames, weights, strict=True)]
+    at = int(away.argmax())
+    return Unseen(len(directions), np.array(left), float(away[at]) / rig.mesh.diagonal, frames[at], nearest[at])
+
+
+def microseconds(basis: LiveBasis, R: NDArray[np.float64]) -> tuple[float, float]:
+    weights = basis.weights(R)
+    return median(lambda: basis.weights(R)), median(lambda: basis.residual(R, weights))
+
+
+def median(work: Callable[[], object]) -> float:
+    work()
+    took = []
+    for _ in range(REPEATED):
+        start = time.perf_counter()
+        work()
+        took.append(time.perf_counter() - start)
+    return 1e6 * float(np.median(took))
+
+
+def pictures(rig: Rig, worst: Unseen) -> list[NDArray[np.uint8]]:
+    binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
+    poses = binding.vertices(np.array([worst.R, worst.nearest])).transpose(2, 0, 1) @ rig.puppet.character.basis.T
+    view = View.around(poses[0])
+    return [render(pose, rig.character.triangles, view, TILE_SIZE, rig.character.colors) for pose in poses]
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.3f} %"
+
+
+if __name__ == "__main__":
+    main()

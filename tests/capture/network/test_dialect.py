@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from capture.network.dialect import NAMES, Nothing, Part, in_metres, joint, kinect20, shape
+from capture.network.osc import Message
+from capture.skeleton import JOINT_INDEX
+
+
+def test_every_joint_of_ours_has_names_on_both_sides():
+    assert {name for name in NAMES.values() if name} == set(JOINT_INDEX)
+    assert NAMES["l_hand"] == NAMES["left_hand"] == "hand_left"
+    assert NAMES["waist"] == NAMES["pelvis"] == "hip_center"
+
+
+def test_names_are_read_in_any_case():
+    assert joint("Left_Hand", 3, (1.0,), 5.0) == Part(3, "hand_left", (1.0,), 5.0)
+    assert joint("L_Collar", 3, (1.0,)) == Nothing()
+    assert joint("tail", 3, (1.0,)) == "unknown joint"
+
+
+def test_numbers_of_any_width_have_one_shape():
+    assert shape(Message("/a", "sShidfb", ())) == "ssiiffb"
+
+
+@pytest.mark.parametrize(
+    ("largest", "units", "scale", "found"),
+    [
+        (20.0, None, 1.0, "m"),
+        (20.5, None, 0.001, "mm"),
+        (-900.0, None, 0.001, "mm"),
+        (900.0, "cm", 0.01, "cm"),
+        (900.0, "m", 1.0, "m"),
+        (0.5, "mm", 0.001, "mm"),
+        (0.5, "screen", 1.0, "screen"),
+    ],
+)
+def test_units_are_those_that_were_said_or_fit_the_size(largest, units, scale, found):
+    values = np.array([[0.25, largest, np.nan]])
+    metres, unit = in_metres(values, units, "m")
+    assert unit == found
+    np.testing.assert_array_equal(metres, values * scale)
+
+
+def test_joints_find_their_places_and_the_rest_is_lost():
+    positions, confidence = kinect20(
+        {"head": 0, "foot_right": 0, "spine": 0}, np.arange(9.0).reshape(3, 3), np.float32([1, 0.5, 0])
+    )
+    known = [JOINT_INDEX["head"], JOINT_INDEX["foot_right"]]
+    assert positions[known].tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert np.flatnonzero(confidence).tolist() == known
+    assert np.isnan(np.delete(positions, known, axis=0)).all()

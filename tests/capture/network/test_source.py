@@ -1,0 +1,385 @@
+import gc
+import logging
+import math
+import re
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from itertools import pairwise
+from select import select
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from capture.events import TICK, Lost, Tick
+from capture.network.assembly import QUIET
+from capture.network.osc import REASONS, encode
+from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_USERS, open_osc, open_vmc
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from puppetline.errors import SourceError
+
+REFUSALS = {
+    *REASONS,
+    *("unknown message", "unknown joint", "wrong arguments"),
+    *("position too far away", "another sender", "socket error"),
+}
+SDK = "siiffffd"
+
+
+@pytest.fixture
+def body(osc_message, osc_bundle):
+    """One frame of one performer in OSCeleton's way, the head at a height of screen coordinates."""
+
+    def made(user, height=0.5):
+        joints = (("head", height), ("neck", 0.4), ("torso", 0.5))
+        return osc_bundle(*(osc_message("/joint", "sifff", name, user, 0.5, y, 1.0) for name, y in joints))
+
+    return made
+
+
+def _head(frame):
+    return round(0.5 - (frame.positions[JOINT_INDEX["head"], 1] / 1.92), 6)
+
+
+def _port(opened):
+    """Return where a source listens by default, or would if nobody else did on this machine."""
+    try:
+        source = opened("")
+    except SourceError as error:
+        return int(re.search(r"UDP port (\d+)", error.found)[1])
+    source.close()
+    return source.port
+
+
+def test_the_default_ports_are_those_of_the_programs():
+    assert _port(open_osc) == 7110
+    assert _port(open_vmc) == 39539
+
+
+def test_a_taken_port_is_refused_with_what_to_do(listen):
+    port = listen().source.port
+    with pytest.raises(
+        SourceError, match=f"^osc:{port}: found another program that listens on UDP port {port}"
+    ) as caught:
+        open_osc(str(port))
+    assert "choose another port" in caught.value.fix
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid", "a" * 70, "..."])
+def test_a_host_that_is_not_this_machine_is_refused_with_what_to_do(host):
+    with pytest.raises(SourceError, match="which is no address of this machine") as caught:
+        open_osc(f"{host}:0")
+    assert "0.0.0.0" in caught.value.fix
+
+
+def test_localhost_means_what_senders_mean_by_it(body):
+    source = open_osc("localhost:0")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(body(1), ("127.0.0.1", source.port))
+        assert select([source.fileno()], [], [], 10)[0]
+    [frame] = source.receive()
+    assert frame.user == 1
+    source.close()
+
+
+def test_it_is_a_source_that_closes_twice_and_leaves_its_port_and_nothing_open():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ResourceWarning)
+        source = open_osc("127.0.0.1:0?units=mm")
+        assert (source.name, source.beginning, source.receive()) == ("osc:127.0.0.1:0?units=mm", None, [])
+        source.close()
+        source.close()
+        open_osc(f"{source.port}").close()
+        del source
+        gc.collect()
+
+
+def test_a_sender_in_another_process_is_heard(listen, walk):
+    """With python-osc, one datagram a joint, as OSCeleton-KinectSDK2 sends them."""
+    wire = listen()
+    script = f"""
+from pythonosc.udp_client import SimpleUDPClient
+client = SimpleUDPClient("127.0.0.1", {wire.source.port})
+for step, name in enumerate(("head", "neck", "l_hand")):
+    client.send_message("/osceleton2/joint", [name, 0, 3, 100.0 * step, -200.0, 1500.0, 1.0, 7.0])
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
+    frame = wire.frame()
+    known = [JOINT_INDEX[name] for name in ("head", "shoulder_center", "hand_left")]
+    np.testing.assert_allclose(frame.positions[known], [[0, 0.2, 1.5], [0.1, 0.2, 1.5], [0.2, 0.2, 1.5]], atol=1e-15)
+
+
+def test_frames_are_stamped_when_they_arrive_and_never_go_back(listen, body):
+    wire = listen()
+    events = []
+    for user in (1, 2, 1, 2, 1, 1):
+        before = time.monotonic()
+        events += wire.events(body(user))
+        assert before <= events[-1].time <= time.monotonic()
+    assert all(one.time < other.time for one, other in pairwise(events))
+    assert wire.source.now() == pytest.approx(time.monotonic(), abs=1.0)
+
+
+def test_the_latest_frame_of_each_performer_is_kept_and_the_others_are_counted(listen, body):
+    wire = listen()
+    heights = [(1, 0.1), (2, 0.2), (1, 0.3), (3, 0.4), (1, 0.5), (2, 0.6)]
+    wire.send(*(body(user, height) for user, height in heights))
+    frames = wire.events(count=3)
+    assert [(frame.user, _head(frame)) for frame in frames] == [(3, 0.4), (1, 0.5), (2, 0.6)]
+    assert wire.source.counts.dropped == 3
+    assert wire.source.counts.received == 6
+    assert all(one.time < other.time for one, other in pairwise(frames))
+
+
+def test_who_goes_and_comes_back_between_two_looks_is_told_in_order(listen, body, osc_message):
+    wire = listen()
+    wire.frame(body(1))
+    gone = osc_message("/lost_user", "i", 1)
+    wire.send(body(1, 0.1), gone, body(1, 0.2))
+    lost, back = wire.events(count=2)
+    assert (type(lost), type(back), _head(back)) == (Lost, SkeletonFrame, 0.2)
+    wire.send(body(1, 0.3), gone)
+    frame, lost = wire.events(count=2)
+    assert (_head(frame), type(lost)) == (0.3, Lost)
+    assert frame.time < lost.time
+
+
+def test_silence_ticks(listen):
+    source = listen().source
+    opened = source.now()
+    for _ in range(5):
+        due = source.due()
+        assert due <= source.now() + TICK
+        assert source.receive() == [] or source.now() >= due
+        while source.now() < due:
+            time.sleep(max(0, due - source.now()))
+        [tick] = source.receive()
+        assert isinstance(tick, Tick)
+        assert tick.time >= due
+    assert source.now() - opened >= 5 * TICK
+
+
+def test_what_is_refused_does_not_stop_the_ticks(listen):
+    wire = listen()
+    ticks = []
+    give_up = time.monotonic() + 10
+    while len(ticks) < 3 and time.monotonic() < give_up:
+        wire.send(b"garbage!")
+        select([wire.source.fileno()], [], [], 1)
+        ticks += wire.source.receive()
+    assert [type(tick) for tick in ticks] == [Tick] * 3
+
+
+def test_a_frame_that_lacks_a_joint_is_due_when_it_has_waited(listen, osc_message):
+    wire = listen()
+
+    def joints(*names):
+        return [osc_message("/joint", SDK, name, 0, 1, 0.0, 0.0, 1500.0, 1.0, 1.0) for name in names]
+
+    wire.frame(*joints("head", "neck", "torso"))
+    sent = time.monotonic()
+    frame = wire.frame(*joints("head", "neck"))
+    assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["shoulder_center"], JOINT_INDEX["head"]]
+    assert sent < frame.time <= time.monotonic() - QUIET
+    assert wire.source.due() == frame.time + TICK
+
+
+def test_several_dialects_are_understood_at_once(listen, body, osc_message):
+    wire = listen()
+    frames = wire.events(
+        body(1),
+        osc_message("/joint", "isfff", 2, "head", 0.5, 0.5, 2000.0),
+        osc_message("/joint", SDK, "head", 0, 3, 0.0, 0.0, 1500.0, 1.0, 1.0),
+        osc_message("Head_4", "fff", 0.0, 1.0, -2.0),
+        osc_message("/VMC/Ext/Bone/Pos", "sfffffff", "Hips", 0, 1, 0, 0, 0, 0, 1),
+        count=5,
+    )
+    assert sorted(frame.user for frame in frames) == [0, 1, 2, 3, 4]
+
+
+def test_at_most_so_many_performers_are_remembered(listen, body):
+    wire = listen()
+    for user in range(MAX_USERS):
+        wire.frame(body(user))
+    wire.frame(body(0))
+    lost, new = wire.events(body(1000), count=2)
+    assert (type(lost), lost.user, new.user) == (Lost, 1, 1000)
+    for user in range(2000, 6000):
+        wire.send(body(user))
+        if user % 20 == 0:
+            wire.source.receive()
+            assert wire.source.due() <= wire.source.now() + TICK
+    assert len(wire.source._assemblies) == MAX_USERS
+    assert len(wire.source._present) <= MAX_USERS
+
+
+def test_only_the_sender_that_was_named_is_heard(listen, body):
+    stranger, friend = listen("?from=127.0.0.2"), listen("?from=127.0.0.1")
+    assert stranger.settle(body(1)) == []
+    assert stranger.source.counts.refused == {"another sender": 1}
+    assert friend.frame(body(1)).user == 1
+
+
+def test_a_flood_is_taken_in_portions(listen, body, osc_message, osc_bundle):
+    wire = listen()
+    full = osc_bundle(*[osc_message("/x", "")] * 1000)
+    wire.send(*[full] * 8)
+    time.sleep(0.05)
+    wire.source.receive()
+    assert wire.source.counts.received == math.ceil(MAX_MESSAGES / 1000)
+    wire.settle()
+    wire.send(*[osc_message("/x", "")] * (MAX_DATAGRAMS + 20))
+    time.sleep(0.05)
+    before = wire.source.counts.received
+    wire.source.receive()
+    assert wire.source.counts.received <= before + MAX_DATAGRAMS
+    wire.source.receive()
+    wire.frame(body(1))
+
+
+def test_garbage_is_counted_by_its_reason_and_logged_without_its_bytes(listen, body, osc_message, caplog):
+    wire = listen()
+    with caplog.at_level(logging.WARNING):
+        wire.settle(b"secret", b"", b"\xff" * 8, osc_message("/secret", "s", "secret"))
+        wire.frame(body(1))
+    assert wire.source.counts.refused == {
+        "no multiple of 4 bytes": 1,
+        "cut short": 2,
+        "unknown message": 1,
+    }
+    assert len(caplog.messages) <= 2
+    assert "secret" not in caplog.text
+    assert caplog.messages[0].startswith("osc:127.0.0.1:0: refused ")
+
+
+@pytest.mark.parametrize("far", [2e6, 3e38, 1e308])
+def test_positions_beyond_the_horizon_are_refused(listen, osc_message, osc_bundle, far):
+    wire = listen()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        wire.settle(
+            osc_bundle(osc_message("/joint", "siddd", "head", 1, far, 0.0, 1500.0)),
+            osc_bundle(osc_message("/joint", "isddd", 2, "head", far, 0.5, far)),
+        )
+    assert wire.source.counts.refused == {"position too far away": 2}
+
+
+def test_a_frame_of_lost_joints_is_none(listen, osc_message):
+    wire = listen()
+    wire.settle(osc_message("/joint", SDK, "head", 0, 1, 0.0, 0.0, 0.0, 0.1, 1.0))
+    time.sleep(QUIET)
+    assert all(isinstance(event, Tick) for event in wire.source.receive())
+    assert not wire.source.counts.refused
+
+
+VALUES = st.one_of(
+    st.integers(-(2**31), 2**31 - 1),
+    st.floats(width=32, allow_nan=False, allow_infinity=False),
+    st.floats(-3, 3, width=32),
+    st.sampled_from(["head", "l_hand", "Hips", "LeftHand", "root", "tail", "head3", ""]),
+    st.binary(max_size=8),
+)
+ADDRESSES = st.sampled_from(
+    [
+        *("/joint", "/orient", "/new_user", "/lost_user", "/joint/head/1", "/joint/tail/1", "/user/2"),
+        *(
+            "/osceleton2/joint",
+            "/osceleton2/hand",
+            "/face",
+            "Head",
+            "/Head_3",
+            "2/Left_Hand",
+            "NI_mate_sync",
+            "skeleton",
+        ),
+        *("/VMC/Ext/OK", "/VMC/Ext/Bone/Pos", "/VMC/Ext/Root/Pos", "/VMC/Ext/T", "/other"),
+    ]
+)
+SHAPES = st.sampled_from(
+    ["sifff", "sff", "isfff", "fff", "ff", "siifffff", "f" * 7, "f" * 12, "f" * 4, "f", "i", "iiii", "sfffffff", ""]
+)
+TYPED = {
+    "s": st.sampled_from(["head", "l_hand", "r_foot", "Hips", "LeftHand", "root", "tail", "head3", ""]),
+    "i": st.one_of(st.integers(-2, 40), st.integers(-(2**31), 2**31 - 1)),
+    "f": st.one_of(
+        st.floats(-3, 3, width=32),
+        st.floats(width=32, allow_nan=False, allow_infinity=False),
+        st.sampled_from([0.0, 1e3]),
+    ),
+}
+FITTING = SHAPES.flatmap(lambda shape: st.tuples(*(TYPED[tag] for tag in shape)))
+MESSAGES = st.builds(
+    lambda address, arguments: encode(address, *arguments),
+    ADDRESSES,
+    st.one_of(FITTING, st.lists(VALUES, max_size=10)),
+)
+
+
+@pytest.fixture(scope="module")
+def long_lived():
+    source = open_osc("127.0.0.1:0")
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    yield source, sender
+    sender.close()
+    source.close()
+
+
+DATAGRAMS = st.lists(st.one_of(MESSAGES, st.lists(MESSAGES, max_size=6), st.binary(max_size=60)), max_size=8)
+ANY = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
+
+
+@settings(max_examples=300, **ANY)
+@given(DATAGRAMS)
+def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
+    _check_events(long_lived, osc_bundle, datagrams)
+
+
+@pytest.mark.slow
+@settings(max_examples=10_000, **ANY)
+@given(DATAGRAMS)
+def test_many_more_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
+    _check_events(long_lived, osc_bundle, datagrams)
+
+
+def _check_events(long_lived, osc_bundle, datagrams):
+    """One source for all examples, so that what one leaves behind meets the next."""
+    source, sender = long_lived
+    received, refused = source.counts.received, sum(source.counts.refused.values())
+    for datagram in datagrams:
+        whole = osc_bundle(*datagram) if isinstance(datagram, list) else datagram
+        sender.sendto(whole, ("127.0.0.1", source.port))
+    events = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        while source.counts.received < received + len(datagrams):
+            events += source.receive()
+        events += source.receive()
+    assert set(source.counts.refused) <= REFUSALS
+    assert sum(source.counts.refused.values()) - refused <= 6 * len(datagrams) + 2 * MAX_USERS
+    assert all(one.time < other.time for one, other in pairwise(events))
+    for frame in events:
+        if isinstance(frame, SkeletonFrame):
+            known = frame.confidence > 0
+            assert known.any()
+            assert ((frame.confidence >= 0) & (frame.confidence <= 1)).all()
+            assert (np.abs(frame.positions[known]) <= 1000).all()
+            assert np.isnan(frame.positions[~known]).all()
+            assert frame.positions.shape == (20, 3)
+            assert (frame.positions.dtype, frame.confidence.dtype) == (np.float64, np.float32)
+            assert -(2**31) <= frame.user < 2**31
+
+
+def test_after_all_that_a_good_sender_is_heard(long_lived, body):
+    source, sender = long_lived
+    sender.sendto(body(77, 0.25), ("127.0.0.1", source.port))
+    events = []
+    give_up = time.monotonic() + 10
+    while not any(isinstance(event, SkeletonFrame) and event.user == 77 for event in events):
+        assert time.monotonic() < give_up
+        select([source.fileno()], [], [], 0.01)
+        events += source.receive()
+    assert _head(events[-1]) == 0.25

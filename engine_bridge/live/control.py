@@ -207,7 +207,7 @@ def request(
     ServiceError
         The service's own, if it refuses; or there is no answer, or none that is understood.
     """
-    password = None if token is None else check_token(token.encode(), "the token")
+    password = None if token is None else check_token(token, "the token").encode()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
         socket = context.socket(zmq.DEALER)

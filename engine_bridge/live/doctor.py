@@ -96,7 +96,7 @@ def examine(takes: Path = Path("takes")) -> list[Finding]:
         *_libraries(),
         _processor(),
         *_ports(),
-        _cache(),
+        *_own_folders(),
         _folder("takes", takes),
         _clock(),
         *_cameras(),
@@ -190,14 +190,17 @@ def _owner(kind: str, port: int) -> str:
     return ""
 
 
-def _cache() -> Finding:
+def _own_folders() -> Iterator[Finding]:
     try:
+        from engine_bridge.live.performers import state_file
         from engine_bridge.rig import cache_folder
     except (ImportError, OSError) as error:
-        return Finding("cache", None, f"not looked at: {error}")
+        yield Finding("cache and state", None, f"not looked at: {error}")
+        return
     folder = cache_folder()
     sizes = [entry.stat().st_size for entry in folder.glob("*") if entry.is_file()]
-    return _folder("cache", folder, f"{len(sizes)} files, {sum(sizes) / 1e6:.0f} MB, ")
+    yield _folder("cache", folder, f"{len(sizes)} files, {sum(sizes) / 1e6:.0f} MB, ")
+    yield _folder("state", state_file().parent)
 
 
 def _folder(name: str, folder: Path, contents: str = "") -> Finding:

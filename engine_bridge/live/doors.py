@@ -35,7 +35,7 @@ LARGEST = {b"stream": 1024, b"control": 131_072}
 """Bytes of what a client sends, above which it is cut off. A subscription takes 65, a handshake 600."""
 
 TOKEN_VARIABLE = "PUPPETLINE_TOKEN"  # noqa: S105
-TOKEN = re.compile(rb"[!-~]{16,255}")
+TOKEN = re.compile(r"[!-~]{16,255}")
 """PLAIN carries up to 255 bytes; fewer than 16 might be guessed."""
 
 SECRET = ".key_secret"  # noqa: S105
@@ -145,10 +145,10 @@ def doors(network: NetworkSettings, folder: Path = Path()) -> list[Door]:
         there.
     """
     address = _address(network.host)
-    token = _token(None if network.token_file is None else folder / network.token_file)
+    token = read_token(None if network.token_file is None else folder / network.token_file)
     opened = []
     if token is not None:
-        opened.append(Door("PLAIN", *_endpoints(address, network.port), token=token))
+        opened.append(Door("PLAIN", *_endpoints(address, network.port), token=token.encode()))
     elif address.is_loopback:
         opened.append(Door("NULL", *_endpoints(address, network.port)))
     elif network.curve is None:
@@ -171,7 +171,22 @@ def doors(network: NetworkSettings, folder: Path = Path()) -> list[Door]:
     return opened
 
 
-def check_token(token: bytes, where: str | Path) -> bytes:
+def read_token(path: Path | None) -> str | None:
+    """Return the token of a file, else of the environment variable PUPPETLINE_TOKEN; None where there is neither.
+
+    Raises
+    ------
+    ServiceError
+        A file that cannot be read or that others can read, or what is no token.
+    """
+    if path is not None:
+        return check_token(_read(path, "a token file", 0o077).strip(), path)
+    if TOKEN_VARIABLE in os.environ:
+        return check_token(os.environ[TOKEN_VARIABLE], f"the environment variable {TOKEN_VARIABLE}")
+    return None
+
+
+def check_token(token: str, where: str | Path) -> str:
     """Return a token if it can be one.
 
     Raises
@@ -182,7 +197,7 @@ def check_token(token: bytes, where: str | Path) -> bytes:
     if not TOKEN.fullmatch(token):
         raise ServiceError(
             where,
-            found=f"a token of {len(token)} bytes",
+            found=f"a token of {len(token)} characters",
             expected="16 to 255 letters, digits and signs of ASCII, without spaces",
             fix="Make a new one: puppetline token FILE",
         )
@@ -242,15 +257,6 @@ def _address(host: str) -> Address:
 def _endpoints(address: Address, port: int) -> tuple[str, str]:
     host = f"[{address}]" if address.version == 6 else str(address)
     return f"tcp://{host}:{port or '*'}", f"tcp://{host}:{port + 1 if port else '*'}"
-
-
-def _token(path: Path | None) -> bytes | None:
-    """Return the token of a file, else of the environment; None where there is neither."""
-    if path is not None:
-        return check_token(_read(path, "a token file", 0o077).strip().encode(), path)
-    if TOKEN_VARIABLE in os.environ:
-        return check_token(os.fsencode(os.environ[TOKEN_VARIABLE]), f"the environment variable {TOKEN_VARIABLE}")
-    return None
 
 
 def _secret_key(path: Path) -> bytes:

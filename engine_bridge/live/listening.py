@@ -326,7 +326,7 @@ def describe(report: ListenReport) -> str:
     """Lay a report out as text: a line for each character's scene, then one for each topic."""
     lines = [
         f"{report.address}: {report.seconds:.1f} s, {report.bytes / 1e6:.2f} MB"
-        + (f", {report.refused:,} messages not understood" if report.refused else "")
+        + (f", {report.refused:,} not understood" if report.refused else "")
     ]
     lines += [
         f"{name}: revision {scene['revision']}, {scene['vertices']:,} vertices, {scene['triangles']:,} triangles, "

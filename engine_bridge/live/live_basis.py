@@ -76,7 +76,10 @@ class LiveBasis:
             alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= SAME
         if not alike.all():
             raise _refused(str(path), "morph targets that were made for another mesh", path)
-        return cls(directions, rig.model)
+        basis = cls(directions, rig.model)
+        at_rest = rig.model.rest_controls
+        basis.residual(at_rest, basis.weights(at_rest))  # compiled now, or the first frame would wait for it
+        return basis
 
     def weights(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
         """Return the weights (K,) float32 that come nearest to a pose.

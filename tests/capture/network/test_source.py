@@ -339,7 +339,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
 
 
 @pytest.mark.slow
-@settings(max_examples=10_000, **ANY)
+@settings(max_examples=5000, **ANY)
 @given(DATAGRAMS)
 def test_many_more_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
     _check_events(long_lived, osc_bundle, datagrams)

@@ -327,21 +327,26 @@ def test_a_client_that_never_reads_harms_nobody(office, context):
 
 
 def test_a_handwritten_client_needs_no_library(office):
-    """ZMTP 3 by NULL as a small client writes it: greeting, READY, one message."""
+    """ZMTP 3 by NULL as a small client writes it: greeting and READY, one message as soon as the other is ready."""
     port = int(office.address.rsplit(":", 1)[1])
     with sockets.create_connection(("127.0.0.1", port), 20) as raw:
+        received = b""
+
+        def await_part(part):
+            nonlocal received
+            while part not in received:
+                more = raw.recv(4096)
+                assert more, received
+                received += more
+
         raw.sendall(b"\xff" + bytes(8) + b"\x7f\x03\x01" + b"NULL".ljust(20, b"\0") + bytes(32))
         ready = b"\x05READY\x0bSocket-Type\x00\x00\x00\x06DEALER"
         raw.sendall(b"\x04" + bytes([len(ready)]) + ready)
+        await_part(b"\x05READY")  # libzmq cuts off who sends more before it
         body = b'{"do": "ping", "id": 1}'
         raw.sendall(b"\x00" + bytes([len(body)]) + body)
-        received = b""
         reply = b'{"id": 1, "ok": true, "result": "pong"}'
-        while reply not in received:
-            part = raw.recv(4096)
-            assert part
-            received += part
-    assert received.endswith(b"\x00" + bytes([len(reply)]) + reply)
+        await_part(b"\x00" + bytes([len(reply)]) + reply)
 
 
 def test_a_client_in_another_process_is_answered(office):
@@ -362,7 +367,7 @@ def test_asking_where_nobody_is_ends_in_a_sentence():
     for wrong in ("127.0.0.1:7401", "tcp://127.0.0.1", "tcp://:x", ""):
         with pytest.raises(ServiceError, match="no address"):
             request(wrong, "ping")
-    with pytest.raises(ServiceError, match="a token of 0 bytes"):
+    with pytest.raises(ServiceError, match="a token of 0 characters"):
         request(address, "ping", token="")
 
 

@@ -33,7 +33,9 @@ def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_p
     assert sorted(tmp_path.rglob("*")) == before
     names = [finding.name for finding in findings]
     assert len(names) == len(set(names))
-    assert {"Python", "processor", "cache", "takes", "clock", "systemd", "multicast DNS", *LIBRARIES} <= set(names)
+    assert {"Python", "processor", "cache", "state", "takes", "clock", "systemd", "multicast DNS", *LIBRARIES} <= set(
+        names
+    )
     assert {f"port {port}/{kind}" for kind, port, _ in PORTS} <= set(names)
     for library in LIBRARIES:
         assert named(findings, library).ok is True

@@ -11,7 +11,7 @@ from zmq.utils.monitor import recv_monitor_message
 
 from engine_bridge import tables
 from engine_bridge.live import doors as doors_module
-from engine_bridge.live.doors import CurveTable, NetworkSettings, doors, make_curve_keys, make_token
+from engine_bridge.live.doors import CurveTable, NetworkSettings, doors, make_curve_keys, make_token, read_token
 from puppetline.errors import OutputError, ServiceError
 
 TOKEN = "Zp3-sYd_0123456789"
@@ -97,6 +97,10 @@ def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeyp
     assert door.admits([b"", TOKEN.encode()])
     (door,) = doors(NetworkSettings(token_file=token_file))
     assert not door.admits([b"", TOKEN.encode()])
+    assert read_token(token_file) == token_file.read_text().strip()
+    assert read_token(None) == TOKEN
+    monkeypatch.delenv("PUPPETLINE_TOKEN")
+    assert read_token(None) is None
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,9 @@ def test_nothing_jumps_when_a_performer_comes_goes_and_comes_back(make_stage, bl
 
 def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blob_rig, kung_fu):
     stage = make_stage()
-    frames = play(stage, [*kung_fu[:150], Lost(kung_fu[149].time + 0.01, kung_fu[0].user), *ticks(kung_fu[149].time, 2.0)])["dog"]
+    frames = play(
+        stage, [*kung_fu[:150], Lost(kung_fu[149].time + 0.01, kung_fu[0].user), *ticks(kung_fu[149].time, 2.0)]
+    )["dog"]
     assert frames[-1].state == "waiting"
     np.testing.assert_allclose(frames[-1].R, blob_rig.model.rest_controls, atol=1e-5)
     assert np.abs(frames[149].R - blob_rig.model.rest_controls).max() > 1e-2
@@ -132,7 +134,9 @@ def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage,
     def user_after(nearer, seconds):
         stage = make_stage(direction=Direction(people="nearest"))
         play(stage, kung_fu[:60])
-        rival = [moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds]
+        rival = [
+            moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds
+        ]
         play(stage, sorted([*kung_fu[60:], *rival], key=lambda event: event.time)[: 2 * len(rival)])
         return stage.roles[0].user
 

@@ -155,6 +155,30 @@ def test_the_unit_file_is_as_hard_as_systemd_calls_ok(unit):
     assert result.returncode == 0, result.stdout
 
 
+def test_what_is_kept_between_runs_is_in_folders_that_the_unit_may_write_to(tmp_path):
+    settings = [line.partition("=") for line in UNIT.read_text().splitlines() if line and line[0] != "#"]
+    environment = dict(pair.split("=") for key, _, value in settings if key == "Environment" for pair in value.split())
+    owned = {key: value for key, _, value in settings if key in ("CacheDirectory", "StateDirectory")}
+    code = (
+        "from engine_bridge.rig import cache_folder; from engine_bridge.live.performers import state_file; "
+        "print(cache_folder(), state_file())"
+    )
+    # numba's own folder is as good as none here, where /var/cache may not be written to
+    kept = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=UNIT.parents[2],
+    ).stdout.split()
+    assert kept == [
+        f"/var/cache/{owned['CacheDirectory']}/models",
+        f"/var/lib/{owned['StateDirectory']}/performers.json",
+    ]
+    assert environment["NUMBA_CACHE_DIR"].startswith(f"/var/cache/{owned['CacheDirectory']}/")
+
+
 def test_the_unit_file_says_what_the_service_keeps_to():
     lines = UNIT.read_text().splitlines()
     for line in ("Type=notify", "Restart=on-failure", "ExecReload=/bin/kill -HUP $MAINPID", "NoNewPrivileges=yes"):

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from capture.skeleton import JOINT_INDEX, JOINTS
+from engine_bridge.live.level import Level, level_of
+
+
+def turned(pose, degrees, height):
+    """Return what a sensor sees that looks down by so much, at that height above the floor."""
+    angle = np.radians(degrees)
+    x, y, z = (pose - [0.0, height, 0.0]).T
+    up, forward = (np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))  # the sensor's axes in the room
+    return np.stack([x, y * up[0] + z * up[1], y * forward[0] + z * forward[1]], axis=1)
+
+
+@pytest.fixture
+def upright(standing):
+    """The performer on the floor: ankles at their height above it, legs and trunk in one line."""
+    pose = standing.copy()
+    pose[:, 2] = 2.5 + 0.2 * (pose[:, 2] - 2.5)
+    pose[:, 1] += 0.09 - pose[[JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]], 1].mean()
+    return pose
+
+
+@pytest.mark.parametrize("degrees", [-20.0, 0.0, 8.0, 15.0, 35.0])
+@pytest.mark.parametrize("height", [0.0, 0.9, 2.2])
+def test_somebody_who_stands_upright_tells_how_the_sensor_stands(upright, degrees, height):
+    seen = turned(upright, degrees, height)
+    level = level_of(seen)
+    assert level.tilt == pytest.approx(degrees, abs=1.5)
+    np.testing.assert_allclose(level(seen)[:, 1], upright[:, 1], atol=0.04)
+
+
+def test_levelling_undoes_the_sensor_exactly(upright):
+    np.testing.assert_allclose(Level(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+
+
+def test_a_level_sensor_changes_nothing(upright):
+    assert Level()(upright) is upright
+
+
+def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
+    bent = upright.copy()
+    bent[[JOINT_INDEX[name] for name in ("shoulder_center", "head", "spine")], 2] += 0.4
+    assert level_of(bent) is None
+    sitting = upright.copy()
+    sitting[[JOINT_INDEX[name] for name in JOINTS if name.startswith(("knee", "ankle", "foot"))], 2] -= 0.5
+    assert level_of(sitting) is None
+    cut = upright.copy()
+    cut[JOINT_INDEX["ankle_left"]] = np.nan
+    assert level_of(cut) is None
+    lying = turned(upright, 80.0, 0.0)
+    assert level_of(lying) is None

@@ -1,0 +1,119 @@
+import socket
+import time
+from pathlib import Path
+from select import select
+
+import pytest
+
+from capture.formats import read_log
+from capture.recording import Recorder
+from capture.source import Silence
+from engine_bridge.live.line import Line
+from puppetline.errors import ServiceError, SourceError
+
+
+def run(line, seconds=None, until=lambda: False):
+    """Take in as the service does; return the frames."""
+    frames = []
+    give_up = time.monotonic() + (20.0 if seconds is None else seconds)
+    while not until():
+        if time.monotonic() >= give_up:
+            assert seconds is not None
+            break
+        number = line.source.fileno()
+        select([] if number is None else [number], [], [], max(0.0, min(line.due() - time.monotonic(), 0.2)))
+        frames += line.take_in()
+    return frames
+
+
+@pytest.fixture
+def short(tmp_path, kung_fu):
+    with Recorder(tmp_path / "short.log") as recorder:
+        for frame in kung_fu[:10]:
+            recorder.write(frame)
+    return "replay:short.log"
+
+
+def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, make_stage, tmp_path, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    run(line, until=lambda: isinstance(line.source, Silence))
+    assert line.skeletons == 10
+    frames = run(line, seconds=1.0)
+    assert frames[0].time >= kung_fu[9].time
+    assert frames[-1].state == "waiting"
+    assert line.source.name == short
+    line.close()
+
+
+def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_fu):
+    line = Line(sender.uri, make_stage(), tmp_path)
+
+    def fail():
+        raise SourceError("osc", found="a fault", expected="none", fix="None.")
+
+    line.source.receive = fail
+    line.take_in()
+    assert isinstance(line.source, Silence)
+    run(line, until=lambda: not isinstance(line.source, Silence))
+    sender.send(kung_fu[0])
+    run(line, until=lambda: line.skeletons == 1)
+    line.close()
+
+
+def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
+    line = Line(sender.uri, make_stage(), tmp_path)
+    line.source.close()
+    line.source.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
+    line.take_in()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", sender.port))
+        frames = run(line, seconds=1.5)
+        assert isinstance(line.source, Silence)
+    assert len(frames) > 20  # the character goes on
+    run(line, until=lambda: not isinstance(line.source, Silence))
+    line.close()
+
+
+def test_a_fault_costs_one_event(short, make_stage, tmp_path):
+    stage = make_stage()
+    line = Line(short, stage, tmp_path)
+    step, calls = stage.step, []
+
+    def stumbling(event, received):
+        calls.append(event)
+        if len(calls) == 3:
+            raise ZeroDivisionError
+        return step(event, received)
+
+    stage.step = stumbling
+    run(line, until=lambda: line.skeletons == 10)
+    assert (line.faults, len(calls)) == (1, line.events)
+    line.close()
+
+
+def test_a_take_ends_where_the_disk_is_full_and_the_stage_goes_on(short, make_stage, tmp_path):
+    line = Line(short, make_stage(), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    line._recorder._file.close()
+    line._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the line closes it
+    run(line, until=lambda: line.skeletons == 10)
+    assert line.recording is None
+    assert line.faults == 0
+    line.close()
+
+
+def test_a_take_of_a_line_is_a_skeleton_log(short, make_stage, tmp_path, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    assert line.recording == "take"
+    run(line, until=lambda: line.skeletons == 10)
+    with pytest.raises(ServiceError):
+        line.cue("calibrate", character="horse")
+    line.cue("mirror", character="dog", on=True)
+    assert line.stop_recording() == tmp_path / "take.log"
+    assert line.stop_recording() is None
+    [clip] = read_log(tmp_path / "take.log")
+    assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]
+    assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
+    assert b"horse" not in (tmp_path / "take.log").read_bytes()
+    line.close()

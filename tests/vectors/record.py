@@ -1,0 +1,142 @@
+"""Record the test vectors anew: ``python tests/vectors/record.py``. What they are stands in README.md."""
+
+import json
+from pathlib import Path
+
+import igl
+import numpy as np
+
+from engine_bridge import puppet
+from engine_bridge.gltf.character import make_character
+from engine_bridge.live.frame import Frame, StreamedCharacter
+from engine_bridge.live.live_basis import LiveBasis
+from engine_bridge.live.payloads import decode, encode
+from engine_bridge.live.wire import FRAME_KINDS, STATES, Header, Kind, join, topic, topic_field, write_json
+from engine_bridge.rig import Rig
+from solver.deformer import Deformer
+from solver.preparation import prepare
+
+HERE = Path(__file__).parent
+
+PUPPET = {
+    "character": {"mesh": "worm.glb", "up": "y", "front": "z", "scale": 0.5},
+    "handle": [
+        {"name": "head", "position": [2.16, 3.0, 0.0], "joint": "head"},
+        {"name": "left side", "position": [1.0, 0.0, 0.0], "joints": ["hand_left", "wrist_left"]},
+        {"name": "tail", "position": [0.54, -3.0, 0.0]},
+    ],
+    "solver": {"fields": 4, "isolines": 5},
+}
+"""A ball of 162 vertices, drawn out to a bent worm."""
+
+PULLS = [
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    [[1.5, -0.5, 0.8], [0.4, 0.1, 0.0], [0.0, 0.0, 0.0]],
+    [[-0.7, 0.3, -1.0], [0.0, 0.0, 0.6], [0.5, 0.2, 0.9]],
+]
+"""Where the handles go in each frame; in the first they stay where they are."""
+
+IN_BETWEEN = [[-0.5, 0.0, -0.6], [0.0, 0.0, 0.5], [0.3, 0.0, 0.7]]
+"""Where they go in the second of the two morph targets, which leaves something of the last frame; the first is a frame."""
+
+
+def worm() -> Rig:
+    """Make the character."""
+    vertices, faces = igl.upsample(*igl.icosahedron(), 2)
+    vertices = vertices / np.linalg.norm(vertices, axis=1, keepdims=True) * [1.0, 3.0, 1.0]
+    vertices[:, 0] += 0.15 * vertices[:, 1] ** 2
+    vertices[:, [0, 2]] *= 1 + 0.2 * vertices[:, 1:2]
+    vertices = vertices.astype(np.float32).astype(np.float64)
+    colors = np.clip(vertices * [0.3, 0.15, 0.3] + 0.5, 0, 1)
+    checked = puppet.check(PUPPET, "worm")
+    character = make_character("worm", vertices, faces, colors)
+    return Rig(
+        checked, character, *prepare(character.vertices, character.triangles, checked.solver.parameters, None, "worm")
+    )
+
+
+def frames() -> list[Frame]:
+    """Pull the character about."""
+    rig = worm()
+    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    poses = [deformer.solve(deformer.handles + pull).copy() for pull in PULLS]
+    targets = [poses[1], deformer.solve(deformer.handles + IN_BETWEEN)]
+    basis = LiveBasis(np.array([pose - poses[0] for pose in targets], dtype=np.float32), rig.model)
+    character = StreamedCharacter("worm", rig, 7, basis)
+    return [
+        Frame(
+            character=character,
+            sequence=41 + number,
+            time=12.5 + number / 30,
+            received=1_000_000_000 + 33_333_333 * number,
+            state=STATES[number],
+            user=None if number == 0 else 3,
+            R=pose,
+            root=np.array([0.25, 0.0, -0.125]) * number,
+            targets=deformer.handles + PULLS[number] + np.array([0.25, 0.0, -0.125]) * number,
+            joints=None if number == 0 else np.arange(60.0).reshape(20, 3) / 8 + number,
+            confidence=None if number == 0 else np.linspace(0, 1, 20, dtype=np.float32),
+        )
+        for number, pose in enumerate(poses)
+    ]
+
+
+def json_message(name: str, kind: Kind, value: object, **header: int) -> bytes:
+    payload = write_json(value)
+    return join(topic_field(name), Header(kind=kind, length=len(payload), **header), payload)
+
+
+def messages() -> dict[str, bytes]:
+    """Return every message by the name of its file."""
+    played = frames()
+    character = played[0].character
+    scene = Header(kind=Kind.SCENE, length=len(character.scene), revision=character.revision, published=5)
+    made = {"scene": join(topic("worm", Kind.SCENE), scene, character.scene)}
+    for number, frame in enumerate(played):
+        for kind in FRAME_KINDS:
+            message = encode(kind, frame, frame.received + 2_000_000)
+            if message is not None:
+                made[f"{number}.{kind.word}"] = message
+    performer = {"character": "worm", "state": "calibrating", "user": 3, "time": played[1].time}
+    made["performer"] = json_message("worm/performer", Kind.PERFORMER, performer, revision=7, state=1, user=3)
+    listed = [{"name": "worm", "revision": 7, "vertices": 162, "kinds": [kind.word for kind in FRAME_KINDS]}]
+    made["characters"] = json_message("service/characters", Kind.CHARACTERS, listed)
+    return made
+
+
+def expected(message: bytes) -> dict[str, object]:
+    """Say what a message holds: its topic, its header, and all of what is small or the ends of what is not."""
+    received = decode(message)
+    header = received.header._asdict()
+    body = received.body
+    match received.header.kind:
+        case Kind.SCENE:
+            held = {"facts": body.facts, "arrays": {name: ends(array) for name, array in body.arrays.items()}}
+        case Kind.MORPHS:
+            held = {"residual": body.residual, "weights": body.weights.tolist()}
+        case Kind.VERTICES | Kind.VERTICES16:
+            held = {"positions": ends(body.positions), "normals": ends(body.normals)}
+        case Kind.CONTROLS | Kind.JOINTS | Kind.HANDLES:
+            held = {"values": ends(body)}
+        case _:
+            held = {"json": body}
+    return {"topic": received.topic, "header": header, **held}
+
+
+def ends(array: np.ndarray) -> dict[str, object]:
+    """Return an array's shape, its first and its last row."""
+    return {"shape": list(array.shape), "first": array[0].tolist(), "last": array[-1].tolist()}
+
+
+def main() -> None:
+    for old in HERE.glob("*.bin"):
+        old.unlink()
+    made = messages()
+    for name, message in made.items():
+        (HERE / f"{name}.bin").write_bytes(message)
+    lines = (f"{json.dumps(name)}: {json.dumps(expected(message))}" for name, message in made.items())
+    (HERE / "expected.json").write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -15,8 +15,10 @@ from puppetline.errors import SourceError, at
 
 LOOPBACK = "127.0.0.1"
 
+ANYBODY = "any"
+
 LAST_PORT = 65_535
-FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?units=mm&mirrored=0; docs/senders.md explains the options."
+FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?from=192.168.1.20&units=mm; docs/senders.md explains the options."
 
 _PLACE = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[^\[\]]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
 
@@ -36,7 +38,7 @@ class Address:
     flip : str
         Axes of the sensor frame to negate, of "xyz".
     sender : str or None
-        The one IP address that is heard; None for all.
+        The one IP address that is heard, or `ANYBODY`; None where nothing was said, which does on loopback only.
     """
 
     host: str
@@ -99,10 +101,14 @@ def _axes(axes: str) -> str:
     return axes
 
 
+def _sender(text: str) -> str:
+    return text if text == ANYBODY else str(ipaddress.ip_address(text))
+
+
 _OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "units": (", ".join(UNITS), {str(unit): unit for unit in UNITS}.__getitem__),
     "mirrored": ("0 or 1", {"0": False, "1": True}.__getitem__),
     "flip": ("axes out of xyz", _axes),
-    "from": ("an IP address", lambda sender: str(ipaddress.ip_address(sender))),
+    "from": (f"an IP address or {ANYBODY}", _sender),
 }
 """What each option may be, and how it is read."""

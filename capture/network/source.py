@@ -1,6 +1,7 @@
 """Performers out of UDP datagrams: the sources ``osc:`` and ``vmc:``."""
 
 import errno
+import ipaddress
 import math
 import socket
 import time
@@ -11,7 +12,7 @@ import numpy as np
 
 from capture.events import TICK, Event, Lost, Tick
 from capture.formats.layouts import synthesise_missing
-from capture.network.address import FIX, Address, parse
+from capture.network.address import ANYBODY, FIX, Address, parse
 from capture.network.assembly import QUIET, Assembly, Whole
 from capture.network.dialect import Dialect, FrameEnd, Gone, Nothing, Part, Pose, Reading
 from capture.network.kinect_sdk import KinectSDK
@@ -160,7 +161,7 @@ class OscSource:
                 self._refusals.add("socket error")
                 return
             self.counts.received += 1
-            if self._address.sender not in (None, sender[0]):
+            if self._address.sender not in (None, ANYBODY, sender[0]):
                 self._refusals.add("another sender")
                 continue
             messages += self._take(datagram)
@@ -272,6 +273,13 @@ def _listen(name: str, address: Address) -> socket.socket:
         raise _no_such_host(name, address.host) from None
     # Senders that are told "localhost" mean IPv4.
     family, kind, protocol, _, place = min(found, key=lambda choice: choice[0] != socket.AF_INET)
+    if address.sender is None and not ipaddress.ip_address(str(place[0]).partition("%")[0]).is_loopback:
+        raise SourceError(
+            name,
+            found=f"{address.host!r}, which other machines can reach, and nobody named who may send",
+            expected="the sender's IP address, as OSC has no password",
+            fix=f"Add ?from=ADDRESS to it, or ?from={ANYBODY} where a firewall decides.",
+        )
     listener = socket.socket(family, kind, protocol)
     try:
         listener.setblocking(False)

@@ -1,5 +1,6 @@
 """Who plays which character: several people before one sensor."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -11,6 +12,9 @@ NEARER = 0.3
 
 FOR_A_WHILE = 1.0
 """Seconds for which they must be."""
+
+STEADY = 0.15
+"""Seconds over which a distance is smoothed."""
 
 
 @dataclass
@@ -67,8 +71,8 @@ class Casting:
         if known is None:
             self.present[user] = Presence(time, time, distance)
         else:
+            known.distance += (1 - math.exp((known.seen - time) / STEADY)) * (distance - known.distance)
             known.seen = time
-            known.distance += 0.1 * (distance - known.distance)
 
     def gone(self, user: int) -> None:
         """Take note that somebody has left."""

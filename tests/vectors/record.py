@@ -37,7 +37,7 @@ PULLS = [
 """Where the handles go in each frame; in the first they stay where they are."""
 
 IN_BETWEEN = [[-0.5, 0.0, -0.6], [0.0, 0.0, 0.5], [0.3, 0.0, 0.7]]
-"""Where they go in the second of the two morph targets, which leaves something of the last frame; the first is a frame."""
+"""Where they go in the second of the two morph targets, the first being the second frame: the third leaves a rest."""
 
 
 def worm() -> Rig:

@@ -49,4 +49,4 @@ def test_options_follow_the_place():
 def test_anything_else_is_refused_with_what_to_write(rest, message):
     with pytest.raises(SourceError, match=message) as caught:
         parse("osc", rest, 7110)
-    assert "osc:0.0.0.0:7110?units=mm&mirrored=0" in caught.value.fix
+    assert "osc:0.0.0.0:7110?from=192.168.1.20&units=mm" in caught.value.fix

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import warnings
+from contextlib import closing
 from itertools import pairwise
 from select import select
 
@@ -383,3 +384,15 @@ def test_after_all_that_a_good_sender_is_heard(long_lived, body):
         select([source.fileno()], [], [], 0.01)
         events += source.receive()
     assert _head(events[-1]) == 0.25
+
+
+def test_other_machines_are_heard_only_where_it_is_said_which(body):
+    with pytest.raises(SourceError, match="nobody named who may send"):
+        open_osc("0.0.0.0:0")
+    for allowed in ("any", "127.0.0.1"):
+        with closing(open_osc(f"0.0.0.0:0?from={allowed}")) as source:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                sender.sendto(body(1), ("127.0.0.1", source.port))
+            while not source.counts.received:
+                source.receive()
+            assert not source.counts.refused

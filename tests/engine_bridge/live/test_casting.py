@@ -80,7 +80,7 @@ def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():
     for k in range(400):
         time = k / 10
         casting.see(1, time, 3.0)
-        passing = 10 <= time < 10 + 0.8 * FOR_A_WHILE
+        passing = 10 <= time < 10 + 0.6 * FOR_A_WHILE
         if time >= 5:
             casting.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER)
         casting.recast(time)

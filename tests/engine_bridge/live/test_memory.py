@@ -38,5 +38,5 @@ def test_a_big_endian_array_is_turned_round():
     [{"type": "|O"}, {"type": "<U8"}, {"data": 7}, {"data": "!"}, {"data": ""}, {"shape": [3]}, {"shape": [-1, 7]}],
 )
 def test_what_is_no_array_is_refused(change):
-    with pytest.raises(ValueError, match="array|base64|data|buffer|reshape|size"):
+    with pytest.raises(ValueError, match=r"array|base64|data|buffer|reshape|size"):
         unpack({**pack(np.zeros(2)), **change})

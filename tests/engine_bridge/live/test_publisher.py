@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 import zmq
 
+from engine_bridge.live.doors import Door
 from engine_bridge.live.frame import Frame, StreamedCharacter
+from engine_bridge.live.guard import Guard
 from engine_bridge.live.payloads import decode
 from engine_bridge.live.publisher import AT_A_TIME, Publisher
 from engine_bridge.live.scene import Scene
@@ -95,12 +97,18 @@ def subscribe(context):
 class Raw:
     """A subscriber of ZMTP 3.0 that is written by hand: what a small client relies on."""
 
-    def __init__(self, publisher, minor=0):
+    METADATA = b"\x0bSocket-Type\0\0\0\x03SUB"
+
+    def __init__(self, publisher, minor=0, token=None):
         port = int(publisher.endpoints[0].rpartition(":")[2])
         self.socket = socket.create_connection(("127.0.0.1", port))
         self.socket.settimeout(SECONDS)
-        self.socket.sendall(b"\xff" + bytes(8) + b"\x7f" + bytes([3, minor]) + b"NULL".ljust(20, b"\0") + bytes(32))
-        self.command(b"READY", b"\x0bSocket-Type\0\0\0\x03SUB")
+        mechanism = (b"NULL" if token is None else b"PLAIN").ljust(20, b"\0")
+        self.socket.sendall(b"\xff" + bytes(8) + b"\x7f" + bytes([3, minor]) + mechanism + bytes(32))
+        if token is None:
+            self.command(b"READY", self.METADATA)
+        else:
+            self.command(b"HELLO", bytes([4]) + b"user" + bytes([len(token)]) + token)
         self.greeting = self.exactly(64)
 
     def command(self, name, data):
@@ -144,8 +152,8 @@ class Raw:
 def raw():
     made = []
 
-    def connect(publisher, minor=0):
-        made.append(Raw(publisher, minor))
+    def connect(publisher, minor=0, token=None):
+        made.append(Raw(publisher, minor, token))
         return made[-1]
 
     yield connect
@@ -452,6 +460,37 @@ def test_closing_twice_does_nothing(publisher):
     publisher.close()
     publisher.close()
     assert publisher.sockets == []
+
+
+def test_a_small_client_says_the_token_and_waits_to_be_let_in(open_publisher, context, raw, dog):
+    token = b"a-token-of-some-length"
+    door = Door("PLAIN", "tcp://127.0.0.1:*", "tcp://127.0.0.1:*", token=token)
+    guard = Guard(context, [door], max_clients=4)
+    publisher = open_publisher(dog, doors=[door])
+
+    def answer(client):
+        """The frame that a client gets while the guard is at work."""
+        client.socket.setblocking(False)
+        end = time.monotonic() + SECONDS
+        while time.monotonic() < end:
+            guard.handle()
+            with contextlib.suppress(BlockingIOError):
+                client.socket.recv(1, socket.MSG_PEEK)
+                client.socket.settimeout(SECONDS)
+                return client.frame()
+        raise AssertionError("it has not come")
+
+    client = raw(publisher, token=token)
+    assert client.greeting[12:32] == b"PLAIN".ljust(20, b"\0")
+    assert answer(client) == (4, b"\x07WELCOME")
+    client.command(b"INITIATE", Raw.METADATA)
+    assert answer(client)[1].startswith(b"\x05READY")
+    client.send(b"\1" + subscription("dog/scene/mine"))
+    serve(publisher, lambda: publisher.messages)
+    assert client.message()[1][:15] == b"dog/scene/mine\0"
+    flags, body = answer(raw(publisher, token=b"another-token-of-a-length"))
+    assert (flags, body[1:5]) == (4, b"RROR")
+    guard.close()
 
 
 @pytest.mark.parametrize("minor", [0, 1])

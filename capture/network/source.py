@@ -273,13 +273,6 @@ def _listen(name: str, address: Address) -> socket.socket:
         raise _no_such_host(name, address.host) from None
     # Senders that are told "localhost" mean IPv4.
     family, kind, protocol, _, place = min(found, key=lambda choice: choice[0] != socket.AF_INET)
-    if address.sender is None and not ipaddress.ip_address(str(place[0]).partition("%")[0]).is_loopback:
-        raise SourceError(
-            name,
-            found=f"{address.host!r}, which other machines can reach, and nobody named who may send",
-            expected="the sender's IP address, as OSC has no password",
-            fix=f"Add ?from=ADDRESS to it, or ?from={ANYBODY} where a firewall decides.",
-        )
     listener = socket.socket(family, kind, protocol)
     try:
         listener.setblocking(False)
@@ -288,6 +281,14 @@ def _listen(name: str, address: Address) -> socket.socket:
     except OSError as error:
         listener.close()
         raise _cannot_listen(name, address, error) from error
+    if address.sender is None and not ipaddress.ip_address(str(place[0]).partition("%")[0]).is_loopback:
+        listener.close()
+        raise SourceError(
+            name,
+            found=f"{address.host!r}, which other machines can reach, and nobody named who may send",
+            expected="the sender's IP address, as OSC has no password",
+            fix=f"Add ?from=ADDRESS to it, or ?from={ANYBODY} where a firewall decides.",
+        )
     return listener
 
 

@@ -5,13 +5,14 @@ A request is one flat map, in JSON or msgpack: ``{"do": "calibrate", "id": 7, "c
 
 import difflib
 import json
+import re
 from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 import msgpack
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from engine_bridge.tables import Table
+from engine_bridge.tables import Table, mistake
 from puppetline.errors import PuppetlineError, ServiceError
 
 Encoding = Literal["json", "msgpack"]
@@ -25,11 +26,21 @@ MOST_KEYS = 16
 LONGEST_TEXT = 500
 """Characters of what an error quotes."""
 
+NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 SCALARS = (str, int, float, bool, type(None))
 MSGPACK_MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
 
-# never a path: what it names is looked up among what is there, or put into the folder of takes
-Name = Annotated[str, Field(strict=True, pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+
+def _plain_name(name: str) -> str:
+    """Let no path through: what a name stands for is looked up, or put into the folder of takes."""
+    if not NAME.fullmatch(name):
+        raise mistake(
+            found=repr(name), expected="a name of 1 to 64 letters (a to z), digits, _ and -", fix="Give it such a name."
+        )
+    return name
+
+
+Name = Annotated[str, Field(strict=True), AfterValidator(_plain_name)]
 User = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
 
 
@@ -113,9 +124,9 @@ def decode(body: bytes) -> dict[str, Any]:
         else:
             values = json.loads(body.decode())
     except (ValueError, RecursionError) as error:
-        raise _not_a_request(f"{body[:40]!r}", f"one whole map in {encoding}") from error
+        raise _not_a_request(_beginning(body), f"one whole map in {encoding}") from error
     if not isinstance(values, dict) or len(values) > MOST_KEYS:
-        raise _not_a_request(f"{body[:40]!r}", f"a map of up to {MOST_KEYS} keys")
+        raise _not_a_request(_beginning(body), f"a map of up to {MOST_KEYS} keys")
     for key, value in values.items():
         if not isinstance(key, str) or not isinstance(value, SCALARS):
             raise _not_a_request(f"a {type(value).__name__} under {key!r}", "texts, numbers, booleans and null only")
@@ -188,6 +199,10 @@ def _not_a_request(found: str, expected: str) -> ServiceError:
     return ServiceError(
         WHERE, found=found, expected=expected, fix='Send {"do": "ping"}, say, in JSON or msgpack (docs/control.md).'
     )
+
+
+def _beginning(body: bytes) -> str:
+    return repr(body[:40].decode(errors="backslashreplace"))
 
 
 def _quoted(text: str) -> str:

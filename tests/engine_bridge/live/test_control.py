@@ -1,5 +1,7 @@
 import json
 import logging
+import re
+import shutil
 import socket as sockets
 import subprocess
 import sys
@@ -396,3 +398,33 @@ def test_a_port_that_is_taken_leaves_nothing_open():
         port = int(other.last_endpoint.rsplit(b":", 1)[1])
         with pytest.raises(zmq.ZMQError, match="in use"):
             Control(context, doors(NetworkSettings(port=port - 1)), {})
+
+
+def same_shape(left, right):
+    """Whether two values of JSON have the same keys and types; lists by their first items."""
+    if isinstance(left, dict) and isinstance(right, dict):
+        return left.keys() == right.keys() and all(same_shape(left[key], right[key]) for key in left)
+    if isinstance(left, list) and isinstance(right, list):
+        return bool(left) == bool(right) and all(map(same_shape, left[:1], right[:1]))
+    return type(left) is type(right)
+
+
+@pytest.mark.slow
+def test_the_page_shows_what_the_service_says(serve, blob_puppet):
+    """docs/control.md: each block is a request or the reply to the one before."""
+    dog = Path(shutil.copy(blob_puppet, blob_puppet.with_name("dog.toml")))
+    service = serve("--puppet", dog, "--source", "demo:bark?loop", "--calibrate", "at_once")
+    blocks = re.findall(r"```json\n(.*?)\n```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(blocks) >= 20
+    with zmq.Context() as context, context.socket(zmq.REQ) as client:
+        client.linger = 0
+        client.connect(service.control)
+        while service.ask("describe")["characters"][0]["state"] != "performing":
+            time.sleep(0.05)
+        for body, shown in zip(blocks[::2], map(json.loads, blocks[1::2]), strict=True):
+            client.send(body.encode())
+            reply = json.loads(heard(client)[0])
+            assert_well_formed(reply)
+            assert reply == shown if not shown["ok"] else same_shape(reply, shown), (body, reply)
+            assert reply["id"] == shown["id"]
+    service.stop()

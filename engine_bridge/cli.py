@@ -64,14 +64,20 @@ def main() -> None:
 @main.command()
 @click.argument("characters", nargs=-1, metavar="[CHARACTER]...")
 @click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for everything that is made.")
-def demo(characters: tuple[str, ...], output: Path) -> None:
+@click.option("--live", is_flag=True, help="Stream them, over and over, instead of converting: puppetline serve.")
+def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
     """Animate example characters: dinosaur and pegasus, or those named, or "all" five."""
-    from engine_bridge.demo import CASTING, play
+    from engine_bridge.demo import CASTING, play, prepare
 
     chosen = CASTING if "all" in characters else characters or ("dinosaur", "pegasus")
     for name in chosen:
         if name not in CASTING:
             raise click.UsageError(f"{name!r} is none of the characters {', '.join(CASTING)}, or all.")
+    if live:
+        with progress() as report:
+            made = [prepare(name, output, report) for name in chosen]
+        cli_live.stream([f"replay:{log}?loop" for log, _ in made], [puppet for _, puppet in made])
+        return
     for name in chosen:
         with progress() as report:
             summary, picture = play(name, output, report)

@@ -24,7 +24,7 @@ PORT = click.IntRange(0, 65534)
     "sources",
     multiple=True,
     metavar="URI",
-    help="Where skeletons come from, for all puppets or one for each: osc:7110, vmc:39539, replay:FILE?loop, …",
+    help="Where skeletons come from, for all puppets or one for each; see docs/live.md.  [default: osc:7110]",
 )
 @click.option(
     "--people", type=click.Choice(["each", "nearest", "queue"]), help="Who plays, of several people.  [default: each]"
@@ -57,10 +57,23 @@ PORT = click.IntRange(0, 65534)
 )
 def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **options: Any) -> None:
     """Stream characters that performers move, live, until it is stopped."""
+    settings, folder = _settings(config, options)
+    _run(settings, folder, status, log_format, log_level)
+
+
+def stream(sources: list[str], puppets: list[Path]) -> None:
+    """Serve puppets as they are, each with a source of its own."""
+    from engine_bridge.live import service_file
+
+    _run(service_file.from_flags(tuple(sources), tuple(puppets), {}, {}, {}), Path())
+
+
+def _run(
+    settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
+) -> None:
     from engine_bridge.live import logs
     from engine_bridge.live.service import Service
 
-    settings, folder = _settings(config, options)
     logs.setup(log_format, log_level)
     with ExitStack() as stack:
         display = None
@@ -83,8 +96,8 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
         if given:
             raise click.UsageError("--config goes without any option that the file has a key for.")
         return service_file.load(config), config.parent
-    if not options["puppets"] or not options["sources"]:
-        raise click.UsageError("Give --puppet and --source, or --config.")
+    if not options["puppets"]:
+        raise click.UsageError("Give --puppet, or --config.")
     network = {name: given[name] for name in ("host", "port", "token_file") if name in given}
     rest: dict[str, Any] = {
         "network": network,
@@ -98,7 +111,8 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
         rest["metrics"] = {"port": given["metrics"]}
     stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate") if name in given}
     character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
-    return service_file.from_flags(options["sources"], options["puppets"], stage, character, rest), Path()
+    sources = options["sources"] or ("osc:7110",)
+    return service_file.from_flags(sources, options["puppets"], stage, character, rest), Path()
 
 
 def _target(text: str, rate: float) -> dict[str, Any]:

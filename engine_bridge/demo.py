@@ -53,6 +53,35 @@ def play(
     ------
     PuppetlineError
     """
+    log, puppet = prepare(name, folder, progress)
+    title = f"{name}_{CASTING[name]}"
+    output, picture = folder / f"{title}.glb", folder / f"{title}.png"
+    clip, summary = convert(log, puppet, output, Settings(), progress)
+    sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
+    return summary, picture
+
+
+def prepare(
+    name: str, folder: Path, progress: Callable[[str, float], None] = lambda _stage, _share: None
+) -> tuple[Path, Path]:
+    """Make one character, its puppet and its performance.
+
+    Parameters
+    ----------
+    name : str
+        A key of `CASTING`.
+    folder : Path
+        Made where it does not exist.
+    progress : callable, optional
+
+    Returns
+    -------
+    log, puppet : Path
+
+    Raises
+    ------
+    PuppetlineError
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -62,9 +91,7 @@ def play(
             expected="a folder to write to",
             fix="Choose another one with -o.",
         ) from error
-    title = f"{name}_{CASTING[name]}"
-    output, picture = folder / f"{title}.glb", folder / f"{title}.png"
-    check_writable(output, ".glb")
+    check_writable(folder / f"{name}.glb", ".glb")
     progress("Making the character", 0.0)
     made = CHARACTERS[name]()
     make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
@@ -76,6 +103,4 @@ def play(
     with written_whole(log) as beside, Recorder(beside) as recorder:
         for frame in PERFORMANCES[CASTING[name]]().frames():
             recorder.write(frame)
-    clip, summary = convert(log, puppet, output, Settings(), progress)
-    sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
-    return summary, picture
+    return log, puppet

@@ -77,7 +77,7 @@ class OscTable(Table):
     port: Port
     host: Text = "127.0.0.1"
     rate: Annotated[FiniteFloat, Field(strict=True, gt=0, le=1000)] = 30.0
-    send: Annotated[tuple[OscKind, ...], Field(min_length=1)] = ("joints", "handles", "performer")
+    send: Annotated[tuple[OscKind, ...], Field(min_length=1)] = ("morphs", "joints", "handles", "performer")
     characters: tuple[Name, ...] = ()
 
 

@@ -20,7 +20,7 @@ from typing import Any, Self
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.events import TICK, Event, Tick
+from capture.events import TICK, Event, Lost, Tick
 from capture.formats import FARTHEST, puppetline_log, read_log, recognize
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
@@ -206,14 +206,22 @@ def _forward(events: Iterable[Event], refused: Counter[str]) -> Generator[Event,
 
 
 def _endless(play: Callable[[], Iterable[Event]]) -> Generator[Event, None, None]:
-    """Play a recording again and again, each pass beginning a tick after the end of the one before."""
+    """Play a recording again and again, each pass beginning a tick after the end of the one before.
+
+    In between everybody leaves: they would jump from where the recording ends to where it begins.
+    """
     end: float | None = None
     while True:
         start, shift = end, 0.0
+        users: set[int] = set()
         for k, event in enumerate(play()):
             if start is not None and k == 0:
                 shift = start + TICK - event.time
+            if isinstance(event, SkeletonFrame):
+                users.add(event.user)
             yield replace(event, time=event.time + shift) if shift else event
             end = event.time + shift
         if end == start:
             return
+        if end is not None:
+            yield from (Lost(end, user) for user in sorted(users))

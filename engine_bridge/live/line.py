@@ -107,7 +107,11 @@ class Line:
         OutputError
         """
         recorder = Recorder(path)
-        recorder.write_beginning(self.stage.memory)
+        try:
+            recorder.write_beginning(self.stage.memory)
+        except BaseException:
+            recorder.close()
+            raise
         self._recorder = recorder
 
     def stop_recording(self) -> Path | None:

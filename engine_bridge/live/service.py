@@ -117,7 +117,7 @@ class Service:
         self._residuals: dict[str, float] = {}
         self.status = self._snapshot()
         if settings.metrics is not None:
-            keep.callback(MetricsServer(lambda: self.status, settings.metrics.port, settings.metrics.host).close)
+            keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
         self._announcement = self._announce(opened[0]) if settings.announce else None
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
@@ -306,7 +306,8 @@ class Service:
         self._notifier.status(f"{playing} of {len(self.status['characters'])} characters performing")
         if playing and time.monotonic() >= self._keep_at:
             self._keep_at = time.monotonic() + KEEP_INTERVAL
-            self._loading.submit(performers.write, performers.known_performers(self._live_stages()), performers.state_file())
+            known = performers.known_performers(self._live_stages())
+            self._loading.submit(performers.write, known, performers.state_file())
 
     def _snapshot(self) -> dict[str, Any]:
         return self._statistics.snapshot(

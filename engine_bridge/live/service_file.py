@@ -82,10 +82,9 @@ class OscTable(Table):
 
 
 class MetricsTable(Table):
-    """[metrics]: numbers for Prometheus."""
+    """[metrics]: numbers for Prometheus, on loopback: they have no password."""
 
     port: Port = 9464
-    host: Text = "127.0.0.1"
 
 
 class ServiceFile(Table):

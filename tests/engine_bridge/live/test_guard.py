@@ -1,7 +1,9 @@
 import logging
 import socket as sockets
+import struct
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import pairwise
 
 import pytest
 import zmq
@@ -474,3 +476,90 @@ def test_whatever_is_asked_only_the_token_opens(asker, frames):
         assert reply[2] == frames[1]
         assert (reply[3] == b"200") == good
     assert asker(*GOOD) == answer(b"200")
+
+
+def command(name, body=b""):
+    return b"\x04" + bytes([1 + len(name) + len(body)]) + bytes([len(name)]) + name + body
+
+
+SESSION = {
+    "NULL": greeting("NULL") + command(b"READY", b"\x0bSocket-Type\x00\x00\x00\x03SUB") + b"\x00\x02\x01a",
+    "PLAIN": greeting("PLAIN")
+    + command(b"HELLO", b"\x07anybody\x12" + TOKEN.encode())
+    + command(b"INITIATE", b"\x0bSocket-Type\x00\x00\x00\x06DEALER\x08Identity\x00\x00\x00\x01i")
+    + b'\x00\x0e{"do": "ping"}\x01\x01a\x03\x00\x00\x00\x00\x00\x00\x00\x01b',
+    "CURVE": greeting("CURVE") + command(b"HELLO", b"\x01\x00" + bytes(72 + 32 + 8 + 80)),
+}
+changes = st.lists(
+    st.tuples(st.floats(0, 1), st.sampled_from(["set", "insert", "remove", "cut", "wait"]), st.binary(max_size=9)),
+    max_size=5,
+)
+
+
+@pytest.mark.parametrize("mechanism", SESSION)
+def test_no_handshake_however_garbled_harms_the_next(house, assert_served, mechanism):
+    opened = house(mechanism)
+    ports = [int(address.rsplit(":", 1)[1]) for address in opened.address(mechanism)]
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.sampled_from(ports), changes, st.booleans())
+    def garbled(port, changes, abrupt):
+        data, pauses = SESSION[mechanism], set()
+        for place, change, with_what in changes:
+            at = round(place * len(data))
+            match change:
+                case "set":
+                    data = data[:at] + with_what + data[at + len(with_what) :]
+                case "insert":
+                    data = data[:at] + with_what + data[at:]
+                case "remove":
+                    data = data[:at] + data[at + len(with_what) :]
+                case "cut":
+                    data = data[:at]
+                case "wait":
+                    pauses.add(at)
+        with sockets.create_connection(("127.0.0.1", port), PATIENCE / 1000) as raw:
+            raw.settimeout(0.05)
+            with suppress(OSError):
+                for start, end in pairwise([0, *sorted(pauses), len(data)]):
+                    raw.sendall(data[start:end])
+                    raw.recv(4096)
+            if abrupt:
+                raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_LINGER, struct.pack("ii", 1, 0))
+        assert_served(opened, mechanism)
+
+    garbled()
+
+
+@pytest.mark.slow
+def test_the_real_service_opens_to_keys_and_to_nothing_else(serve, blob_puppet, tmp_path, keys, visit):
+    (tmp_path / "service.toml").write_text(
+        f"""
+        announce = false
+        [[stage]]
+        source = "demo:bark?loop"
+        [[stage.character]]
+        puppet = "{blob_puppet}"
+        [network]
+        host = "0.0.0.0"
+        [network.curve]
+        port = 0
+        key_file = "service.key_secret"
+        clients_folder = "clients"
+        """
+    )
+    service = serve("--config", tmp_path / "service.toml")
+    stream = service.stream.replace("0.0.0.0", "127.0.0.1")
+    strangers = [
+        visit(stream, "NULL"),
+        visit(stream, "PLAIN"),
+        visit(stream, "CURVE", key="stranger"),
+        visit(stream, "CURVE", service="stranger"),
+    ]
+    with left_open(stream, greeting("CURVE"), 70), left_open(stream, b"GET / HTTP/1.1\r\n\r\n", 10):
+        let_in, client = visit(stream, "CURVE")
+        assert let_in
+        assert client.poll(PATIENCE)
+        assert client.recv().startswith(b"blob/")
+    assert not any(let_in or stranger.poll(0) for let_in, stranger in strangers)
+    assert service.stop() == 0

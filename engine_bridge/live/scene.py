@@ -185,11 +185,6 @@ class Scene:
         scene._check()
         return scene
 
-    @property
-    def weights(self) -> NDArray[np.float32]:
-        """(n_e,) float32: of the fields."""
-        return np.array(self.facts["weights"], dtype=np.float32)
-
     def _check(self) -> None:
         """Refuse what would make a client read beyond an array."""
         facts = self.facts

@@ -21,7 +21,20 @@ from engine_bridge.cli import main
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 ALSO = pytest.mark.slow
 """A case that its module's own tests have as well; each process takes over a second."""
-COMMANDS = ["demo", "new", "convert", "inspect", "bench"]
+COMMANDS = [
+    "demo",
+    "new",
+    "convert",
+    "inspect",
+    "bench",
+    "serve",
+    "record",
+    "listen",
+    "bake",
+    "doctor",
+    "token",
+    "keys",
+]
 
 if not Path(COMMAND).exists():
     pytest.skip("the command is not installed beside this Python", allow_module_level=True)

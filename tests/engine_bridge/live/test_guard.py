@@ -142,7 +142,10 @@ def visit(context, keys):
         monitor = client.get_monitor_socket(DECIDED)
         client.connect(address)
         assert monitor.poll(PATIENCE), "neither let in nor refused"
-        return recv_monitor_message(monitor)["event"] == zmq.EVENT_HANDSHAKE_SUCCEEDED, client
+        let_in = recv_monitor_message(monitor)["event"] == zmq.EVENT_HANDSHAKE_SUCCEEDED
+        client.disable_monitor()
+        monitor.close()
+        return let_in, client
 
     return come
 

@@ -1,5 +1,7 @@
 import contextlib
 import json
+import secrets
+import select
 import socket
 import struct
 import time
@@ -8,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import zmq
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from engine_bridge.live.doors import Door
 from engine_bridge.live.frame import Frame, StreamedCharacter
@@ -170,6 +174,11 @@ def serve(publisher, until):
             if each.poll(2):
                 publisher.handle(each)
         publisher.send_due()
+
+
+def readable(client):
+    """Tell whether something has come for a raw client."""
+    return bool(select.select([client.socket], [], [], 0)[0])
 
 
 def heard(publisher, client):
@@ -412,6 +421,27 @@ def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscri
     serve(publisher, lambda: publisher.ignored >= 100_000 - MOST_REMEMBERED)
     assert len(stream.subscriptions._held) <= MOST_REMEMBERED
     assert heard(publisher, subscribe(publisher, "dog/scene")).topic == "dog/scene"
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    requests=st.lists(
+        st.binary(max_size=80) | st.text("/\0adegcnostrlhk", max_size=20).map(lambda text: b"\1" + text.encode())
+    )
+)
+def test_any_bytes_are_a_subscription_or_nothing(publisher, raw, requests):
+    client = raw(publisher)
+    for body in requests:
+        client.send(body)
+    own = f"dog/scene/{secrets.token_hex(4)}"  # each topic is answered once a second
+    client.send(b"\1" + subscription(own))
+    serve(publisher, lambda: readable(client))
+    client.frame()  # its READY
+    topics = []
+    while own not in topics:
+        serve(publisher, lambda: readable(client))
+        topics.append(client.message()[1].partition(b"\0")[0].decode("latin-1"))
+    client.close()
 
 
 def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):

@@ -1,0 +1,320 @@
+"""Those around a live service while it is measured: itself, who sends it skeletons, and who listens.
+
+Each is a process of its own. Senders and listeners (``python -m benchmarks.live_peers ROLE SETTINGS``) say in a line of
+JSON that they are ready, and in another one how it was, when they are through or their standard input is closed.
+"""
+
+import json
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import psutil
+import zmq
+
+from benchmarks.datagrams import bodies
+from engine_bridge.live.wire import BEFORE_PAYLOAD, STATES, TOPIC, Header, subscription
+
+PATIENCE = 60.0
+"""Seconds to wait for what must come."""
+
+PERFORMING = STATES.index("performing")
+
+AT_A_TIME = 16
+"""Messages that a listener takes from one socket before the next has its turn."""
+
+
+class Service:
+    """The real command, from a service file.
+
+    Parameters
+    ----------
+    folder : Path
+        For the service file, the log, takes and state.
+    settings : str
+        The service file.
+    environment : dict, optional
+        Beside the usual one.
+
+    Attributes
+    ----------
+    process : subprocess.Popen
+    ready : float
+        Seconds from its start until it served.
+    stream, control : str
+        Where it listens.
+    """
+
+    def __init__(self, folder: Path, settings: str, environment: dict[str, str] | None = None) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "service.toml").write_text(settings, encoding="utf-8")
+        self._log = folder / "service.log"
+        command = [sys.executable, "-m", "puppetline", "serve", "--config", str(folder / "service.toml")]
+        own = {"XDG_STATE_HOME": str(folder), **(environment or {})}
+        start = time.monotonic()
+        with self._log.open("ab") as log:
+            begin = log.tell()
+            self.process = subprocess.Popen(
+                [*command, "--log-format", "json", "--log-level", "debug"], stderr=log, env=os.environ | own
+            )
+        endpoints = self._wait_for("serving", begin)
+        self.ready = time.monotonic() - start
+        self.stream, self.control = endpoints["stream"][0], endpoints["control"][0]
+        self._usage = psutil.Process(self.process.pid)
+
+    @property
+    def log(self) -> str:
+        """All that it has said, in earlier runs as well."""
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+    def cpu_seconds(self) -> float:
+        """Return the seconds that all of its threads have worked so far."""
+        times = self._usage.cpu_times()
+        return times.user + times.system
+
+    def memory(self) -> int:
+        """Return its resident memory, bytes."""
+        return self._usage.memory_info().rss
+
+    def end(self, number: int = signal.SIGTERM) -> int:
+        """End it and return its exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE)
+
+    def _wait_for(self, event: str, begin: int) -> Any:
+        """Return the fields of an event in the log."""
+        give_up = time.monotonic() + PATIENCE
+        while time.monotonic() < give_up and self.process.poll() is None:
+            with self._log.open("rb") as log:
+                log.seek(begin)
+                lines = [line for line in log if line.startswith(b"{") and line.endswith(b"}\n")]
+            found = [json.loads(line) for line in lines]
+            for line in found:
+                if line["event"] == event:
+                    return line["fields"]
+            time.sleep(0.005)
+        raise SystemExit(f"the service does not start:\n{self.log}")
+
+
+def settings(
+    puppets: dict[str, Path], port: int, *, max_clients: int = 64, stream: int = 0, calibrate: str = "at_once"
+) -> str:
+    """Return a service file.
+
+    Parameters
+    ----------
+    puppets : dict
+        Puppet files by the names of their characters.
+    port : int
+        That skeletons come to.
+    max_clients : int
+    stream : int
+        The port of the stream; 0 for any.
+    calibrate : str
+    """
+    lines = ["announce = false", 'takes = "takes"', "[network]", f"port = {stream}", f"max_clients = {max_clients}"]
+    lines += ["[[stage]]", f'source = "osc:{port}?units=mm&mirrored=0"', f'calibrate = "{calibrate}"']
+    for name, puppet in puppets.items():
+        lines += ["[[stage.character]]", f'name = "{name}"', f"puppet = {json.dumps(str(puppet.resolve()))}"]
+    return "\n".join(lines) + "\n"
+
+
+@contextmanager
+def serving(
+    folder: Path, text: str, environment: dict[str, str] | None = None
+) -> Iterator[Service]:
+    """Run a service until the block ends."""
+    service = Service(folder, text, environment)
+    try:
+        yield service
+    finally:
+        if service.process.poll() is None:
+            service.process.send_signal(signal.SIGCONT)
+            service.end()
+
+
+def free_udp_port() -> int:
+    """Return a port that nobody listens on."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def free_tcp_ports() -> int:
+    """Return a port that is free, as is the next one."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = int(first.getsockname()[1])
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except (OSError, OverflowError):
+                continue
+            return port
+
+
+class Peer:
+    """A sender or a listener, at work from the start.
+
+    Parameters
+    ----------
+    role : str
+        One of `ROLES`.
+    settings : JSON
+        What it is called with.
+    """
+
+    def __init__(self, role: str, **settings: Any) -> None:
+        command = [sys.executable, "-m", "benchmarks.live_peers", role, json.dumps(settings)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._said().readline()
+
+    def result(self) -> Any:
+        """Wait until it is through, and return what it has found."""
+        line = self._said().readline()
+        self.end()
+        return json.loads(line)
+
+    def end(self) -> Any:
+        """Let it come to an end, and return what it has found."""
+        found, _ = self._process.communicate()
+        return json.loads(found) if found else None
+
+    def _said(self) -> IO[bytes]:
+        assert self._process.stdout is not None
+        return self._process.stdout
+
+
+def sender(port: int, schedule: Sequence[tuple[float, int]], users: int = 1) -> Peer:
+    """Start somebody who sends skeletons as OSCeleton does.
+
+    Parameters
+    ----------
+    port : int
+    schedule : sequence of (float, int)
+        So many frames a second for so many frames, and then the next.
+    users : int
+        Performers, numbered from 1, each with a bundle a frame.
+
+    Returns
+    -------
+    Peer
+        Its result is the list of `time.monotonic_ns` at which frames were sent.
+    """
+    return Peer("send", port=port, schedule=[list(each) for each in schedule], users=users)
+
+
+def listener(endpoint: str, topics: Sequence[str], sockets: int = 1, *, reads: bool = True, times: bool = False) -> Peer:
+    """Start a client with so many SUB sockets.
+
+    Parameters
+    ----------
+    endpoint : str
+    topics : sequence of str
+        That each socket subscribes to.
+    sockets : int
+    reads : bool
+        Or it does not even look at what comes.
+    times : bool
+        Whether to keep the times of each message.
+
+    Returns
+    -------
+    Peer
+        Its result is a list with a dict a socket: by topic the number of `messages`, the `first` and `last` sequence
+        numbers and how many were `lost` between them; and with `times` a list of [state, received, arrived], in
+        nanoseconds, by `Peer`'s clock.
+    """
+    return Peer("listen", endpoint=endpoint, topics=list(topics), sockets=sockets, reads=reads, times=times)
+
+
+def _send(ended: threading.Event, port: int, schedule: list[tuple[float, int]], users: int) -> list[int]:
+    frames = bodies(users)
+    _say("ready")
+    sent: list[int] = []
+    due = time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
+        for rate, count in schedule:
+            for _ in range(count):
+                due += 1 / rate
+                time.sleep(max(0.0, due - time.monotonic()))
+                if ended.is_set():
+                    return sent
+                sent.append(time.monotonic_ns())
+                for datagram in frames[len(sent) % len(frames)]:
+                    sending.sendto(datagram, ("127.0.0.1", port))
+    return sent
+
+
+def _listen(
+    ended: threading.Event, endpoint: str, topics: list[str], sockets: int, reads: bool, times: bool
+) -> list[dict[str, Any]]:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    poller = zmq.Poller()
+    found: dict[zmq.Socket[bytes], dict[str, Any]] = {}
+    for _ in range(sockets):
+        opened = context.socket(zmq.SUB)
+        opened.linger = 0
+        opened.reconnect_ivl, opened.reconnect_ivl_max = 20, 200
+        if not reads:
+            opened.rcvhwm = 10  # what does not fit waits on the service's side
+        for topic in topics:
+            opened.subscribe(subscription(topic))
+        opened.connect(endpoint)
+        poller.register(opened, zmq.POLLIN)
+        found[opened] = {"times": []} if times else {}
+    _say("ready")
+    while not ended.is_set():
+        if not reads:
+            ended.wait(0.2)
+            continue
+        for opened, _ in poller.poll(200):
+            _take(opened, found[opened])
+    context.destroy(linger=0)
+    return list(found.values())
+
+
+def _take(opened: "zmq.Socket[bytes]", found: dict[str, Any]) -> None:
+    """Take down what has come to a socket."""
+    for _ in range(AT_A_TIME):
+        try:
+            message = opened.recv(zmq.NOBLOCK)
+        except zmq.Again:
+            return
+        arrived = time.monotonic_ns()
+        header = Header.unpack(message[TOPIC:BEFORE_PAYLOAD])
+        topic = message[:TOPIC].rstrip(b"\0").decode()
+        record = found.setdefault(topic, {"messages": 0, "first": header.sequence, "last": header.sequence, "lost": 0})
+        if record["messages"]:
+            record["lost"] += header.sequence - record["last"] - 1
+        record["messages"] += 1
+        record["last"] = header.sequence
+        if "times" in found:
+            found["times"].append([header.state, header.received, arrived])
+
+
+def _say(value: Any) -> None:
+    print(json.dumps(value), flush=True)
+
+
+ROLES = {"send": _send, "listen": _listen}
+
+
+def _main() -> None:
+    """Take part until standard input is closed."""
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    _say(ROLES[sys.argv[1]](ended, **json.loads(sys.argv[2])))
+
+
+if __name__ == "__main__":
+    _main()

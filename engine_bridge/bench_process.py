@@ -23,7 +23,8 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge import puppet as puppet_file
 from engine_bridge.clip import REST_SECONDS, load_timeline
 from engine_bridge.convert import convert
-from engine_bridge.gltf.character import Character, load_character
+from engine_bridge.gltf.character import load_character
+from engine_bridge.live.frame import drawn_normals
 from engine_bridge.performance import Performance
 from engine_bridge.rig import Rig, load_rig
 from engine_bridge.settings import Settings
@@ -103,7 +104,7 @@ class Playing:
         self._controls = np.empty((len(self._R) // 4, 3, 4), dtype=np.float32)
         self.performance = Performance(rig.puppet, rig.mesh, rig.model, rest)
         it = rig.character
-        self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, normals_of(it), it.triangles)
+        self.binding = ShadedBinding(rig.model, it.vertices, rig.mesh.of_render, drawn_normals(it), it.triangles)
         self._drawn = np.empty_like(self.binding.rest), np.empty_like(self.binding.rest)
         self._next = 0
 
@@ -125,15 +126,6 @@ class Playing:
     def vertices(self, controls: Controls) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return positions and normals (n, 3), in the same two arrays each time."""
         return self.binding.vertices_and_normals(controls, *self._drawn)
-
-
-def normals_of(character: Character) -> NDArray[np.float64]:
-    """Return the file's normals (N, 3), made from the triangles for parts that have none."""
-    made = [
-        igl.per_vertex_normals(part.vertices, part.triangles) if part.normals is None else part.normals
-        for part in character.parts
-    ]
-    return np.nan_to_num(np.concatenate(made))
 
 
 def arap_iteration(mesh: SolverMesh, handles: NDArray[np.float64], targets: NDArray[np.float64]) -> Work:

@@ -47,7 +47,7 @@ class Cast:
         rig = load_rig(self._folder / table.puppet)
         basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
         character = StreamedCharacter(name, rig, _revision(rig, basis), basis)
-        character.binding  # noqa: B018 - made here, and not when the first client asks for vertices
+        character.prepare()  # here, and not when the first client asks for it
         idle = None if table.idle is None else self._folder / table.idle
         return Role(character, stage.manner, self._executor, idle)
 

@@ -177,7 +177,7 @@ def listen(
     from engine_bridge.live import listening
     from engine_bridge.live.doors import read_token
 
-    token = None if token_file is None else read_token(token_file)
+    token = read_token(token_file)
     report = listening.listen(
         address, seconds=seconds, token=token, characters=characters, kinds=kinds or ("controls",)
     )

@@ -7,6 +7,7 @@ beside it.
 
 import contextlib
 import gc
+import ipaddress
 import logging
 import math
 import signal
@@ -118,7 +119,7 @@ class Service:
         self.status = self._snapshot()
         if settings.metrics is not None:
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
-        self._announcement = self._announce(opened[0]) if settings.announce else None
+        self._announcement = self._announce(opened) if settings.announce else None
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
         self._reloading: Future[list[list[Role]]] | None = None
@@ -153,12 +154,13 @@ class Service:
         for each in [*self.publisher.sockets, *self.control.sockets, self._guard.socket, *watched]:
             self._poller.register(each, zmq.POLLIN)
 
-    def _announce(self, door: Door) -> Announcement:
-        stream, control = (
-            endpoint.rpartition(":") for endpoint in (self.publisher.endpoints[0], self.control.endpoints[0])
-        )
-        host = stream[0].removeprefix("tcp://").strip("[]")
-        announcement = Announcement(host, int(stream[2]), int(control[2]), door.mechanism, self._names())
+    def _announce(self, opened: list[Door]) -> Announcement:
+        """Announce a door that other machines can reach, if there is one."""
+        places = [endpoint.removeprefix("tcp://").rpartition(":") for endpoint in self.publisher.endpoints]
+        best = max(range(len(opened)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
+        host, _, port = places[best]
+        control = self.control.endpoints[best].rpartition(":")[2]
+        announcement = Announcement(host.strip("[]"), int(port), int(control), opened[best].mechanism, self._names())
         self._resources.callback(announcement.close)
         return announcement
 

@@ -147,7 +147,7 @@ class Stage:
                         f"stage {self.name}",
                         found=f"no user {user} before the sensor",
                         expected=f"one of them: {here}",
-                        fix="Ask for the list again.",
+                        fix="The status of describe says who is there.",
                     )
                 self.casting.choose(self.roles.index(chosen[0]), user, cue.time)
 

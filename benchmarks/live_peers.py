@@ -5,7 +5,6 @@ JSON that they are ready, and in another one how it was, when they are through o
 """
 
 import json
-import math
 import os
 import signal
 import socket
@@ -48,8 +47,8 @@ class Service:
     Attributes
     ----------
     process : subprocess.Popen
-    ready : float
-        Seconds from its start until it served.
+    started, ready : int
+        `time.monotonic_ns` at which it was started, and at which it served.
     stream, control : str
         Where it listens.
     """
@@ -60,14 +59,14 @@ class Service:
         self._log = folder / "service.log"
         command = [sys.executable, "-m", "puppetline", "serve", "--config", str(folder / "service.toml")]
         own = {"XDG_STATE_HOME": str(folder), **(environment or {})}
-        start = time.monotonic()
+        self.started = time.monotonic_ns()
         with self._log.open("ab") as log:
             begin = log.tell()
             self.process = subprocess.Popen(
                 [*command, "--log-format", "json", "--log-level", "debug"], stderr=log, env=os.environ | own
             )
         endpoints = self._wait_for("serving", begin)
-        self.ready = time.monotonic() - start
+        self.ready = time.monotonic_ns()
         self.stream, self.control = endpoints["stream"][0], endpoints["control"][0]
         self._usage = psutil.Process(self.process.pid)
 

@@ -63,7 +63,8 @@ class TakeSource:
         self.counts = Counts()
         self.beginning = beginning
         self._play = play
-        self._events = _endless(self._pass) if loop else self._pass()
+        self._first_end = math.inf
+        self._events = self._endless() if loop else self._pass()
         self._end: PuppetlineError = SourceError(
             name, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to play it in a loop."
         )
@@ -146,6 +147,32 @@ class TakeSource:
         self._next = None
         self._events.close()
 
+    def is_first_pass(self, time: float) -> bool:
+        """Tell whether an event of that time is the recording's own, not one of a later pass of a loop."""
+        return time <= self._first_end
+
+    def _endless(self) -> Generator[Event, None, None]:
+        """Play again and again, each pass beginning a tick after the end of the one before.
+
+        In between everybody leaves: they would jump from where the recording ends to where it begins.
+        """
+        end: float | None = None
+        while True:
+            start, shift = end, 0.0
+            users: set[int] = set()
+            for k, event in enumerate(self._pass()):
+                if start is not None and k == 0:
+                    shift = start + TICK - event.time
+                if isinstance(event, SkeletonFrame):
+                    users.add(event.user)
+                yield replace(event, time=event.time + shift) if shift else event
+                end = event.time + shift
+            if end is None or end == start:
+                return
+            self._first_end = min(self._first_end, end)
+            for user in sorted(users):
+                yield Lost(end, user)
+
     def _pass(self) -> Generator[Event, None, None]:
         events = _forward(self._play(), self.counts.refused)
         return _with_ticks(events) if self.beginning is None else events
@@ -203,25 +230,3 @@ def _forward(events: Iterable[Event], refused: Counter[str]) -> Generator[Event,
         if isinstance(event, SkeletonFrame):
             performers[event.user] = event.time
         yield event
-
-
-def _endless(play: Callable[[], Iterable[Event]]) -> Generator[Event, None, None]:
-    """Play a recording again and again, each pass beginning a tick after the end of the one before.
-
-    In between everybody leaves: they would jump from where the recording ends to where it begins.
-    """
-    end: float | None = None
-    while True:
-        start, shift = end, 0.0
-        users: set[int] = set()
-        for k, event in enumerate(play()):
-            if start is not None and k == 0:
-                shift = start + TICK - event.time
-            if isinstance(event, SkeletonFrame):
-                users.add(event.user)
-            yield replace(event, time=event.time + shift) if shift else event
-            end = event.time + shift
-        if end == start:
-            return
-        if end is not None:
-            yield from (Lost(end, user) for user in sorted(users))

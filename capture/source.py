@@ -34,6 +34,12 @@ class Counts:
     dropped: int = 0
     refused: Counter[str] = field(default_factory=Counter)
 
+    def add(self, before: "Counts") -> None:
+        """Go on counting where a source of the same name has ended."""
+        self.received += before.received
+        self.dropped += before.dropped
+        self.refused.update(before.refused)
+
 
 class SkeletonSource(Protocol):
     """Gives what performers do, frame by frame.

@@ -26,6 +26,7 @@ PORT = click.IntRange(0, 65534)
     metavar="URI",
     help="Where skeletons come from, for all puppets or one for each; see docs/live.md.  [default: osc:7110]",
 )
+@click.option("--loop", is_flag=True, help="Play recordings over and over, as ?loop behind each of them does.")
 @click.option(
     "--people", type=click.Choice(["each", "nearest", "queue"]), help="Who plays, of several people.  [default: each]"
 )
@@ -42,9 +43,7 @@ PORT = click.IntRange(0, 65534)
 @click.option("--port", type=PORT, help="The stream's; the control socket has the next one.  [default: 7400]")
 @click.option("--token-file", type=FILE, help="A token that clients must know: puppetline token FILE makes one.")
 @click.option("--osc", "targets", multiple=True, metavar="HOST:PORT", help="Send OSC there as well; can be repeated.")
-@click.option(
-    "--osc-rate", default=30.0, show_default=True, type=Finite(1, 1000), help="Frames a second for each of them."
-)
+@click.option("--osc-rate", type=Finite(1, 1000), help="Frames a second for each of them.  [default: 30]")
 @click.option("--takes", type=FILE, metavar="FOLDER", help="Where takes are recorded.  [default: takes]")
 @click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Answer Prometheus there, on loopback.")
 @click.option(
@@ -73,9 +72,12 @@ def _run(
 ) -> None:
     from engine_bridge.live import logs
     from engine_bridge.live.service import Service
+    from engine_bridge.live.signals import Signals
 
-    logs.setup(log_format, log_level)
     with ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        logs.setup(log_format, log_level)
+        stack.enter_context(logs.beside())
         display = None
         if status:
             from engine_bridge.live.status import StatusDisplay
@@ -84,16 +86,18 @@ def _run(
             stack.callback(display.close)
         service = Service(settings, folder, None if display is None else display.update)
         stack.callback(service.close)
-        service.run()
+        signals.waiting = True
+        service.run(signals)
 
 
 def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFile, Path]":
     """Return the settings of a file or of options, and what their paths are relative to."""
     from engine_bridge.live import service_file
 
-    given = {name: value for name, value in options.items() if value not in (None, ()) and name != "osc_rate"}
+    loop = options.pop("loop")
+    given = {name: value for name, value in options.items() if value is not None and value != ()}
     if config is not None:
-        if given:
+        if given or loop:
             raise click.UsageError("--config goes without any option that the file has a key for.")
         return service_file.load(config), config.parent
     if not options["puppets"]:
@@ -101,7 +105,7 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
     network = {name: given[name] for name in ("host", "port", "token_file") if name in given}
     rest: dict[str, Any] = {
         "network": network,
-        "osc": [_target(each, options["osc_rate"]) for each in options["targets"]],
+        "osc": [_target(each, given.get("osc_rate")) for each in options["targets"]],
     }
     if "takes" in given:
         rest["takes"] = str(given["takes"])
@@ -111,15 +115,21 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
         rest["metrics"] = {"port": given["metrics"]}
     stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate") if name in given}
     character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
-    sources = options["sources"] or ("osc:7110",)
+    sources = tuple(_looped(uri) if loop else uri for uri in options["sources"] or ("osc:7110",))
     return service_file.from_flags(sources, options["puppets"], stage, character, rest), Path()
 
 
-def _target(text: str, rate: float) -> dict[str, Any]:
+def _looped(uri: str) -> str:
+    from engine_bridge.live.sources import LOOP, RECORDED
+
+    return uri + LOOP if uri.startswith(RECORDED) and not uri.endswith(LOOP) else uri
+
+
+def _target(text: str, rate: float | None) -> dict[str, Any]:
     host, _, port = text.rpartition(":")
     if not port.isdecimal():
         raise click.UsageError(f"--osc wants HOST:PORT, and not {text!r}.")
-    return {"host": host or "127.0.0.1", "port": int(port), "rate": rate}
+    return {"host": host or "127.0.0.1", "port": int(port), **({} if rate is None else {"rate": rate})}
 
 
 @click.command()

@@ -15,7 +15,6 @@ EXPECTED = {
     "model_type": "a table",
     "tuple_type": "a list",
     "too_short": "a list that is not empty",
-    "too_long": "three numbers",
     "string_too_short": "a text that is not empty",
     "string_type": "a text",
     "int_type": "a whole number",
@@ -125,8 +124,8 @@ def _explained(
     else:
         # a key that may be of several kinds has an error for each of them
         same = [each for each in errors if _location(each, values) == location]
-        kinds = [EXPECTED.get(each["type"]) or _plain(each["msg"]) for each in same]
-        found, expected, fix = repr(error["input"]), " or ".join(kinds), "Change the value of that key."
+        kinds = [_wanted(each) for each in same]
+        found, expected, fix = f"{error['input']!r:.80}", " or ".join(kinds), "Change the value of that key."
     return family(at(where, field=_field_name(location, model, values)), found=found, expected=expected, fix=fix)
 
 
@@ -165,6 +164,13 @@ def _called(model: type[Table], location: list[int | str]) -> str:
         return f"the key {name!r}"
     several = _table_in(annotation) is not annotation
     return f"a table [[{name}]]" if several else f"the table [{name}]"
+
+
+def _wanted(error: ErrorDetails) -> str:
+    if error["type"] == "too_long":
+        most = error["ctx"]["max_length"]
+        return "three numbers" if most == 3 else f"at most {most} of them"
+    return EXPECTED.get(error["type"]) or _plain(error["msg"])
 
 
 def _plain(message: str) -> str:

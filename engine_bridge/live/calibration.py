@@ -89,7 +89,10 @@ class LastSecond:
 
     @memory.setter
     def memory(self, memory: dict[str, Any]) -> None:
-        columns = (memory[name] for name in ("times", "user", "positions", "confidence"))
+        columns = [memory[name] for name in ("times", "user", "positions", "confidence")]
+        count = len(columns[0])
+        if [each.shape for each in columns] != [(count,), (count,), (count, len(JOINTS), 3), (count, len(JOINTS))]:
+            raise ValueError(f"frames of the shapes {[each.shape for each in columns]}")
         self._frames = deque(
             (SkeletonFrame(float(t), int(user), p, c) for t, user, p, c in zip(*columns, strict=True)), MOST_FRAMES
         )

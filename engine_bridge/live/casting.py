@@ -54,6 +54,8 @@ class Casting:
         When each of them began.
     present : dict
         From user to `Presence`.
+    chosen : set of int
+        Those whom somebody chose: nobody takes their place before they leave.
     """
 
     people: People
@@ -61,6 +63,7 @@ class Casting:
     cast: list[int | None]
     since: list[float] = field(default_factory=list)
     present: dict[int, Presence] = field(default_factory=dict)
+    chosen: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self.since = self.since or [0.0] * len(self.cast)
@@ -77,12 +80,18 @@ class Casting:
     def gone(self, user: int) -> None:
         """Take note that somebody has left."""
         self.present.pop(user, None)
+        self.chosen.discard(user)
         self.cast = [None if performer == user else performer for performer in self.cast]
 
     def choose(self, character: int, user: int | None, time: float) -> None:
         """Give a character to somebody, whoever has it now, and they may change places; or to nobody for the moment."""
+        performer = self.cast[character]
+        if performer is not None:
+            self.chosen.discard(performer)
+        if user is not None:
+            self.chosen.add(user)
         if user is not None and user in self.cast:
-            self._give(self.cast.index(user), self.cast[character], time)
+            self._give(self.cast.index(user), performer, time)
         self._give(character, user, time)
 
     def recast(self, time: float) -> None:
@@ -96,8 +105,20 @@ class Casting:
             if performer is None and waiting:
                 self._give(character, waiting[0], time)
 
+    def blind(self, seconds: float) -> None:
+        """Do not hold it against anybody that they were not seen while nothing was."""
+        for presence in self.present.values():
+            presence.seen += seconds
+
+    def rearrange(self, before: list[int | None]) -> None:
+        """Take over other characters: for each, which of those so far it was, or None for a new one."""
+        self.since = [0.0 if k is None else self.since[k] for k in before]
+        self.cast = [None if k is None else self.cast[k] for k in before]
+
     def _give(self, character: int, user: int | None, time: float) -> None:
         self.cast[character], self.since[character] = user, time
+        if user in self.present:
+            self.present[user].nearer_since = None
 
     def _waiting(self) -> list[int]:
         """List those who play nothing, the next one first."""
@@ -111,13 +132,14 @@ class Casting:
         by_age = sorted(range(len(self.cast)), key=lambda character: self.since[character])
         for character, _ in zip(by_age, self._waiting(), strict=False):
             performer = self.cast[character]
-            if performer is not None and time - self.since[character] >= self.turn:
+            over = time - self.since[character] >= self.turn
+            if performer is not None and performer not in self.chosen and over:
                 self.present[performer].waits_since = time
                 self._give(character, None, time)
 
     def _make_room_for_nearer(self, time: float) -> None:
         """Free the farthest performer's character where somebody else has been clearly nearer for a while."""
-        playing = [user for user in self.cast if user in self.present]
+        playing = [user for user in self.cast if user in self.present and user not in self.chosen]
         if not playing or None in self.cast:
             return
         farthest = max(playing, key=lambda user: self.present[user].distance)

@@ -68,17 +68,17 @@ class _Commands:
         line.start_recording(path)
         return {"stage": line.stage.name, "take": path.stem}
 
-    def record_stop(self, asked: requests.RecordStop) -> dict[str, Any]:
+    def record_stop(self, asked: requests.RecordStop) -> Deferred:
         line = self._line(asked.stage)
-        path = line.stop_recording()
-        if path is None:
+        deferred = self._service.stop_recording(line)
+        if deferred is None:
             raise ServiceError(
                 f"stage {line.stage.name}",
                 found="no take that is being recorded",
                 expected="one",
                 fix='Start one first: {"do": "record_start"}',
             )
-        return {"stage": line.stage.name, "take": path.stem, "bytes": path.stat().st_size}
+        return deferred
 
     def reload(self, _: requests.Nothing) -> Deferred:
         return self._service.reload()

@@ -28,6 +28,13 @@ class Idle:
     deformer : Deformer
         Of the rig; not moved.
 
+    Attributes
+    ----------
+    targets : (T, h, 3) float64
+        Where the handles go, frame by frame, mesh file's coordinates.
+    root : (T, 3) float64
+        And the character with them.
+
     Raises
     ------
     SkeletonLogError
@@ -41,18 +48,18 @@ class Idle:
         retargeting = Retargeting(rig.puppet, rig.mesh, deformer, rest)
         frames = zip(timeline.times, timeline.positions, timeline.confidence, strict=True)
         aims = [retargeting.step(SkeletonFrame(float(time), 0, p, c)) for time, p, c in frames]
-        self._targets = _seamless(np.array([aim.targets for aim in aims]), self._fps)
-        self._root = _seamless(np.array([aim.root for aim in aims]), self._fps)
+        self.targets = _seamless(np.array([aim.targets for aim in aims]), self._fps)
+        self.root = _seamless(np.array([aim.root for aim in aims]), self._fps)
 
     def at(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the handle targets (h, 3) and the root's translation (3,) after so many seconds of idling."""
-        place = seconds * self._fps % len(self._targets)
+        place = seconds * self._fps % len(self.targets)
         before, share = int(place), place % 1
-        after = (before + 1) % len(self._targets)
-        before %= len(self._targets)
+        after = (before + 1) % len(self.targets)
+        before %= len(self.targets)
         return (
-            self._targets[before] + share * (self._targets[after] - self._targets[before]),
-            self._root[before] + share * (self._root[after] - self._root[before]),
+            self.targets[before] + share * (self.targets[after] - self.targets[before]),
+            self.root[before] + share * (self.root[after] - self.root[before]),
         )
 
 

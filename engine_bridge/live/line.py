@@ -7,20 +7,29 @@ logged and costs that event.
 import logging
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
 from capture.events import Cue, Event
 from capture.recording import Recorder, as_recorded
+from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence, SkeletonSource
 from engine_bridge.live.frame import Frame
 from engine_bridge.live.logs import OnceASecond, fields
 from engine_bridge.live.sources import RECORDED, open_source
 from engine_bridge.live.stage import Stage
-from puppetline.errors import OutputError, PuppetlineError, SourceError
+from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
 
 AGAIN = 0.5
 """Seconds between attempts to open a source that has failed."""
+
+PREPARATION = 0.3
+"""Seconds from a calibration to its use where a recording is played, which must do the same each time. It takes less
+than that to work out; live, it is used as soon as it is there."""
+
+_AnyEvent = TypeVar("_AnyEvent", bound=Event)
 
 log = logging.getLogger(__name__)
 _rarely = OnceASecond(log)
@@ -41,6 +50,8 @@ class Line:
     ----------
     stage : Stage
     source : SkeletonSource
+    recorded : bool
+        Whether the source is a recording, which nobody performs now.
     events, skeletons : int
         Taken in so far, and how many of them were frames.
     faults : int
@@ -49,18 +60,21 @@ class Line:
     Raises
     ------
     PuppetlineError
-        The source cannot be opened.
+        The source cannot be opened, or its take is damaged.
     """
 
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
         self.stage = stage
         self.source: SkeletonSource = open_source(uri, folder)
+        self.recorded = uri.startswith(RECORDED)
         self.events = self.skeletons = self.faults = 0
         self._uri, self._folder = uri, folder
         self._reopen_at = math.inf
         self._recorder: Recorder | None = None
-        if self.source.beginning is not None and not stage.recall(self.source.beginning):
-            log.info("the take was made with other puppets", extra=fields(stage=stage.name, source=uri))
+        self._time = -math.inf
+        self._recalled = False
+        if self.source.beginning is not None:
+            self._recall(self.source.beginning)
 
     @property
     def recording(self) -> str | None:
@@ -77,13 +91,15 @@ class Line:
             self._reopen()
         try:
             events = self.source.receive()
-        except SourceError as error:
+        except Exception as error:  # a device that fails in its own way is a device that is gone
             self._go_silent(error)
             return []
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
-            frames += self._perform(event, now_ns - int((now - event.time) * 1e9))
+            received = now_ns - int((now - event.time) * 1e9)
+            for each in (*self._beginnings(event.time), event):
+                frames += self._perform(each, received)
         return frames
 
     def cue(self, do: str, **arguments: object) -> list[Frame]:
@@ -92,10 +108,16 @@ class Line:
         Raises
         ------
         ServiceError
-            It cannot be done.
+            It cannot be done, and nothing was.
         """
-        cue = Cue(self.source.now(), do, arguments)
-        frames = self.stage.step(cue, time.monotonic_ns())
+        cue = self._in_order(Cue(self.source.now(), do, arguments))
+        try:
+            frames = self.stage.step(cue, time.monotonic_ns())
+        except ServiceError:
+            raise
+        except Exception:
+            self._record(cue)  # half of it was done, and will be when the take plays
+            raise
         self._record(cue)
         return frames
 
@@ -114,29 +136,51 @@ class Line:
             raise
         self._recorder = recorder
 
-    def stop_recording(self) -> Path | None:
-        """End the take and return its file; None if there is none.
-
-        Raises
-        ------
-        OutputError
-            It is not wholly on the disk.
-        """
+    def stop_recording(self) -> Recorder | None:
+        """End the take and return what is to be closed, which may wait for the disk; None if there is none."""
         recorder, self._recorder = self._recorder, None
-        if recorder is None:
-            return None
-        recorder.close()
-        return recorder.path
+        return recorder
 
     def close(self) -> None:
         """End the take and let go of the source."""
         self.source.close()
+        recorder = self.stop_recording()
         try:
-            self.stop_recording()
+            if recorder is not None:
+                recorder.close()
         except OutputError as error:
             log.error("the take is not whole: %s", error)
 
+    def _recall(self, beginning: dict[str, Any]) -> None:
+        """Set the stage as it was when the take began."""
+        try:
+            self._recalled = self.stage.recall(beginning)
+        except ValueError as error:
+            raise SourceError(
+                self._uri,
+                found=f"a damaged beginning ({error})",
+                expected="a take as it was recorded",
+                fix="Remove its second line: it plays without, as any other recording.",
+            ) from error
+        if not self._recalled:
+            log.warning(
+                "the take was made with other characters, puppets or idle performances: it does not play as it did",
+                extra=fields(stage=self.stage.name, source=self._uri),
+            )
+
+    def _beginnings(self, moment: float) -> list[Cue]:
+        """Return cues for the calibrations that are to be used from now on; a take of this stage has them itself."""
+        if self._recalled and isinstance(self.source, TakeSource) and self.source.is_first_pass(moment):
+            return []
+        return [
+            Cue(moment, "begin", {"character": role.character.name})
+            for role in self.stage.roles
+            if role.next_part is not None
+            and (moment >= role.next_part.asked + PREPARATION if self.recorded else role.next_part.working.done())
+        ]
+
     def _perform(self, event: Event, received: int) -> list[Frame]:
+        event = self._in_order(event)
         if isinstance(event, SkeletonFrame):
             event = as_recorded(event)
             self.skeletons += 1
@@ -144,13 +188,18 @@ class Line:
         self.events += 1
         try:
             return self.stage.step(event, received)
-        except PuppetlineError as error:  # a cue of a take that does not fit here
+        except PuppetlineError as error:  # a cue of a take that does not fit here, a pose that is none
             _rarely.warning("an event was refused", stage=self.stage.name, why=str(error))
         except Exception as error:
             self.faults += 1
             _rarely.warning("a fault cost a frame", stage=self.stage.name, why=f"{type(error).__name__}: {error}")
             log.debug("a fault cost a frame", exc_info=True)
         return []
+
+    def _in_order(self, event: _AnyEvent) -> _AnyEvent:
+        """Return an event at no earlier a time than the one before: what a take plays must be in order."""
+        self._time = max(self._time, event.time)
+        return event if event.time == self._time else replace(event, time=self._time)
 
     def _record(self, event: Event) -> None:
         if self._recorder is None:
@@ -161,12 +210,12 @@ class Line:
             log.error("the take has ended: %s", error, extra=fields(stage=self.stage.name))
             self._recorder = None
 
-    def _go_silent(self, error: SourceError) -> None:
+    def _go_silent(self, error: Exception) -> None:
         """Go on without the source; a recording that has ended is not opened again."""
         log.warning("the source is silent: %s", error, extra=fields(stage=self.stage.name))
-        last = self.source.now()
+        last = max(self.source.now(), self._time)
         self.source.close()
-        if not self._uri.startswith(RECORDED):
+        if not self.recorded:
             self._reopen_at = time.monotonic() + AGAIN
         self.source = Silence(self._uri, self.source.counts, last)
 
@@ -178,5 +227,5 @@ class Line:
             self._reopen_at = time.monotonic() + AGAIN
             return
         log.info("the source is back", extra=fields(stage=self.stage.name, source=self._uri))
-        source.counts = self.source.counts
+        source.counts.add(self.source.counts)
         self.source, self._reopen_at = source, math.inf

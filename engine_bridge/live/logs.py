@@ -10,12 +10,24 @@
 import json
 import logging
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from logging.handlers import QueueHandler
+from queue import Full, Queue
 from typing import Any, Literal, TextIO
 
 INTERVAL = 1.0
 """Seconds in which a `OnceASecond` says the same thing once."""
+
+
+MOST_WAITING = 1000
+"""Records that wait to be written."""
+
+LAST_WORDS = 0.3
+"""Seconds that the end waits for them."""
 
 
 def fields(**values: Any) -> dict[str, Any]:
@@ -37,6 +49,40 @@ def setup(form: Literal["text", "json"] = "text", level: str = "info", stream: T
     handler = logging.StreamHandler(stream or sys.stderr)
     handler.setFormatter(JsonFormatter() if form == "json" else TextFormatter())
     logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
+
+
+@contextmanager
+def beside() -> Iterator[None]:
+    """Let a thread write the logs: a terminal that is halted, or a full pipe, then costs records and not time."""
+    root, waiting = logging.getLogger(), Queue[logging.LogRecord | None](MOST_WAITING)
+    before = root.handlers[:]
+
+    def write() -> None:
+        while (record := waiting.get()) is not None:
+            for handler in before:
+                handler.handle(record)
+
+    writer = threading.Thread(target=write, name="logs", daemon=True)
+    writer.start()
+    root.handlers[:] = [_Waiting(waiting)]
+    try:
+        yield
+    finally:
+        root.handlers[:] = before
+        with suppress(Full):
+            waiting.put_nowait(None)
+        writer.join(LAST_WORDS)
+
+
+class _Waiting(QueueHandler):
+    """Puts records into a queue; those for which there is no room are lost."""
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        return record  # with its exception: it stays in this process
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        with suppress(Full):
+            self.queue.put_nowait(record)
 
 
 class JsonFormatter(logging.Formatter):

@@ -5,7 +5,7 @@ Arrays become ``{"type": "<f8", "shape": […], "data": base64}``: exact, and at
 
 import base64
 import math
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -49,3 +49,29 @@ def unpack(value: Any) -> Any:
     array = np.frombuffer(base64.b64decode(value["data"], validate=True), dtype=value["type"])
     array = array.reshape(value["shape"]).astype(array.dtype.newbyteorder("="))
     return array if array.ndim else array[()].item()
+
+
+class _Remembers(Protocol):
+    memory: dict[str, Any]
+
+
+def restore(one: _Remembers, memory: dict[str, Any]) -> None:
+    """Set a memory after making sure that it is built as the one that is there: compiled loops do not look.
+
+    Raises
+    ------
+    ValueError
+        It is built otherwise.
+    """
+    _compare(one.memory, memory)
+    one.memory = memory
+
+
+def _compare(now: Any, then: Any) -> None:
+    if isinstance(now, dict):
+        if not isinstance(then, dict) or now.keys() != then.keys():
+            raise ValueError(f"{then!r:.60} in place of {sorted(now)}")
+        for key, value in now.items():
+            _compare(value, then[key])
+    elif np.shape(now) != np.shape(then) or np.asarray(now).dtype != np.asarray(then).dtype:
+        raise ValueError(f"an array of shape {np.shape(then)}, expected {np.shape(now)}")

@@ -68,7 +68,7 @@ def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
         ]
     except FileNotFoundError:
         return
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         log.warning("calibrations of the last run cannot be read (%s): %s", path, error)
         return
     for uri, (stage, now) in stages.items():

@@ -4,9 +4,10 @@ Every change (a performer found, lost, calibrated anew, mirrored) is a change of
 where they were shown last to what they follow now, so that nothing ever jumps.
 """
 
+import hashlib
 import math
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,21 +16,24 @@ from numpy.typing import NDArray
 
 from capture.events import TICK
 from capture.skeleton import JOINTS, SkeletonFrame
+from capture.smoothing import JointFilter
+from engine_bridge import puppet as puppet_file
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
 from engine_bridge.live.frame import Frame, StreamedCharacter
 from engine_bridge.live.idle import Idle
 from engine_bridge.live.level import Level, level_of
+from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
 from engine_bridge.retargeting import Retargeting
+from puppetline.errors import ServiceError
 
 Calibrate = Literal["still", "at_once", "command"]
 """After the first still second; after a moment, in whatever pose; or when somebody says so."""
 
 State = Literal["waiting", "calibrating", "performing", "leaving"]
 
-PREPARATION = 0.3
-"""Seconds on the source's clock from a calibration to its use: longer than it takes to work out, so that nobody waits
-for it, and always the same, so that a take plays as it was."""
+HELD_UP = 2 * TICK
+"""Seconds from one frame to the next that easing takes into account: after a longer pause it would jump."""
 
 MOST_REMEMBERED = 16
 """Performers whose calibration is kept after they have left."""
@@ -93,18 +97,33 @@ class Calibration:
 
 
 @dataclass(frozen=True)
-class _Part:
-    """A calibrated performer: from when on, and how, they move the character."""
+class Part:
+    """A calibrated performer, and how they move the character.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    mirror : bool
+    asked : float
+        When it was asked for.
+    working : Future
+        Works the retargeting out, which takes a tenth of a second.
+    """
 
     calibration: Calibration
     mirror: bool
-    since: float
+    asked: float
     working: Future[Retargeting]
 
     @property
     def retargeting(self) -> Retargeting:
-        """Worked out by now, as a rule; waited for if not."""
+        """Of a part that plays: it has been worked out."""
         return self.working.result()
+
+    @property
+    def memory(self) -> list[Any]:
+        """All of it that can be kept."""
+        return [self.calibration.memory, self.mirror, self.asked]
 
 
 _Places = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -113,6 +132,9 @@ _Places = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 class Role:
     """A character and whoever plays it.
+
+    A calibration takes time to work out. It waits in `next_part` until `begin` is called, so that whoever gives the
+    stage its events decides when, and a take can say when it was.
 
     Parameters
     ----------
@@ -140,8 +162,10 @@ class Role:
         self._manner, self._executor = manner, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._idle = None if idle is None else Idle(idle, rig, self._deformer)
-        self._part: _Part | None = None
-        self._next_part: _Part | None = None
+        self.next_part: Part | None = None
+        self._part: Part | None = None
+        self._held: _Places | None = None
+        self._watched = JointFilter(rig.puppet.smoothing.parameters)  # of who is not calibrated yet
         self._last_second = LastSecond()
         self._look_again = False  # somebody who came back may be somebody else
         self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
@@ -150,10 +174,20 @@ class Role:
         self._shown_at = self._idle_since = self._eased_since = -math.inf
         self._shown = self._eased_from = self._deformer.handles, np.zeros(3)
 
+    @property
+    def digest(self) -> str:
+        """What another role must have as well to do the same: puppet, mesh, idle performance."""
+        rig = self.character.rig
+        digest = hashlib.sha256(puppet_file.dumps(rig.puppet).encode() + rig.model.rest_controls.tobytes())
+        if self._idle is not None:
+            digest.update(self._idle.targets.tobytes())
+        return digest.hexdigest()
+
     def enter(self, user: int, time: float) -> None:
         """Give the character to somebody."""
         self.user, self.state = user, "calibrating"
         self._last_second.forget()
+        self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
         self._look_again = calibration is not None and time - left <= self._manner.remember
         if calibration is not None and self._look_again:
@@ -163,11 +197,12 @@ class Role:
         """Take the character from whoever plays it; it goes back to what it does by itself."""
         self.remember(self.remembered())
         self.state = "waiting"
-        if self._part is not None:
+        if self._part is not None or self._held is not None:
             self.state = "leaving"
             self._idle_since = time
             self._ease(time)
-        self.user = self._part = self._next_part = None
+        self.user = self._part = self._held = None
+        self._drop_next()
 
     def calibrate(self, time: float) -> bool:
         """Take the performer's pose of this moment for the character's rest pose; False if nothing of it is known."""
@@ -179,9 +214,34 @@ class Role:
     def set_mirror(self, mirror: bool, time: float) -> None:
         """Let the character be the performer's mirror image, or not."""
         self.mirror = mirror
-        part = self._next_part or self._part
+        part = self.next_part or self._part
         if part is not None:
             self._prepare(part.calibration, time)
+
+    def begin(self, time: float) -> None:
+        """Go over to the calibration that was asked for last, waiting for it if need be.
+
+        Raises
+        ------
+        ServiceError
+            It could not be worked out; what was before stays.
+        """
+        part, self.next_part = self.next_part, None
+        if part is None:
+            return
+        try:
+            part.working.result()
+        except Exception as error:  # a pose that no body has; the next still second gives another one
+            raise ServiceError(
+                self.character.name,
+                found=f"a performer who cannot be calibrated ({type(error).__name__}: {error})",
+                expected="the pose of a body",
+                fix="Stand still once more, wholly in view.",
+            ) from error
+        self._part, self._held = part, None
+        self._level = part.calibration.level
+        self.state = "performing"
+        self._ease(time)
 
     def perform(self, frame: SkeletonFrame, received: int) -> Frame:
         """Take a frame of the performer.
@@ -194,13 +254,12 @@ class Role:
             `time.monotonic_ns` at which it came.
         """
         self._last_second.add(frame)
-        if self._next_part is None:
+        if self.next_part is None:
             self._calibrate_when_due(frame.time)
-        if self._next_part is not None and frame.time >= self._next_part.since:
-            self._begin(self._next_part, frame.time)
         levelled = replace(frame, positions=self._level(frame.positions))
         if self._part is None:
-            return self._show(frame.time, received, self._by_itself(frame.time), levelled)
+            seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
+            return self._show(frame.time, received, self._by_itself(frame.time), seen)
         aim = self._part.retargeting.step(levelled)
         return self._show(frame.time, received, (aim.targets, aim.root), replace(levelled, positions=aim.joints))
 
@@ -232,9 +291,17 @@ class Role:
         self._prepare(Calibration(rest, level), time)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
-        """Have a retargeting worked out, to be used a moment later."""
-        working = self._executor.submit(self._retarget, calibration, self.mirror)
-        self._next_part = _Part(calibration, self.mirror, time + PREPARATION, working)
+        """Have a retargeting worked out beside the stream, in place of one that is still waiting for its turn."""
+        self._drop_next()
+        self.next_part = self._new_part(calibration, self.mirror, time)
+
+    def _drop_next(self) -> None:
+        if self.next_part is not None:
+            self.next_part.working.cancel()
+        self.next_part = None
+
+    def _new_part(self, calibration: Calibration, mirror: bool, asked: float) -> Part:
+        return Part(calibration, mirror, asked, self._executor.submit(self._retarget, calibration, mirror))
 
     def _retarget(self, calibration: Calibration, mirror: bool) -> Retargeting:
         rig = self.character.rig
@@ -242,16 +309,10 @@ class Role:
         puppet = rig.puppet.model_copy(update={"retarget": retarget})
         return Retargeting(puppet, rig.mesh, self._deformer, calibration.level(calibration.rest))
 
-    def _begin(self, part: _Part, time: float) -> None:
-        self._next_part = None
-        part.working.result()  # were it to fail, the performer would be calibrated again
-        self._part = part
-        self._level = part.calibration.level
-        self.state = "performing"
-        self._ease(time)
-
     def _by_itself(self, time: float) -> _Places:
         """Return what the character does while nobody plays it."""
+        if self._held is not None:
+            return self._held
         if self._idle is None:
             return self._deformer.handles, np.zeros(3)
         if math.isinf(self._idle_since):
@@ -263,6 +324,8 @@ class Role:
         self._eased_from, self._eased_since = self._shown, time
 
     def _show(self, time: float, received: int, places: _Places, seen: SkeletonFrame | None) -> Frame:
+        if math.isfinite(self._eased_since):
+            self._eased_since += max(0.0, time - max(self._shown_at, self._eased_since) - HELD_UP)
         share = min((time - self._eased_since) / self._manner.ease, 1.0) if self._manner.ease > 0 else 1.0
         if share < 1.0:
             share = share * share * (3.0 - 2.0 * share)
@@ -287,36 +350,55 @@ class Role:
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
         """Return the calibrations of those who play or have played, and when they were last shown."""
-        if self.user is None or self._part is None:
+        part = self._part or self.next_part
+        if self.user is None or part is None:
             return self._remembered
-        return self._remembered | {self.user: (self._part.calibration, self._shown_at)}
+        return self._remembered | {self.user: (part.calibration, self._shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
         """Take over calibrations, those last in the dict first."""
         self._remembered = dict(list(known.items())[-MOST_REMEMBERED:])
 
     def succeed(self, other: "Role") -> None:
-        """Take over the performer of the same character as it was before it was loaded anew."""
+        """Go on for the same character as it was before it was loaded anew, as if nothing had been."""
+        if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
+            self.mirror = other.mirror
         self.remember(other.remembered())
-        self._sequence = other._sequence
+        self._level, self._sequence = other._level, other._sequence
+        self._shown_at, self._idle_since = other._shown_at, other._idle_since
+        self._shown = self._places_of(other)
+        self._eased_from, self._eased_since = self._shown, self._shown_at
+        self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
+            playing = other._part is not None
             self.enter(other.user, other._shown_at)
+            self._held = self._shown if playing and self.next_part is not None else None
+
+    def _places_of(self, other: "Role") -> _Places:
+        """Return where another role's handles are shown, by name; a new one is where it rests."""
+        names = [handle.name for handle in other.character.rig.puppet.handle]
+        moved = dict(zip(names, other._shown[0] - other._deformer.handles, strict=True))
+        ours = [handle.name for handle in self.character.rig.puppet.handle]
+        return self._deformer.handles + [moved.get(name, np.zeros(3)) for name in ours], other._shown[1]
 
     @property
     def memory(self) -> dict[str, Any]:
         """What is carried from frame to frame; setting it goes on where another role of the same puppet was."""
         return {
+            "manner": asdict(self._manner),
             "user": self.user,
             "state": self.state,
             "mirror": self.mirror,
             "look_again": self._look_again,
             "level": [self._level.tilt, self._level.height],
-            "part": _part_memory(self._part),
+            "part": None if self._part is None else self._part.memory,
             "retargeting": None if self._part is None else self._part.retargeting.memory,
-            "next_part": _part_memory(self._next_part),
+            "next_part": None if self.next_part is None else self.next_part.memory,
             "times": [self._shown_at, self._idle_since, self._eased_since],
             "shown": list(self._shown),
             "eased_from": list(self._eased_from),
+            "held": None if self._held is None else list(self._held),
+            "watched": self._watched.memory,
             "last_second": self._last_second.memory,
             "deformer": self._deformer.memory,
             "remembered": [[user, known.memory, left] for user, (known, left) in self._remembered.items()],
@@ -324,27 +406,30 @@ class Role:
 
     @memory.setter
     def memory(self, memory: dict[str, Any]) -> None:
-        self.user, self.state, self.mirror = memory["user"], memory["state"], memory["mirror"]
-        self._look_again = memory["look_again"]
-        self._level = Level(*memory["level"])
-        self._part, self._next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
+        self._manner = Manner(**memory["manner"])
+        self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
+        self._look_again = bool(memory["look_again"])
+        self._level = Level(*map(float, memory["level"]))
+        self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
         if self._part is not None:
-            self._part.retargeting.memory = memory["retargeting"]
-        self._shown_at, self._idle_since, self._eased_since = memory["times"]
-        targets, root = memory["shown"]
-        self._shown = targets, root
-        targets, root = memory["eased_from"]
-        self._eased_from = targets, root
+            restore(self._part.retargeting, memory["retargeting"])
+        self._shown_at, self._idle_since, self._eased_since = map(float, memory["times"])
+        self._shown = self._checked(memory["shown"])
+        self._eased_from = self._checked(memory["eased_from"])
+        self._held = None if memory["held"] is None else self._checked(memory["held"])
+        restore(self._watched, memory["watched"])
         self._last_second.memory = memory["last_second"]
-        self._deformer.memory = memory["deformer"]
+        restore(self._deformer, memory["deformer"])
         self._remembered = {user: (Calibration.of_memory(known), left) for user, known, left in memory["remembered"]}
 
-    def _part_of(self, memory: list[Any] | None) -> _Part | None:
+    def _checked(self, places: list[NDArray[np.float64]]) -> _Places:
+        targets, root = places
+        if targets.shape != self._deformer.handles.shape or root.shape != (3,):
+            raise ValueError(f"places {targets.shape} and {root.shape}")
+        return targets, root
+
+    def _part_of(self, memory: list[Any] | None) -> Part | None:
         if memory is None:
             return None
-        calibration, mirror, since = Calibration.of_memory(memory[0]), memory[1], memory[2]
-        return _Part(calibration, mirror, since, self._executor.submit(self._retarget, calibration, mirror))
-
-
-def _part_memory(part: _Part | None) -> list[Any] | None:
-    return None if part is None else [part.calibration.memory, part.mirror, part.since]
+        calibration, mirror, asked = memory
+        return self._new_part(Calibration.of_memory(calibration), bool(mirror), float(asked))

@@ -1,8 +1,8 @@
 """The live service: one loop that takes skeletons in and sends characters out, until it is told to stop.
 
 Everything happens in one thread, in the order in which it comes, and nothing waits: what is late is dropped where it
-is late. Only calibrations, reloading and what has threads by nature (announcement, metrics, the status display) work
-beside it.
+is late. Calibrations, reloading, disks and what has threads by nature (logs, announcement, metrics, the status display)
+work beside it.
 """
 
 import contextlib
@@ -10,8 +10,6 @@ import gc
 import ipaddress
 import logging
 import math
-import signal
-import socket
 import sys
 import time
 from collections.abc import Callable
@@ -36,12 +34,12 @@ from engine_bridge.live.osc_output import OscOutput, OscTarget
 from engine_bridge.live.publisher import Publisher
 from engine_bridge.live.role import Role
 from engine_bridge.live.service_file import ServiceFile, stage_names
-from engine_bridge.live.sources import RECORDED
+from engine_bridge.live.signals import Signals
 from engine_bridge.live.stage import Stage
 from engine_bridge.live.statistics import Statistics
 from engine_bridge.live.systemd import Notifier
 from engine_bridge.live.takes import Takes
-from puppetline.errors import PuppetlineError, ServiceError
+from puppetline.errors import ServiceError
 
 STATUS_INTERVAL = 1.0
 """Seconds from one status to the next."""
@@ -100,6 +98,8 @@ class Service:
         self._loading = ThreadPoolExecutor(1, "loading")
         keep.callback(self._calibrating.shutdown, wait=False, cancel_futures=True)
         keep.callback(self._loading.shutdown, wait=False, cancel_futures=True)
+        self._writing = ThreadPoolExecutor(1, "writing")
+        keep.callback(self._writing.shutdown)
         self._cast = Cast(settings, folder, self._calibrating)
         names = stage_names(settings)
         self.lines: list[Line] = []
@@ -122,11 +122,11 @@ class Service:
         self._announcement = self._announce(opened) if settings.announce else None
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
-        self._reloading: Future[list[list[Role]]] | None = None
+        self._jobs: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
+        self._reloading = self._reload_again = False
         self._waiting: list[Deferred] = []
         self._files: set[int] = set()
         self._status_at = self._keep_at = time.monotonic()
-        self._stop = False
 
     def _bind(self, opened: list[Door]) -> None:
         settings, keep = self._settings, self._resources
@@ -149,9 +149,10 @@ class Service:
                 expected="ports that nobody else has",
                 fix="End the other service, or choose another port with --port.",
             ) from error
-        watched = [self._guard.watch(each) for each in [*self.publisher.sockets, *self.control.sockets]]
+        served = [*self.publisher.sockets, *self.control.sockets]
+        self._gates = [self._guard.socket, *(self._guard.watch(each) for each in served)]
         self._poller = zmq.Poller()
-        for each in [*self.publisher.sockets, *self.control.sockets, self._guard.socket, *watched]:
+        for each in [*served, *self._gates]:
             self._poller.register(each, zmq.POLLIN)
 
     def _announce(self, opened: list[Door]) -> Announcement:
@@ -164,30 +165,21 @@ class Service:
         self._resources.callback(announcement.close)
         return announcement
 
-    def run(self) -> None:
-        """Serve until SIGTERM or SIGINT; SIGHUP reloads. To be called in the main thread."""
-        wake, woken = socket.socketpair()
-        with wake, woken, contextlib.ExitStack() as undo:
-            wake.setblocking(False)
-            woken.setblocking(False)
-            undo.callback(signal.set_wakeup_fd, signal.set_wakeup_fd(wake.fileno(), warn_on_full_buffer=False))
-            handlers = {"SIGTERM": self._stop_soon, "SIGINT": self._stop_soon, "SIGHUP": self._reload_soon}
-            for name, handler in handlers.items():
-                if hasattr(signal, name):
-                    number = getattr(signal, name)
-                    undo.callback(signal.signal, number, signal.signal(number, handler))
+    def run(self, signals: Signals) -> None:
+        """Serve until somebody says stop."""
+        with contextlib.ExitStack() as undo:
             undo.callback(sys.setswitchinterval, sys.getswitchinterval())
             sys.setswitchinterval(SWITCH)
-            self._poller.register(woken, zmq.POLLIN)
-            undo.callback(self._poller.unregister, woken)
+            self._poller.register(signals, zmq.POLLIN)
+            undo.callback(self._poller.unregister, signals)
             gc.collect()
             gc.freeze()  # what is loaded stays: no collection has to look at it again
             self._notifier.ready()
             log.info("serving", extra=fields(stream=self.publisher.endpoints, control=self.control.endpoints))
-            while not self._stop:
+            while not signals.stop:
                 self._turn()
-                with contextlib.suppress(BlockingIOError):
-                    woken.recv(4096)
+                if signals.take_reload():
+                    self._reload(None)
             self._notifier.stopping()
 
     def close(self) -> None:
@@ -197,26 +189,46 @@ class Service:
     def reload(self) -> Deferred:
         """Load all puppets anew, beside the stream; the answer comes when they are there."""
         deferred = Deferred()
-        self._waiting.append(deferred)
-        if self._reloading is None:
-            self._notifier.reloading()
-            self._reloading = self._loading.submit(self._cast.load)
+        self._reload(deferred)
+        return deferred
+
+    def stop_recording(self, line: Line) -> Deferred | None:
+        """End a take; the answer comes when all of it is on the disk. None if there is no take."""
+        recorder = line.stop_recording()
+        if recorder is None:
+            return None
+        deferred = Deferred()
+
+        def answer(closed: Future[None]) -> None:
+            facts = {"stage": line.stage.name, "take": recorder.path.stem}
+            self._answer(deferred, closed, lambda _: facts | {"bytes": recorder.path.stat().st_size})
+
+        self._jobs.append((self._writing.submit(recorder.close), answer))
         return deferred
 
     def show_frames(self, line: Line, frames: list[Frame]) -> None:
         """Send frames to whoever wants them."""
         for frame in frames:
-            self.publisher.publish(frame)
-            self.osc.offer(frame)
-            self._statistics.performed(line.stage.name, frame.character.name, frame.received)
-            if "morphs" in frame.__dict__ and frame.morphs is not None:
-                self._residuals[frame.character.name] = frame.morphs[1]
+            self._guarded(self._show_frame, line, frame)
 
-    def _stop_soon(self, *_signal: object) -> None:
-        self._stop = True
+    def _show_frame(self, line: Line, frame: Frame) -> None:
+        self.publisher.publish(frame)
+        self.osc.offer(frame)
+        self._statistics.performed(line.stage.name, frame.character.name, frame.received)
+        if "morphs" in frame.__dict__ and frame.morphs is not None:
+            self._residuals[frame.character.name] = frame.morphs[1]
 
-    def _reload_soon(self, *_signal: object) -> None:
-        self.reload()
+    def _reload(self, deferred: Deferred | None) -> None:
+        """Load now, or again when what is being loaded is there: files may have changed since."""
+        if deferred is not None:
+            self._waiting.append(deferred)
+        self._reload_again = self._reloading
+        if self._reloading:
+            return
+        self._reloading = True
+        self._notifier.reloading()
+        waiting, self._waiting = self._waiting, []
+        self._jobs.append((self._loading.submit(self._cast.load), lambda loaded: self._take_over(loaded, waiting)))
 
     def _turn(self) -> None:
         """Wait until something comes or is due, and do it: skeletons first."""
@@ -233,7 +245,8 @@ class Service:
                 if each in ready:
                     self._guarded(handler.handle, each)
         self._guarded(self.publisher.send_due)
-        self._guarded(self._guard.handle)
+        if any(each in ready for each in self._gates):
+            self._guarded(self._guard.handle)
         self._guarded(self._look_after)
         self._notifier.watchdog(sum(line.events for line in self.lines))
 
@@ -248,9 +261,10 @@ class Service:
 
     def _look_after(self) -> None:
         """Do what is done now and then."""
-        if self._reloading is not None and self._reloading.done():
-            loaded, self._reloading = self._reloading, None
-            self._take_over(loaded)
+        done = [job for job in self._jobs if job[0].done()]
+        self._jobs = [job for job in self._jobs if job not in done]
+        for future, finish in done:
+            self._guarded(finish, future)
         now = time.monotonic()
         if now >= self._status_at:
             self._status_at = max(self._status_at + STATUS_INTERVAL, now)
@@ -271,32 +285,43 @@ class Service:
             self._statistics.taken(line.stage.name)
         self.show_frames(line, frames)
 
-    def _take_over(self, loaded: Future[list[list[Role]]]) -> None:
+    def _take_over(self, loaded: Future[list[list[Role]]], waiting: list[Deferred]) -> None:
         """Go on with characters that were loaded anew, or as before if they could not be."""
+        self._reloading = False
         self._notifier.ready()
-        waiting, self._waiting = self._waiting, []
-        outcome: Any
-        try:
-            for line, roles in zip(self.lines, loaded.result(), strict=True):
-                line.stage.replace_roles(roles)
-        except PuppetlineError as error:
+        for deferred in waiting:
+            self._answer(deferred, loaded, lambda _: {"characters": self._names()})
+        error = loaded.exception()
+        if error is not None:
             log.error("the characters stay as they are: %s", error)
-            outcome = error
         else:
+            for line, roles in zip(self.lines, loaded.result(), strict=True):
+                self._end_take(line)
+                line.stage.replace_roles(roles)
             self.publisher.announce([role.character for line in self.lines for role in line.stage.roles])
             if self._announcement is not None:
                 self._announcement.update(self._names())
             log.info("loaded anew", extra=fields(characters=self._names()))
-            outcome = {"characters": self._names()}
-        for deferred in waiting:
-            self.control.finish(deferred, outcome)
+        if self._reload_again:
+            self._reload(None)
+
+    def _end_take(self, line: Line) -> None:
+        """End a take whose characters change: it could not play as it was."""
+        if line.recording is not None:
+            log.warning("the take ends with the reload", extra=fields(stage=line.stage.name, take=line.recording))
+            self.stop_recording(line)
+
+    def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
+        """Give the answer that was put off: what became of the work, or why nothing did."""
+        error = done.exception()
+        self.control.finish(deferred, result(done.result()) if error is None else error)
 
     def _names(self) -> list[str]:
         return [role.character.name for line in self.lines for role in line.stage.roles]
 
     def _live_stages(self) -> dict[str, tuple[Stage, float]]:
         """Return the stages whose performers are people, by their sources; a recording calibrates as it did before."""
-        live = (line for line in self.lines if not line.source.name.startswith(RECORDED))
+        live = (line for line in self.lines if not line.recorded)
         return {line.source.name: (line.stage, line.source.now()) for line in live}
 
     def _report(self) -> None:
@@ -309,7 +334,7 @@ class Service:
         if playing and time.monotonic() >= self._keep_at:
             self._keep_at = time.monotonic() + KEEP_INTERVAL
             known = performers.known_performers(self._live_stages())
-            self._loading.submit(performers.write, known, performers.state_file())
+            self._writing.submit(performers.write, known, performers.state_file())
 
     def _snapshot(self) -> dict[str, Any]:
         return self._statistics.snapshot(

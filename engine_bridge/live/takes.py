@@ -1,7 +1,9 @@
 """The folder of takes: a name from the network becomes a file here and nowhere else."""
 
 import re
+from contextlib import suppress
 from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,7 @@ class Takes:
         OutputError
             The folder cannot be made.
         """
-        name = name or f"{stage}-{datetime.now():%Y%m%d-%H%M%S}"
+        name = name or self._unused(f"{stage}-{datetime.now():%Y%m%d-%H%M%S}")
         if not NAME.fullmatch(name):
             raise ServiceError(
                 "the take's name",
@@ -71,5 +73,13 @@ class Takes:
         """List the takes: name, bytes, and when it was last written to."""
         if not self.folder.is_dir():
             return []
-        facts = [(path.stem, path.stat()) for path in sorted(self.folder.glob(f"*{ENDING}"))]
-        return [{"name": name, "bytes": stat.st_size, "written": stat.st_mtime} for name, stat in facts]
+        facts = []
+        for path in sorted(self.folder.glob(f"*{ENDING}")):
+            with suppress(OSError):  # deleted at this moment, or a link to nowhere
+                stat = path.stat()
+                facts.append({"name": path.stem, "bytes": stat.st_size, "written": stat.st_mtime})
+        return facts
+
+    def _unused(self, name: str) -> str:
+        numbered = (f"{name}-{k}" for k in count(2))
+        return next(each for each in chain([name], numbered) if not (self.folder / f"{each}{ENDING}").exists())

@@ -1,4 +1,4 @@
-"""Follows a character of `puppetline serve` as docs/protocol.md describes it, and says what it sees."""
+"""Follows a character of `puppetline serve`, as docs/protocol.md says, and prints once a second what it sees."""
 
 import argparse
 import json
@@ -6,64 +6,26 @@ import secrets
 import struct
 import sys
 import time
+from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import zmq
 from numpy.typing import NDArray
 
 Floats = NDArray[np.floating[Any]]
-Scene = dict[str, Any]
-HEADER = struct.Struct("<4Bi2IQd2Q3f4x")
-KINDS = {"scene": 1, "controls": 2, "morphs": 3, "vertices": 4}
+Header = namedtuple("Header", "major minor kind state user revision length sequence time received published x y z")
+LAYOUT = struct.Struct("<4Bi2IQd2Q3f4x")
 STATES = "waiting", "calibrating", "performing", "leaving"
-MALFORMED = ValueError, TypeError, LookupError, struct.error
-
-
-class Header(NamedTuple):
-    """What stands before each payload; x, y and z are the root."""
-
-    major: int
-    minor: int
-    kind: int
-    state: int
-    user: int
-    revision: int
-    length: int
-    sequence: int
-    time: float
-    received: int
-    published: int
-    x: float
-    y: float
-    z: float
-
-
-class Frame(NamedTuple):
-    """A frame of a character: positions in file coordinates and unit normals, n × 3."""
-
-    header: Header
-    positions: Floats
-    normals: Floats
 
 
 def follow(
-    address: str, character: str, mode: str, token: str | None = None, baked: Path | None = None
-) -> Iterator[Frame]:
-    """
-    Frames of a character, the newest whenever one is asked for; without end.
-
-    Parameters
-    ----------
-    mode : str
-        Which messages to follow: controls, morphs or vertices.
-    baked : pathlib.Path, optional
-        The .glb that has the targets, for the mode morphs.
-    """
-    scene: Scene | None = None
-    sequence, asked = -1, time.monotonic()
+    address: str, character: str, mode: str, token: str | None = None, baked: str = ""
+) -> Iterator[tuple[Header, Floats, Floats | None]]:
+    """Yield header, positions and unit normals (none for morphs, which need the file `baked`) of the newest frames."""
+    scene: dict[str, Any] | None = None
     own = f"{character}/scene/{secrets.token_hex(8)}\0"
     with zmq.Context() as context, context.socket(zmq.SUB) as socket:
         socket.heartbeat_ivl, socket.heartbeat_timeout = 2000, 6000
@@ -72,24 +34,25 @@ def follow(
         socket.connect(address)
         socket.subscribe(own)
         socket.subscribe(f"{character}/{mode}\0")
+        asked = time.monotonic()
         while True:
             for message in newest(socket):
-                if baked is not None and scene is not None and "targets" not in scene:
+                if mode == "morphs" and scene is not None and "targets" not in scene:
                     scene["targets"] = read_targets(baked, scene)
                 try:
-                    header, payload = split(message)
-                    if header.kind == KINDS["scene"]:
+                    header = Header._make(LAYOUT.unpack_from(message, 64))
+                    if header.major != 1:
+                        raise RuntimeError(f"The service speaks version {header.major} of the protocol, not 1.")
+                    payload = message[128 : 128 + header.length]
+                    if message.startswith(own.encode()):
                         scene, sequence = read_scene(payload), -1
-                    if header.kind != KINDS[mode] or scene is None:
-                        continue
-                    if header.revision != scene["revision"] or header.sequence <= sequence:
+                    elif scene is None or header.revision != scene["revision"] or header.sequence <= sequence:
                         scene = None
-                        continue
-                    frame = Frame(header, *pose(scene, header, payload))
-                except MALFORMED:
-                    continue
-                sequence = header.sequence
-                yield frame
+                    else:
+                        yield header, *vertices(mode, scene, header[-3:], np.frombuffer(payload, "<f4"))
+                        sequence = header.sequence
+                except (struct.error, ValueError, TypeError, LookupError):
+                    continue  # a damaged message is as good as none
             if scene is None and time.monotonic() > asked + 1:
                 asked = time.monotonic()
                 socket.unsubscribe(own)
@@ -97,7 +60,7 @@ def follow(
 
 
 def newest(socket: zmq.Socket[bytes]) -> list[bytes]:
-    """Last message of each topic that has come, in the order of their coming; waits for one, a second at most."""
+    """Read the last message of each topic that has come, oldest first; wait for one, a second at most."""
     messages: dict[bytes, bytes] = {}
     while socket.poll(0 if messages else 1000):
         message = socket.recv()
@@ -106,111 +69,88 @@ def newest(socket: zmq.Socket[bytes]) -> list[bytes]:
     return list(messages.values())
 
 
-def split(message: bytes) -> tuple[Header, bytes]:
-    """Header and payload."""
-    header = Header._make(HEADER.unpack_from(message, 64))
-    if header.major != 1:
-        raise RuntimeError(f"This client speaks version 1 of the protocol, and the service version {header.major}.")
-    if len(message) < 128 + header.length:
-        raise ValueError("The message is cut short.")
-    return header, message[128 : 128 + header.length]
-
-
-def read_scene(payload: bytes) -> Scene:
-    """Description of a scene, and its arrays by their names."""
-    (length,) = struct.unpack_from("<I", payload)
-    scene: Scene = json.loads(payload[4 : 4 + length])
+def read_scene(payload: bytes) -> dict[str, Any]:
+    """Read the description of a scene, and arrays by their names."""
+    start = 4 + int.from_bytes(payload[:4], "little")
+    scene: dict[str, Any] = json.loads(payload[4:start])
     for name in "positions", "normals", "ladder", "slopes":
         shape, offset = scene["arrays"][name]["shape"], scene["arrays"][name]["offset"]
-        scene[name] = np.frombuffer(payload, "<f4", int(np.prod(shape)), 4 + length + offset).reshape(shape)
+        scene[name] = np.frombuffer(payload, "<f4", int(np.prod(shape)), start + offset).reshape(shape)
     return scene
 
 
-def pose(scene: Scene, header: Header, payload: bytes) -> Floats:
-    """Positions and normals of a frame."""
-    values = np.frombuffer(payload, "<f4")
-    if header.kind == KINDS["controls"]:
-        return deform(scene, values.reshape(scene["fields"], scene["isolines"], 3, 4))
-    if header.kind == KINDS["vertices"]:
-        return values.reshape(2, scene["vertices"], 3)
-    positions, normals = [scene["positions"], scene["normals"]] + np.tensordot(values[1:], scene["targets"], 1)
-    return np.stack([positions + header[-3:], unit(normals)])
-
-
-def deform(scene: Scene, T: Floats) -> Floats:
-    """Positions and normals that the transforms of the isolines make."""
-    rest, ladder, weights = scene["normals"], scene["ladder"], np.array(scene["weights"])
-    k = np.minimum(np.floor(ladder), scene["isolines"] - 2).astype(int)
-    fields = np.arange(scene["fields"])
+def vertices(mode: str, scene: dict[str, Any], root: tuple[float, ...], values: Floats) -> tuple[Floats, Floats | None]:
+    """Return positions and normals, (n, 3) each, that the payload of a frame gives."""
+    if mode == "vertices":
+        positions, normals = values.reshape(2, scene["vertices"], 3)
+        return positions, normals
+    if mode == "morphs":
+        return scene["positions"] + np.tensordot(values[1:], scene["targets"], 1) + root, None
+    x, n, t, s = (scene[name] for name in ("positions", "normals", "ladder", "slopes"))
+    fields, w = np.arange(scene["fields"]), np.array(scene["weights"])
+    T = values.reshape(len(fields), scene["isolines"], 3, 4)
+    k = np.minimum(t, scene["isolines"] - 2).astype(int)
     D = T[fields, k + 1] - T[fields, k]
-    B = np.einsum("f,vfij->vij", weights, T[fields, k] + (ladder - k)[..., None, None] * D)
-    x = np.pad(scene["positions"], [(0, 0), (0, 1)], constant_values=1)[..., None]
-    a = unit(np.cross(np.eye(3)[np.argmin(np.abs(rest), axis=1)], rest))
-    tangents = np.stack([a, np.cross(rest, a)], axis=2)
-    bent = B[..., :3] @ tangents + np.einsum("f,vfi,vfs->vis", weights, (D @ x[:, None])[..., 0], scene["slopes"])
-    return np.stack([(B @ x)[..., 0], unit(np.cross(bent[..., 0], bent[..., 1]))])
+    B = np.einsum("i,vixy->vxy", w, T[fields, k] + (t - k)[..., None, None] * D)
+    x = np.pad(x, [(0, 0), (0, 1)], constant_values=1)[..., None]
+    a = unit(np.cross(np.eye(3)[np.abs(n).argmin(axis=1)], n))
+    along = B[..., :3] @ np.stack([a, np.cross(n, a)], axis=2)
+    along += np.einsum("i,vix,via->vxa", w, (D @ x[:, None])[..., 0], s)
+    return (B @ x)[..., 0], unit(np.cross(along[..., 0], along[..., 1]))
 
 
 def unit(vectors: Floats) -> Floats:
-    """Vectors of length 1; zero stays zero."""
+    """Scale vectors to length 1; zero stays zero."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
-def read_targets(path: Path, scene: Scene) -> Floats:
-    """How the targets of the file move positions and normals of the scene: K × 2 × n × 3."""
-    data = path.read_bytes()
-    (length,) = struct.unpack_from("<I", data, 12)
-    gltf = json.loads(data[20 : 20 + length])
-    targets = np.zeros((len(scene["morphs"]), 2, scene["vertices"], 3), np.float32)
-    parts = iter(scene["parts"])
-
-    def read(index: int) -> Floats:
-        accessor = gltf["accessors"][index]
-        view = gltf["bufferViews"][accessor["bufferView"]]
-        start = 28 + length + view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        return np.frombuffer(data, "<f4", 3 * accessor["count"], start).reshape(-1, 3)
-
-    def placed(index: int, above: Floats) -> Iterator[tuple[int, Floats]]:
-        node = gltf["nodes"][index]
-        *axis, w = node.get("rotation", (0, 0, 0, 1))
-        cross = np.cross(np.eye(3), axis)
-        linear = (np.eye(3) + 2 * (w * cross + cross @ cross)) * node.get("scale", (1, 1, 1))
-        linear = above @ (np.reshape(node["matrix"], (4, 4)).T[:3, :3] if "matrix" in node else linear)
-        yield index, linear
-        for child in node.get("children", []):
-            yield from placed(child, linear)
-
-    roots = gltf["scenes"][gltf.get("scene", 0)]["nodes"]
-    nodes = dict(item for root in roots for item in placed(root, np.eye(3)))
-    for index in sorted(index for index in nodes if "mesh" in gltf["nodes"][index]):
-        linear = nodes[index]
-        for primitive in gltf["meshes"][gltf["nodes"][index]["mesh"]]["primitives"]:
-            first, count = next(parts)["vertices"]
-            part = slice(first, first + count)
-            stretch = np.linalg.norm(scene["normals"][part] @ linear, axis=1, keepdims=True)
-            for target, moves in zip(primitive["targets"][-len(targets) :], targets, strict=True):
-                moves[0, part] = read(target["POSITION"]) @ linear.T
-                moves[1, part] = read(target["NORMAL"]) @ np.linalg.inv(linear) * stretch
+def read_targets(baked: str, scene: dict[str, Any]) -> Floats:
+    """Read how each morph target moves the vertices of the scene (K, n, 3); engines do that when they import a .glb."""
+    content = Path(baked).read_bytes()
+    start = 28 + int.from_bytes(content[12:16], "little")
+    gltf = json.loads(content[20 : start - 8])
+    targets, first = np.zeros((len(scene["morphs"]), scene["vertices"], 3), np.float32), 0
+    for primitive, linear in primitives(gltf, gltf["scenes"][gltf.get("scene", 0)]["nodes"], np.eye(3)):
+        for target, moved in zip(primitive["targets"][-len(targets) :], targets, strict=True):
+            accessor = gltf["accessors"][target["POSITION"]]
+            offset = start + gltf["bufferViews"][accessor["bufferView"]]["byteOffset"]
+            values = np.frombuffer(content, "<f4", 3 * accessor["count"], offset).reshape(-1, 3)
+            moved[first : first + len(values)] = values @ linear.T
+        first += len(values)
     return targets
 
 
+def primitives(gltf: dict[str, Any], nodes: list[int], above: Floats) -> Iterator[tuple[dict[str, Any], Floats]]:
+    """Go down a tree of nodes; give what has triangles, with the linear part of its node's transform."""
+    for node in (gltf["nodes"][index] for index in nodes):
+        *axis, w = node.get("rotation", (0, 0, 0, 1))
+        cross = np.cross(np.eye(3), axis)
+        linear = (np.eye(3) + 2 * (w * cross + cross @ cross)) * node.get("scale", 1)
+        linear = above @ (np.reshape(node["matrix"], (4, 4)).T[:3, :3] if "matrix" in node else linear)
+        if "skin" in node:
+            raise ValueError("This example does not know what a skeleton does to morph targets.")
+        if "mesh" in node:
+            own = gltf["meshes"][node["mesh"]]["primitives"]
+            yield from ((primitive, linear) for primitive in own if primitive.get("mode", 4) >= 4)
+        yield from primitives(gltf, node.get("children", []), linear)
+
+
 def main() -> None:
-    """Say once a second what came."""
+    """Print once a second what has come."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("character")
     parser.add_argument("mode", choices=["controls", "morphs", "vertices"])
     parser.add_argument("--address", default="tcp://127.0.0.1:7400")
     parser.add_argument("--token")
-    parser.add_argument("--baked", type=Path, help="The .glb that has the targets, for the mode morphs.")
-    options = parser.parse_args()
-    said, frames = time.monotonic(), 0
-    for header, positions, _ in follow(options.address, options.character, options.mode, options.token, options.baked):
-        frames += 1
-        if (passed := time.monotonic() - said) >= 1:
+    parser.add_argument("--baked", metavar="GLB", default="", help="what puppetline bake has made, for morphs")
+    printed, count = time.monotonic(), 0
+    for header, positions, _ in follow(**vars(parser.parse_args())):
+        count += 1
+        if (passed := time.monotonic() - printed) >= 1:
             box = f"{positions.min(axis=0).round(3)} to {positions.max(axis=0).round(3)}"
-            line = f"frame {header.sequence}, {STATES[header.state]}, {frames / passed:.0f} frames/s, {box}\n"
-            sys.stdout.write(line)
-            said, frames = time.monotonic(), 0
+            told = f"frame {header.sequence}, {STATES[header.state]}, {count / passed:.0f} frames/s, {box}"
+            sys.stdout.write(told + "\n")
+            printed, count = time.monotonic(), 0
 
 
 if __name__ == "__main__":

@@ -262,3 +262,17 @@ def serve(tmp_path, own_cache):
             service.process.kill()
         service.ended()
         service.process.stderr.close()
+
+
+@pytest.fixture
+def listen():
+    """Connect somebody who listens to an endpoint that the test knows."""
+    connected = []
+
+    def connect(endpoint, *topics):
+        connected.append(Client(endpoint, *topics))
+        return connected[-1]
+
+    yield connect
+    for client in connected:
+        client.close()

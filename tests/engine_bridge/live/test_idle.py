@@ -33,7 +33,7 @@ def test_it_goes_on_for_ever_without_a_seam(idle, blob_rig):
 
 
 def test_it_repeats_itself(idle):
-    period = len(idle._targets) / idle._fps
+    period = len(idle.targets) / idle._fps
     for second in (0.0, 1.234, period - 0.001):
         for ours, again in zip(idle.at(second), idle.at(second + 3 * period), strict=True):
             np.testing.assert_allclose(ours, again, atol=1e-9)

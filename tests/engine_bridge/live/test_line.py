@@ -3,12 +3,15 @@ import time
 from pathlib import Path
 from select import select
 
+import numpy as np
 import pytest
 
+from capture.events import Tick
 from capture.formats import read_log
 from capture.recording import Recorder
 from capture.source import Silence
 from engine_bridge.live.line import Line
+from engine_bridge.live.role import Manner
 from puppetline.errors import ServiceError, SourceError
 
 
@@ -74,6 +77,62 @@ def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
     line.close()
 
 
+def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting(make_stage, tmp_path, sender):
+    line = Line(sender.uri, make_stage(), tmp_path)
+    sender.raw(b"garbage!")
+    run(line, until=lambda: sum(line.source.counts.refused.values()) == 1)
+
+    def fail():
+        raise RuntimeError("the cable")
+
+    line.source.receive = fail
+    run(line, until=lambda: isinstance(line.source, Silence))
+    run(line, until=lambda: not isinstance(line.source, Silence))
+    sender.raw(b"garbage!")
+    run(line, until=lambda: sum(line.source.counts.refused.values()) == 2)
+    line.close()
+
+
+def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp_path, sender, kung_fu, moved):
+    line = Line(sender.uri, make_stage(manner=Manner(calibrate="at_once")), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    start = time.monotonic()
+    given = []
+
+    def receive():
+        events, given[:] = given[:], []
+        return events
+
+    line.source.receive = receive
+    live = []
+    for k, frame in enumerate(kung_fu[:60]):
+        given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # parts of bodies come as they may
+        live += line.take_in()
+        if k % 20 == 10:
+            live += line.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
+    line.stop_recording().close()
+    again = Line("replay:take.log", make_stage(), tmp_path)
+    replayed = run(again, until=lambda: isinstance(again.source, Silence))
+    replayed = [frame for frame in replayed if frame.time <= live[-1].time]
+    assert len(live) == len(replayed)
+    for a, b in zip(live, replayed, strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+    for each in (line, again):
+        each.close()
+
+
+def test_a_damaged_beginning_is_told(make_stage, tmp_path, short, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons == 3)
+    line.start_recording(tmp_path / "take.log")
+    run(line, until=lambda: line.skeletons == 10)
+    line.close()
+    text = (tmp_path / "take.log").read_text()
+    (tmp_path / "take.log").write_text(text.replace('"cast": [1]', '"cast": [1, 2]'))
+    with pytest.raises(SourceError, match="a damaged beginning"):
+        Line("replay:take.log", make_stage(), tmp_path)
+
+
 def test_a_fault_costs_one_event(short, make_stage, tmp_path):
     stage = make_stage()
     line = Line(short, stage, tmp_path)
@@ -110,7 +169,7 @@ def test_a_take_of_a_line_is_a_skeleton_log(short, make_stage, tmp_path, kung_fu
     with pytest.raises(ServiceError):
         line.cue("calibrate", character="horse")
     line.cue("mirror", character="dog", on=True)
-    assert line.stop_recording() == tmp_path / "take.log"
+    line.stop_recording().close()
     assert line.stop_recording() is None
     [clip] = read_log(tmp_path / "take.log")
     assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]

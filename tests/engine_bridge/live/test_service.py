@@ -1,8 +1,11 @@
 """The real command as a process, real skeletons by UDP, real clients."""
 
 import itertools
+import json
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from select import select
@@ -105,7 +108,6 @@ def test_a_stalled_service_goes_on_with_the_newest_frame(playing, sender):
     woken = client.until(lambda message: performing(message) and message.header.sequence % 30 == 0, "controls")
     # what came in meanwhile was overtaken: no frame is older than the moment it was shown by more than a turn takes
     assert all(message.header.published - message.header.received < 0.5e9 for message in woken)
-    assert playing.ask("describe")["status"]["stages"][0]["dropped"] >= 0
     give_up = time.monotonic() + 10
     while playing.ask("describe")["status"]["stages"][0]["dropped"] < 20:
         assert time.monotonic() < give_up
@@ -144,7 +146,7 @@ def test_a_silent_source_leaves_the_character_to_itself_and_its_return_moves_it_
     client.until(lambda message: message.header.state == 0)
     sender.play(kung_fu[90:], interval=1 / 30)
     states = [state for state, _ in itertools.groupby(message.header.state for message in client.pending())]
-    assert states[:3] in ([0, 1, 2], [1, 2, 3], [1, 2])
+    assert states[states.index(1) :][:2] == [1, 2]
 
 
 def test_a_killed_service_is_back_for_the_same_clients_and_performer(serve, blob_puppet, sender, kung_fu, tmp_path):
@@ -176,7 +178,7 @@ def test_a_killed_service_is_back_for_the_same_clients_and_performer(serve, blob
         stop.set()
         performer.join()
     assert restarted[-1].header.revision == frames[-1].header.revision
-    assert frames[-1].header.sequence < 60  # within a second or two of its performer
+    assert frames[-1].header.state == 2
 
 
 def test_garbage_is_counted_and_costs_nothing(playing, sender):
@@ -283,3 +285,75 @@ def test_the_watchdog_hears_of_frames_and_of_nothing_else(serve, blob_puppet, tm
         while select([systemd], [], [], 0)[0]:
             rest.append(systemd.recv(4096).decode())
         assert rest[-1] == "STOPPING=1"
+
+
+def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
+    playing.client("blob/controls").until(performing)
+    playing.ask("record_start", name="short")
+    answers = []
+    asking = [threading.Thread(target=lambda: answers.append(playing.ask("reload"))) for _ in range(3)]
+    for thread in asking:
+        thread.start()
+    for thread in asking:
+        thread.join()
+    assert answers == [{"characters": ["blob"]}] * 3
+    assert playing.ask("describe")["status"]["stages"][0]["recording"] is None
+    assert playing.logged("the take ends with the reload")
+    assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
+
+
+def test_a_stop_while_it_starts_is_a_stop(serve, blob_puppet, sender):
+    for delay in (0.3, 1.0, 1.6):
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "puppetline",
+                "serve",
+                "--puppet",
+                blob_puppet,
+                "--source",
+                sender.uri,
+                "--port",
+                "0",
+            ],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+        assert process.returncode in (0, 1)
+        assert "Traceback" not in said
+        assert "a fault in Puppetline" not in said
+
+
+def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "puppetline",
+            "serve",
+            "--puppet",
+            blob_puppet,
+            "--source",
+            "demo:walk?loop",
+            "--port",
+            "0",
+        ]
+        + ["--no-announce", "--log-format", "json"],
+        stderr=subprocess.PIPE,
+    )
+    try:
+        served = json.loads(process.stderr.readline())["fields"]
+        client = listen(served["stream"][0], "blob/controls")
+        for _ in range(600):  # each reload says a line: more than a pipe holds
+            process.send_signal(signal.SIGHUP)
+            time.sleep(0.002)
+        after = client.until(lambda _: True)[-1].header.sequence
+        client.until(lambda message: message.header.sequence > after + 60)
+    finally:
+        process.terminate()
+        assert process.wait(60) == 0
+        process.stderr.close()

@@ -1,0 +1,266 @@
+"""The example client of the wire protocol, given the recorded messages over a real socket."""
+
+import json
+import struct
+import time
+from concurrent.futures import ThreadPoolExecutor
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zmq
+from scipy.spatial.transform import Rotation
+
+from solver.binding import Binding
+from solver.deformer import Deformer, to_file_units
+
+ROOT = Path(__file__).parents[2]
+VECTORS = ROOT / "tests" / "vectors"
+EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
+SCENE = EXPECTED["scene"]["facts"]
+MODES = ("controls", "morphs", "vertices")
+TOLD = ("sequence", "time", "state", "user", "received", "published")
+PATIENCE = 20.0
+
+
+def load(path):
+    spec = spec_from_file_location(path.stem, path)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+client = load(ROOT / "examples" / "clients" / "follow.py")
+
+
+def recorded(name, **header):
+    """Return a recorded message, with other numbers in its header."""
+    message = bytearray((VECTORS / f"{name}.bin").read_bytes())
+    for field, value in header.items():
+        struct.pack_into(*{"major": ("B", message, 64), "revision": ("<I", message, 72)}[field], value)
+    return bytes(message)
+
+
+def told(name):
+    """Return what the header says of the moment."""
+    return {field: EXPECTED[name]["header"][field] for field in TOLD}
+
+
+def solved(number):
+    """Return positions and normals of a frame as the service has them."""
+    return np.frombuffer(recorded(f"{number}.vertices")[128:], "<f4").reshape(2, -1, 3)
+
+
+class Service:
+    """Who the client talks to: says what a test has it say."""
+
+    def __init__(self, context):
+        self._socket = context.socket(zmq.XPUB)
+        self._socket.linger = 0
+        self._port = self._socket.bind_to_random_port("tcp://127.0.0.1")
+        self._pool = ThreadPoolExecutor(1)
+        self._scene = None
+
+    def begin(self, mode, baked=""):
+        """Let a client subscribe and wait for its first frame."""
+        self._frames = client.follow(f"tcp://127.0.0.1:{self._port}", "worm", mode, baked=str(baked))
+        self.wait()
+        asked = {self.asked(), self.asked()}
+        [scene] = asked - {f"+worm/{mode}"}
+        assert scene.startswith("+worm/scene/")
+        self._scene = scene[1:]
+
+    def wait(self):
+        """Let the client wait for its next frame."""
+        self._next = self._pool.submit(next, self._frames)
+
+    def shown(self):
+        """Return the frame for which the client has waited."""
+        return self._next.result(PATIENCE)
+
+    def error(self):
+        return self._next.exception(PATIENCE)
+
+    def asked(self):
+        """Return what is subscribed to next or, with a minus, no longer."""
+        assert self._socket.poll(1000 * PATIENCE)
+        request = self._socket.recv()
+        assert request[-1:] == b"\0"
+        return "-+"[request[0]] + request[1:-1].decode()
+
+    def asked_for_the_scene(self):
+        return (self.asked(), self.asked()) == (f"-{self._scene}", f"+{self._scene}")
+
+    def send(self, *messages):
+        for message in messages:
+            self._socket.send(message)
+
+    def send_scene(self, revision=7, length=None):
+        message = recorded("scene", revision=revision).replace(b'"revision":7', b'"revision":%d' % revision)
+        self._socket.send((self._scene.encode().ljust(64, b"\0") + message[64:])[:length])
+
+    def close(self):
+        for mode in MODES:
+            self.send(recorded(f"0.{mode}", major=9))  # which ends a client that still waits
+        self._pool.shutdown()
+        self._frames.close()
+        self._socket.close()
+
+
+@pytest.fixture
+def service():
+    with zmq.Context() as context:
+        made = Service(context)
+        yield made
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def baked(tmp_path_factory):
+    """The recorded morphs' targets in a .glb, in a node that is turned and stretched, after a target of its own."""
+    record = load(VECTORS / "record.py")
+    rig = record.worm()
+    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    pulls = [*record.PULLS, record.IN_BETWEEN]
+    binding = Binding(rig.model, rig.character.vertices, rig.mesh.of_render)
+    rest, first, _, second = (
+        binding.vertices(to_file_units(deformer.solve(deformer.handles + pull), rig.model)) for pull in pulls
+    )
+    above, turn = np.array([[0.0, 2, 0], [-1, 0, 0], [0, 0, 3]]), Rotation.from_rotvec([0.3, -1.1, 0.7])
+    to_own = np.linalg.inv(above @ turn.as_matrix() * [1.5, 1, 0.5])
+    targets = np.stack([np.ones_like(rest), *(np.stack([first, second]) - rest) @ to_own.T]).astype("<f4")
+    matrix = np.eye(4)
+    matrix[:3, :3] = above
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [1]}],
+        "nodes": [
+            {"mesh": 0, "rotation": turn.as_quat().tolist(), "scale": [1.5, 1, 0.5]},
+            {"children": [0], "matrix": matrix.T.ravel().tolist()},
+        ],
+        "meshes": [{"primitives": [{"attributes": {}, "targets": [{"POSITION": k} for k in range(3)]}]}],
+        "accessors": [{"bufferView": k, "componentType": 5126, "count": len(rest), "type": "VEC3"} for k in range(3)],
+        "bufferViews": [{"buffer": 0, "byteOffset": k * rest.nbytes, "byteLength": rest.nbytes} for k in range(3)],
+        "buffers": [{"byteLength": targets.nbytes}],
+    }
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    path = tmp_path_factory.mktemp("baked") / "worm.glb"
+    path.write_bytes(
+        struct.pack("<4sIIII", b"glTF", 2, 28 + len(text) + targets.nbytes, len(text), 0x4E4F534A)
+        + text
+        + struct.pack("<II", targets.nbytes, 0x004E4942)
+        + targets.tobytes()
+    )
+    return path
+
+
+@pytest.mark.parametrize("mode", ["controls", "vertices"])
+def test_controls_and_vertices_show_the_recorded_frames(service, mode):
+    service.begin(mode)
+    service.send_scene()
+    for number in range(3):
+        service.send(recorded(f"{number}.{mode}"))
+        header, positions, normals = service.shown()
+        service.wait()
+        assert {name: getattr(header, name) for name in TOLD} == told(f"{number}.{mode}")
+        np.testing.assert_allclose(positions, solved(number)[0], rtol=0, atol=1e-5 * SCENE["diagonal"])
+        np.testing.assert_allclose(normals, solved(number)[1], rtol=0, atol=1e-5)
+        for name, found in (("positions", positions), ("normals", normals)):
+            ends = [EXPECTED[f"{number}.vertices"][name][end] for end in ("first", "last")]
+            np.testing.assert_allclose(found[[0, -1]], ends, rtol=0, atol=1e-5)
+
+
+def test_morphs_leave_of_the_recorded_frames_what_their_residual_says(service, baked):
+    service.begin("morphs", baked)
+    service.send_scene()
+    for number in range(3):
+        service.send(recorded(f"{number}.morphs"))
+        header, positions, normals = service.shown()
+        service.wait()
+        assert {name: getattr(header, name) for name in TOLD} == told(f"{number}.morphs")
+        assert normals is None
+        away = np.linalg.norm(positions - solved(number)[0], axis=1) / SCENE["diagonal"]
+        assert np.sqrt(np.mean(away**2)) == pytest.approx(EXPECTED[f"{number}.morphs"]["residual"], abs=1e-6)
+
+
+def test_of_what_has_piled_up_the_newest_of_each_topic_is_read():
+    with zmq.Context() as context, context.socket(zmq.PAIR) as sender, context.socket(zmq.PAIR) as receiver:
+        sender.bind("inproc://pile")
+        receiver.connect("inproc://pile")
+        frames = [recorded(f"{number}.controls") for number in range(3)]
+        for message in (frames[0], recorded("scene"), frames[1], frames[2], recorded("1.vertices")):
+            sender.send(message)
+        assert client.newest(receiver) == [recorded("scene"), frames[2], recorded("1.vertices")]
+        assert client.newest(receiver) == []
+
+
+def test_without_a_scene_it_shows_nothing_and_asks_again(service):
+    service.begin("controls")
+    service.send(recorded("0.controls"))
+    assert service.asked_for_the_scene()
+    assert service.asked_for_the_scene()
+    service.send_scene()
+    service.send(recorded("1.controls"))
+    assert service.shown()[0].sequence == 42
+
+
+def test_frames_of_another_revision_are_dropped_until_their_scene_has_come(service):
+    service.begin("controls")
+    service.send_scene()
+    service.send(recorded("0.controls"))
+    service.shown()
+    service.wait()
+    service.send(recorded("1.controls", revision=8))
+    assert service.asked_for_the_scene()
+    service.send_scene(revision=8)
+    service.send(recorded("2.controls", revision=8))
+    header, positions, _ = service.shown()
+    assert (header.sequence, header.revision) == (43, 8)
+    np.testing.assert_allclose(positions, solved(2)[0], rtol=0, atol=1e-5 * SCENE["diagonal"])
+
+
+def test_after_a_new_start_of_the_service_the_scene_is_asked_for(service):
+    service.begin("controls")
+    service.send_scene()
+    service.send(recorded("1.controls"))
+    service.shown()
+    service.wait()
+    service.send(recorded("0.controls"))
+    assert service.asked_for_the_scene()
+    service.send_scene()
+    service.send(recorded("0.controls"))
+    assert service.shown()[0].sequence == 41
+
+
+@pytest.mark.parametrize("length", [64, 65, 127, 128, 131, 1000, 19003])
+def test_a_scene_that_is_cut_short_changes_nothing(service, length):
+    service.begin("controls")
+    service.send_scene()
+    service.send(recorded("0.controls"))
+    service.shown()
+    service.wait()
+    service.send_scene(length=length)
+    service.send(recorded("1.controls"))
+    assert service.shown()[0].sequence == 42
+
+
+@pytest.mark.parametrize("mode", ["controls", "vertices"])
+def test_frames_that_are_cut_short_are_passed_over(service, mode):
+    service.begin(mode)
+    service.send_scene()
+    for length in (64, 100, 127, 128, 130, 132, 1000):
+        service.send(recorded(f"0.{mode}")[:length])
+        time.sleep(0.02)  # or the next would take its place
+    service.send(recorded(f"1.{mode}"))
+    assert service.shown()[0].sequence == 42
+
+
+def test_another_version_is_refused(service):
+    service.begin("controls")
+    service.send(recorded("0.controls", major=2))
+    error = service.error()
+    assert isinstance(error, RuntimeError)
+    assert "version 2" in str(error)

@@ -38,13 +38,13 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Cue:
-    """Somebody asks for something to be done with performers or characters.
+    """Something is to be done with performers or characters: somebody asks for it, or what was asked for is ready.
 
     Attributes
     ----------
     time : float
     do : str
-        ``"calibrate"``, ``"mirror"``, …
+        ``"calibrate"``, ``"mirror"``, ``"choose_user"``; ``"begin"`` to use a calibration from now on.
     arguments : dict
         Of JSON's types.
     """

@@ -19,6 +19,8 @@ from solver.binding import Binding
 
 pytestmark = pytest.mark.slow
 
+SERVE = (sys.executable, "-m", "puppetline", "serve", "--port", "0", "--no-announce")
+
 
 @pytest.fixture
 def playing(serve, blob_puppet, sender, kung_fu):
@@ -304,22 +306,8 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
 
 def test_a_stop_while_it_starts_is_a_stop(serve, blob_puppet, sender):
     for delay in (0.3, 1.0, 1.6):
-        process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "puppetline",
-                "serve",
-                "--puppet",
-                blob_puppet,
-                "--source",
-                sender.uri,
-                "--port",
-                "0",
-            ],
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        command = [*SERVE, "--puppet", blob_puppet, "--source", sender.uri]
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         time.sleep(delay)
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=60)
@@ -329,22 +317,8 @@ def test_a_stop_while_it_starts_is_a_stop(serve, blob_puppet, sender):
 
 
 def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "puppetline",
-            "serve",
-            "--puppet",
-            blob_puppet,
-            "--source",
-            "demo:walk?loop",
-            "--port",
-            "0",
-        ]
-        + ["--no-announce", "--log-format", "json"],
-        stderr=subprocess.PIPE,
-    )
+    command = [*SERVE, "--puppet", blob_puppet, "--source", "demo:walk?loop", "--log-format", "json"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE)
     try:
         served = json.loads(process.stderr.readline())["fields"]
         client = listen(served["stream"][0], "blob/controls")

@@ -5,7 +5,8 @@ The status is a dict of JSON's types. It is published on ``service/status`` each
 
     {"service": {"version": str, "uptime": s, "pid": int, "memory": bytes resident, "cpu": share of one core},
      "stages": [{"name": str, "source": URI, "frames": skeletons taken in, "rate": 1/s, "dropped": int,
-                 "refused": {reason: count}, "faults": int, "latency_ms": {"p50": ms | null, "p95": …, "p99": …, "max": …},
+                 "refused": {reason: count}, "faults": int,
+                 "latency_ms": {"p50": ms | null, "p95": …, "p99": …, "max": …},
                  "users": [{"user": int, "state": str, "character": str | null, "seen": s ago, "distance": m}],
                  "recording": name | null}],
      "characters": [{"name": str, "performer": user | null, "state": str, "frames": performed, "rate": 1/s,

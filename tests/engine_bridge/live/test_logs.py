@@ -2,12 +2,13 @@ import io
 import json
 import logging
 import re
+import threading
 from datetime import datetime
 
 import pytest
 
 from engine_bridge.live import logs
-from engine_bridge.live.logs import OnceASecond, fields, setup
+from engine_bridge.live.logs import MOST_WAITING, OnceASecond, beside, fields, setup
 
 
 @pytest.fixture
@@ -108,3 +109,34 @@ def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, 
         ("refused", {"source": "osc:7111", "more": 999}),
         ("refused", {"source": "osc:7112", "more": 1}),
     ]
+
+
+def test_logs_beside_come_in_order_and_with_their_tracebacks(stream):
+    setup("json", stream=stream)
+    log = logging.getLogger("engine_bridge.live.test")
+    with beside():
+        for number in range(500):
+            log.info("event", extra=fields(number=number))
+        try:
+            raise ZeroDivisionError("at all")
+        except ZeroDivisionError:
+            log.exception("fault")
+    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [line["fields"].get("number") for line in lines] == [*range(500), None]
+    assert "ZeroDivisionError: at all" in lines[-1]["traceback"]
+
+
+def test_a_stream_that_is_stuck_costs_records_and_no_time(stream):
+    class Stuck(io.StringIO):
+        going_on = threading.Event()
+
+        def write(self, text):
+            self.going_on.wait()
+            return super().write(text)
+
+    stuck = Stuck()
+    setup("text", stream=stuck)
+    with beside():
+        for number in range(3 * MOST_WAITING):
+            logging.getLogger("engine_bridge.live.test").info("event", extra=fields(number=number))
+    stuck.going_on.set()

@@ -118,12 +118,12 @@ def crowd(folder: Path, puppet: Path, clients: int, rate: float, frames: int) ->
         heard = [one["one/controls"] for peer in reading for one in peer.end()]
         deaf.end()
         faults = service.log.count("a fault")
-    whole = max(one["last"] for one in heard) - min(one["first"] for one in heard) + 1
+    last = max(one["last"] for one in heard)
     return {
         "rate": rate,
-        "frames": whole,
+        "frames": last,
         "readers": len(heard),
-        "with_all": sum(one["messages"] == whole for one in heard),
+        "with_all": sum(one["lost"] == 0 and one["last"] == last for one in heard),
         "lost": sum(one["lost"] for one in heard),
         "cpu": cpu,
         "memory_mb": summary(np.array(memory[len(memory) // 10 :])),
@@ -157,7 +157,7 @@ def recovery(folder: Path, puppet: Path, times: int, say: Say) -> dict[str, list
             time.sleep(SILENCE)
             performers.append(sender(source, endless))
         time.sleep(KEPT)
-        connecting = [_connecting(service.stream) for _ in range(times)]
+        connecting = [_connecting(service.stream, number) for number in range(times)]
         service.end(signal.SIGKILL)
     for number in range(times):
         say(f"kill {number + 1} of {times}")
@@ -203,9 +203,9 @@ def _first(moments: NDArray[np.int64], begin: int) -> float:
     return float(1e-9 * (moments[np.searchsorted(moments, begin)] - begin))
 
 
-def _connecting(endpoint: str) -> float:
-    """Return how many seconds it takes a new client to have the scene and a frame's controls."""
-    wanted = {b"one/scene", b"one/controls"}
+def _connecting(endpoint: str, number: int) -> float:
+    """Return how many seconds it takes a new client to have the scene, under a topic of its own, and controls."""
+    wanted = {b"one/scene/%d" % number, b"one/controls"}
     begun = time.monotonic()
     with zmq.Context() as context, context.socket(zmq.SUB) as socket:
         socket.linger = 0

@@ -1,7 +1,7 @@
 """Those around a live service while it is measured: itself, who sends it skeletons, and who listens.
 
-Each is a process of its own. Senders and listeners (``python -m benchmarks.live_peers ROLE SETTINGS``) say in a line of
-JSON that they are ready, and in another one how it was, when they are through or their standard input is closed.
+Each is a process of its own. Senders, listeners and whoever else takes part (``python -m MODULE ROLE SETTINGS``) say in a
+line of JSON that they are ready, and in another one how it was, when they are through or their input is closed.
 """
 
 import json
@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -167,13 +167,14 @@ class Peer:
     Parameters
     ----------
     role : str
-        One of `ROLES`.
+        One of those that the module knows.
+    module : str
     settings : JSON
         What it is called with.
     """
 
-    def __init__(self, role: str, **settings: Any) -> None:
-        command = [sys.executable, "-m", "benchmarks.live_peers", role, json.dumps(settings)]
+    def __init__(self, role: str, module: str = "benchmarks.live_peers", **settings: Any) -> None:
+        command = [sys.executable, "-m", module, role, json.dumps(settings)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._said().readline()
 
@@ -238,7 +239,7 @@ def listener(endpoint: str, topics: Sequence[str], sockets: int = 1, *, reads: b
 
 def _send(ended: threading.Event, port: int, schedule: list[tuple[float, int]], users: int) -> list[int]:
     frames = bodies(users)
-    _say("ready")
+    say("ready")
     sent: list[int] = []
     due = time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
@@ -271,7 +272,7 @@ def _listen(
         opened.connect(endpoint)
         poller.register(opened, zmq.POLLIN)
         found[opened] = {"times": []} if times else {}
-    _say("ready")
+    say("ready")
     while not ended.is_set():
         if not reads:
             ended.wait(0.2)
@@ -301,19 +302,17 @@ def _take(opened: "zmq.Socket[bytes]", found: dict[str, Any]) -> None:
             found["times"].append([header.state, header.received, arrived])
 
 
-def _say(value: Any) -> None:
+def say(value: Any) -> None:
+    """Tell whoever started this process."""
     print(json.dumps(value), flush=True)
 
 
-ROLES = {"send": _send, "listen": _listen}
-
-
-def _main() -> None:
-    """Take part until standard input is closed."""
+def take_part(roles: Mapping[str, Callable[..., Any]]) -> None:
+    """Play the role that the command line names until standard input is closed, and say what became of it."""
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
-    _say(ROLES[sys.argv[1]](ended, **json.loads(sys.argv[2])))
+    say(roles[sys.argv[1]](ended, **json.loads(sys.argv[2])))
 
 
 if __name__ == "__main__":
-    _main()
+    take_part({"send": _send, "listen": _listen})

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from puppetline.examples.performances import PERFORMANCES
-
 from capture.network.source import open_osc, open_vmc
 from capture.replay import TakeSource
 from capture.source import SkeletonSource
@@ -43,6 +41,9 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
 
 
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
+    # as it takes SciPy's filters, half a second
+    from puppetline.examples.performances import PERFORMANCES
+
     name = rest.removesuffix(LOOP)
     if name not in PERFORMANCES:
         raise SourceError(

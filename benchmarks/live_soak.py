@@ -1,0 +1,296 @@
+"""A live service on a bad day: as many frames as it takes, while everything that may befall it does (`live_faults`).
+
+python -m benchmarks.live_soak [--frames N] [--data FOLDER] [--json]
+
+Performers send a frame as soon as the one before has come out, so that the service is always busy and, but for its
+stalls, nothing is overtaken. A good client is connected from beginning to end: it must miss nothing.
+"""
+
+import argparse
+import json
+import os
+import random
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zmq
+from numpy.typing import NDArray
+
+from benchmarks import datagrams
+from benchmarks.live_peers import PERFORMING, Peer, Service, free_udp_port, serving, settings
+from engine_bridge import bench
+from engine_bridge.live.wire import BEFORE_PAYLOAD, NOBODY, TOPIC, Header, subscription
+
+CHARACTERS = ("one", "two", "three", "four")
+
+FRAMES = 1_000_000
+
+PATIENCE = 0.03
+"""Seconds after which a performer who got no frame goes on: theirs was overtaken, or they play nothing."""
+
+NEWCOMER = 0.01
+"""Seconds between the frames of a performer who is being calibrated, which takes some time, not some frames."""
+
+STAY = 4000
+"""Frames for which a performer stays, as a rule."""
+
+AWAY = (0.1, 0.7, 2.0)
+"""Seconds for which they go."""
+
+WARM_UP = 0.1
+"""Share of the frames after which memory is compared with that at the end."""
+
+LONGEST = 25 * 60.0
+"""Seconds after which it ends in any case."""
+
+CLOCK = Path(__file__).with_name("clock.c")
+
+
+class Performer:
+    """Somebody before the sensor, who comes and goes."""
+
+    def __init__(self, bodies: list[bytes], user: int) -> None:
+        self.user = user
+        self._bodies = bodies
+        self._sent = 0
+        self._stay = random.randint(STAY // 2, STAY)
+        self.sent_at = self.due = 0.0
+        self.performing = False
+
+    def send(self, sending: socket.socket, port: int, now: float) -> None:
+        """Send the next frame, or leave: silently, or so that the sensor notices."""
+        self._sent += 1
+        if self._sent % self._stay == 0:
+            self.performing = False
+            self.due = now + random.choice(AWAY)
+            if random.random() < 0.5:
+                sending.sendto(datagrams.lost(self.user), ("127.0.0.1", port))
+            return
+        sending.sendto(self._bodies[self._sent % len(self._bodies)], ("127.0.0.1", port))
+        self.sent_at = time.monotonic()
+        self.due = now + PATIENCE
+
+    def answered(self, header: Header, now: float) -> None:
+        """Take note of a frame that has come out."""
+        self.performing = header.state == PERFORMING
+        if header.received * 1e-9 >= self.sent_at:
+            self.due = now if self.performing else self.sent_at + NEWCOMER
+
+
+class GoodClient:
+    """Listens to everything, and misses nothing."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._socket = self._context.socket(zmq.SUB)
+        self._socket.linger = 0
+        self._socket.rcvhwm = 0
+        for topic in ("service/status", *(f"{name}/controls" for name in CHARACTERS)):
+            self._socket.subscribe(subscription(topic))
+        self._socket.connect(endpoint)
+        self.frames = self.lost = self.not_finite = self.back_in_time = 0
+        self.status: dict[str, Any] = {}
+        self._last: dict[bytes, Header] = {}
+
+    def wait(self, seconds: float) -> None:
+        self._socket.poll(max(0, round(1000 * seconds)))
+
+    def take(self) -> list[Header]:
+        """Return the headers of what has come."""
+        headers: list[Header] = []
+        for _ in range(64):
+            try:
+                message = self._socket.recv(zmq.NOBLOCK)
+            except zmq.Again:
+                break
+            topic, payload = message[:TOPIC], message[BEFORE_PAYLOAD:]
+            if topic.startswith(b"service/"):
+                self.status = json.loads(payload)
+                continue
+            header = Header.unpack(message[TOPIC:BEFORE_PAYLOAD])
+            before = self._last.get(topic)
+            if before is not None:
+                self.lost += header.sequence - before.sequence - 1
+                self.back_in_time += header.time < before.time
+            self._last[topic] = header
+            self.frames += 1
+            if self.frames % 50 == 0:
+                self.not_finite += not np.isfinite(np.frombuffer(payload, dtype="<f4")).all()
+            headers.append(header)
+        return headers
+
+    def close(self) -> None:
+        self._context.destroy(linger=0)
+
+
+def soak(
+    folder: Path, puppet: Path, frames: int, progress: Callable[[str], None] = lambda _: None, longest: float = LONGEST
+) -> dict[str, Any]:
+    """Run a service for so many frames with all faults.
+
+    Parameters
+    ----------
+    folder : Path
+        For whatever it leaves.
+    puppet : Path
+    frames : int
+        Of all characters together that reach the good client.
+    progress : callable
+    longest : float
+        Seconds after which it ends in any case.
+
+    Returns
+    -------
+    dict
+        What was done, what the service counted, and what the good client noticed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    own = folder / "puppet.toml"
+    shutil.copy(puppet, own)
+    port = free_udp_port()
+    clock = _clock(folder)
+    environment = {} if clock is None else clock
+    with serving(folder, settings(dict.fromkeys(CHARACTERS, own), port), environment) as service:
+        client = GoodClient(service.stream)
+        faults = Peer(
+            "faults",
+            "benchmarks.live_faults",
+            stream=service.stream,
+            control=service.control,
+            source=port,
+            process=service.process.pid,
+            puppet=str(own),
+            takes=str(folder / "takes"),
+            clock=environment.get("CLOCK_AHEAD"),
+            characters=CHARACTERS,
+        )
+        started = time.monotonic()
+        memory = _perform(client, service, port, frames, progress, started + longest)
+        seconds = time.monotonic() - started
+        done = faults.end()
+        status = _calm(client)
+        late = _late_client(service.stream)
+        code = service.end()
+        client.close()
+    first = np.median(memory[round(WARM_UP * len(memory)) :][: max(1, len(memory) // 20)])
+    last = np.median(memory[-max(1, len(memory) // 20) :])
+    events = Counter(json.loads(line)["event"] for line in service.log.splitlines() if line.startswith("{"))
+    [stage] = status["stages"]
+    return {
+        "frames": client.frames,
+        "seconds": seconds,
+        "lost": client.lost,
+        "not_finite": client.not_finite,
+        "back_in_time": client.back_in_time,
+        "late_client": late,
+        "exit_code": code,
+        "skeletons": stage["frames"],
+        "overtaken": stage["dropped"],
+        "refused": stage["refused"],
+        "clients_refused": status["clients"]["refused"],
+        "faults": stage["faults"] + events["a fault in the service"] + events["a fault cost a frame"],
+        "tracebacks": service.log.lower().count("traceback"),
+        "done": done,
+        "logged": dict(events.most_common()),
+        "clock_steps": clock is not None,
+        "memory_mb": {"first": first, "last": last, "growth": last / first - 1, "series": _tenths(memory)},
+    }
+
+
+def _perform(
+    client: GoodClient, service: Service, port: int, frames: int, progress: Callable[[str], None], until: float
+) -> NDArray[np.float64]:
+    """Perform for so many frames; return the memory of the service, megabytes, in equal intervals."""
+    people = datagrams.bodies(len(CHARACTERS))
+    performers = {
+        user: Performer([together[user - 1] for together in people], user) for user in range(1, len(CHARACTERS) + 1)
+    }
+    memory: list[float] = []
+    look_at = time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
+        while client.frames < frames and (now := time.monotonic()) < until:
+            for header in client.take():
+                if header.user in performers:
+                    performers[header.user].answered(header, now)
+            for performer in performers.values():
+                if performer.due <= now:
+                    performer.send(sending, port, now)
+            client.wait(min(performer.due for performer in performers.values()) - time.monotonic())
+            if now >= look_at:
+                look_at = now + 1.0
+                memory.append(service.memory() / 1e6)
+                if len(memory) % 30 == 0:
+                    progress(f"{client.frames:,} frames, {memory[-1]:.1f} MB, {client.lost} lost")
+                if service.process.poll() is not None:
+                    raise SystemExit(f"the service has ended:\n{service.log[-5000:]}")
+    return np.array(memory)
+
+
+def _calm(client: GoodClient, seconds: float = 3.0) -> dict[str, Any]:
+    """Let the service come to rest and return its status."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        client.take()
+        client.wait(0.1)
+    return client.status
+
+
+def _late_client(endpoint: str) -> bool:
+    """Tell whether somebody who comes now gets a scene and frames without gaps."""
+    with zmq.Context() as context, context.socket(zmq.SUB) as late:
+        late.linger = 0
+        for topic in ("one/scene/late", "one/controls"):
+            late.subscribe(subscription(topic))
+        late.connect(endpoint)
+        scene, numbers = False, []
+        while (len(numbers) < 20 or not scene) and late.poll(10_000):
+            message = late.recv()
+            if message.startswith(b"one/scene"):
+                scene = True
+            else:
+                numbers.append(Header.unpack(message[TOPIC:BEFORE_PAYLOAD]).sequence)
+    return scene and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+def _clock(folder: Path) -> dict[str, str] | None:
+    """Return the environment in which the wall clock steps; None where it cannot be compiled."""
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None or sys.platform != "linux":
+        return None
+    library, ahead = folder / "clock.so", folder / "clock_ahead"
+    done = subprocess.run(
+        [compiler, "-O2", "-shared", "-fPIC", "-o", library, CLOCK, "-ldl"], capture_output=True, check=False
+    )
+    ahead.write_bytes(bytes(8))
+    return None if done.returncode else {"LD_PRELOAD": str(library), "CLOCK_AHEAD": str(ahead)}
+
+
+def _tenths(values: NDArray[np.float64]) -> list[float]:
+    return [round(float(np.median(part)), 1) for part in np.array_split(values, 10) if len(part)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=FRAMES)
+    parser.add_argument("--puppet", type=Path, help="of any character; a small ball if left out")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        puppet = options.puppet
+        if puppet is None:
+            ...
+        found = soak(folder / "soak", puppet, options.frames, lambda text: print(text, file=sys.stderr, flush=True))
+    print(json.dumps(found, indent=2))
+
+
+if __name__ == "__main__":
+    main()

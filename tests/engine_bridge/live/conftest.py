@@ -276,3 +276,21 @@ def listen():
     yield connect
     for client in connected:
         client.close()
+
+
+@pytest.fixture
+def free_port():
+    """Find a TCP port that is free, and the one after it as well."""
+
+    def find():
+        while True:
+            with socket.socket() as one, socket.socket() as next_one:
+                one.bind(("127.0.0.1", 0))
+                port = one.getsockname()[1]
+                try:
+                    next_one.bind(("127.0.0.1", port + 1))
+                except (OSError, OverflowError):
+                    continue
+                return port
+
+    return find

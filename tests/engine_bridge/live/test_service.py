@@ -2,18 +2,21 @@
 
 import itertools
 import json
+import re
 import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from select import select
 
 import numpy as np
 import pytest
 from pythonosc.osc_message import OscMessage
 
+from engine_bridge.live.discovery import find
 from engine_bridge.live.scene import Scene
 from solver.binding import Binding
 
@@ -151,11 +154,10 @@ def test_a_silent_source_leaves_the_character_to_itself_and_its_return_moves_it_
     assert states[states.index(1) :][:2] == [1, 2]
 
 
-def test_a_killed_service_is_back_for_the_same_clients_and_performer(serve, blob_puppet, sender, kung_fu, tmp_path):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1] & ~1
-    arguments = ("--puppet", blob_puppet, "--source", sender.uri, "--port", port)
+def test_a_killed_service_is_back_for_the_same_clients_and_performer(
+    serve, blob_puppet, sender, kung_fu, tmp_path, free_port
+):
+    arguments = ("--puppet", blob_puppet, "--source", sender.uri, "--port", free_port())
     service = serve(*arguments)
     client = service.client("blob/controls")
     sender.play(kung_fu[:60] + kung_fu[:60], interval=1 / 30)  # still for long enough, whatever comes between
@@ -331,3 +333,32 @@ def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
         process.terminate()
         assert process.wait(60) == 0
         process.stderr.close()
+
+
+def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(blob_puppet, tmp_path, free_port):
+    metrics = free_port()
+    command = [
+        *SERVE[:-1],
+        "--puppet",
+        blob_puppet,
+        "--source",
+        "demo:walk?loop",
+        "--status",
+        "--metrics",
+        str(metrics),
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        service, stage = process.stdout.readline(), process.stdout.readline()
+        assert re.match(r"Puppetline \S+  up 0:0\d:\d\d  \d+ MB .* of 64 clients", service)
+        assert stage.strip().startswith("stage (demo:walk?loop): ")
+        with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics", timeout=10) as answer:
+            text = answer.read().decode()
+        assert re.search(r'^puppetline_stage_frames_total\{stage="stage"\} [1-9]', text, re.MULTILINE)
+        assert 'puppetline_character_state{character="blob",state="performing"}' in text
+        found = [each for each in find(2.0, ["127.0.0.1"]) if each.characters == ("blob",)]
+        assert [each.mechanism for each in found] == ["NULL"]
+    finally:
+        process.terminate()
+        assert process.wait(60) == 0
+        process.stdout.close()

@@ -24,9 +24,6 @@ from benchmarks.live_peers import say, take_part
 from capture.network.osc import BUNDLE, bundle, encode
 from engine_bridge.live.wire import subscription
 
-PAUSE = 0.02
-"""Seconds from one fault to the next."""
-
 OPEN_FOR = 3
 """Rounds for which half-open connections stay."""
 
@@ -109,6 +106,8 @@ class Faults:
     clock : str or None
         The file that its wall clock looks at (clock.c).
     characters : list of str
+    pause : float
+        Seconds from one fault to the next.
     seed : int
     """
 
@@ -122,6 +121,7 @@ class Faults:
         takes: str,
         clock: str | None,
         characters: list[str],
+        pause: float,
         seed: int = 1,
     ) -> None:
         self._stream, self._control = stream, control
@@ -130,7 +130,7 @@ class Faults:
         self._puppet, self._takes = Path(puppet), Path(takes)
         self._text = self._puppet.read_text(encoding="utf-8")
         self._clock = None if clock is None else Path(clock)
-        self._characters = characters
+        self._characters, self._pause = characters, pause
         self._random = random.Random(seed)  # noqa: S311
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._half_open: list[list[socket.socket]] = []
@@ -241,7 +241,7 @@ class Faults:
         name = self._random.choice(self._characters)
         self._ask("mirror", character=name, on=self._random.random() < 0.5)
         self._ask("calibrate", character=name)
-        self._ask("choose_user", character=name, user=self._random.choice((1, 2, 901, None)))
+        self._ask("choose_user", character=name, user=self._random.choice((1, 2, 3, 4, 901, None)))
 
     def reload_by_signal(self) -> None:
         self._write(self._text.replace('name = "', f'name = "{self._random.choice("ab")}', 1))
@@ -311,7 +311,7 @@ class Faults:
         try:
             while not ended.is_set():
                 for name in names:
-                    if ended.wait(PAUSE):
+                    if ended.wait(self._pause):
                         break
                     getattr(self, name)()
                     self.done[name] += 1

@@ -62,9 +62,7 @@ class Service:
         self.started = time.monotonic_ns()
         with self._log.open("ab") as log:
             begin = log.tell()
-            self.process = subprocess.Popen(
-                [*command, "--log-format", "json", "--log-level", "debug"], stderr=log, env=os.environ | own
-            )
+            self.process = subprocess.Popen([*command, "--log-format", "json"], stderr=log, env=os.environ | own)
         endpoints = self._wait_for("serving", begin)
         self.ready = time.monotonic_ns()
         self.stream, self.control = endpoints["stream"][0], endpoints["control"][0]

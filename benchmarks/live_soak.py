@@ -133,7 +133,7 @@ class GoodClient:
 
 
 def soak(
-    folder: Path, puppet: Path, frames: int, progress: Callable[[str], None] = lambda _: None, longest: float = LONGEST
+    folder: Path, puppet: Path, frames: int, pause: float, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:
     """Run a service for so many frames with all faults.
 
@@ -144,9 +144,9 @@ def soak(
     puppet : Path
     frames : int
         Of all characters together that reach the good client.
+    pause : float
+        Seconds from one fault to the next.
     progress : callable
-    longest : float
-        Seconds after which it ends in any case.
 
     Returns
     -------
@@ -172,9 +172,10 @@ def soak(
             takes=str(folder / "takes"),
             clock=environment.get("CLOCK_AHEAD"),
             characters=CHARACTERS,
+            pause=pause,
         )
         started = time.monotonic()
-        memory = _perform(client, service, port, frames, progress, started + longest)
+        memory = _perform(client, service, port, frames, progress, started + LONGEST)
         seconds = time.monotonic() - started
         done = faults.end()
         status = _calm(client)
@@ -183,7 +184,8 @@ def soak(
         client.close()
     first = np.median(memory[round(WARM_UP * len(memory)) :][: max(1, len(memory) // 20)])
     last = np.median(memory[-max(1, len(memory) // 20) :])
-    events = Counter(json.loads(line)["event"] for line in service.log.splitlines() if line.startswith("{"))
+    said = [json.loads(line)["event"].partition(":")[0] for line in service.log.splitlines() if line.startswith("{")]
+    events = Counter(said)
     [stage] = status["stages"]
     return {
         "frames": client.frames,
@@ -200,7 +202,7 @@ def soak(
         "faults": stage["faults"] + events["a fault in the service"] + events["a fault cost a frame"],
         "tracebacks": service.log.lower().count("traceback"),
         "done": done,
-        "logged": dict(events.most_common()),
+        "logged": dict(events.most_common(20)),
         "clock_steps": clock is not None,
         "memory_mb": {"first": first, "last": last, "growth": last / first - 1, "series": _tenths(memory)},
     }

@@ -2,14 +2,14 @@
 
 import hashlib
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
-from engine_bridge import puppet as puppet_file
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.live_basis import LiveBasis
 from engine_bridge.live.role import Role
 from engine_bridge.live.service_file import CharacterTable, ServiceFile, StageTable, character_names
-from engine_bridge.rig import Rig, load_rig
+from engine_bridge.rig import load_rig
 
 
 class Cast:
@@ -46,16 +46,16 @@ class Cast:
     def _role(self, stage: StageTable, table: CharacterTable, name: str) -> Role:
         rig = load_rig(self._folder / table.puppet)
         basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
-        character = StreamedCharacter(name, rig, _revision(rig, basis), basis)
+        character = StreamedCharacter(name, rig, 0, basis)
+        character = replace(character, revision=_revision(character))
         character.prepare()  # here, and not when the first client asks for it
         idle = None if table.idle is None else self._folder / table.idle
         return Role(character, stage.manner, self._executor, idle)
 
 
-def _revision(rig: Rig, basis: LiveBasis | None) -> int:
-    """Make a number of what a client knows of a character; after a restart it is the same."""
-    digest = hashlib.sha256(puppet_file.dumps(rig.puppet).encode())
-    for array in (rig.character.vertices, rig.character.triangles, rig.model.ladder, rig.model.weights):
-        digest.update(array.tobytes())
-    digest.update(repr(None if basis is None else basis.names).encode())
+def _revision(character: StreamedCharacter) -> int:
+    """Make a number of all that a client knows of a character; after a restart it is the same."""
+    digest = hashlib.sha256(character.scene)
+    if character.basis is not None:
+        digest.update(character.basis.directions.tobytes())
     return int.from_bytes(digest.digest()[:4], "little")

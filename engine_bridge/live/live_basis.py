@@ -56,7 +56,9 @@ class LiveBasis:
         self._rest = model.rest_controls
         self._duals = np.linalg.solve(_metric(directions, along), along)
         self._at_rest = self._duals @ self._rest.ravel()
-        self._directions = np.ascontiguousarray(directions.transpose(0, 2, 1), dtype=np.float64)
+        self.directions = np.ascontiguousarray(directions.transpose(0, 2, 1), dtype=np.float64)
+        """(K, 3, 4m) float64, model units."""
+
         self._surface = (surface_coordinates(model)[0] / np.sqrt(len(model.ladder))).astype(np.float32)
 
     @classmethod
@@ -115,7 +117,7 @@ class LiveBasis:
         if weights.shape != (len(self.names),):
             raise ValueError(f"{weights.shape} weights of {len(self.names)} targets")
         left = np.ascontiguousarray((self._checked(R) - self._rest).T)
-        return float(np.sqrt(_left_over(left, self._directions, weights, self._surface)))
+        return float(np.sqrt(_left_over(left, self.directions, weights, self._surface)))
 
     def _checked(self, R: NDArray[np.floating]) -> NDArray[np.float64]:
         """Refuse what compiled loops would read beyond."""

@@ -8,7 +8,6 @@ import sys
 import time
 from collections import namedtuple
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,9 +21,9 @@ STATES = "waiting", "calibrating", "performing", "leaving"
 
 
 def follow(
-    address: str, character: str, mode: str, token: str | None = None, baked: str = ""
+    address: str, character: str, mode: str, token: str | None = None, targets: Floats | None = None
 ) -> Iterator[tuple[Header, Floats, Floats | None]]:
-    """Yield header, positions and unit normals (none for morphs, which need the file `baked`) of the newest frames."""
+    """Yield header, positions and unit normals of the newest frames; morphs want `targets` (K, n, 3) and have none."""
     scene: dict[str, Any] | None = None
     own = f"{character}/scene/{secrets.token_hex(8)}\0"
     with zmq.Context() as context, context.socket(zmq.SUB) as socket:
@@ -37,15 +36,13 @@ def follow(
         asked = time.monotonic()
         while True:
             for message in newest(socket):
-                if mode == "morphs" and scene is not None and "targets" not in scene:
-                    scene["targets"] = read_targets(baked, scene)
                 try:
                     header = Header._make(LAYOUT.unpack_from(message, 64))
                     if header.major != 1:
                         raise RuntimeError(f"The service speaks version {header.major} of the protocol, not 1.")
                     payload = message[128 : 128 + header.length]
                     if message.startswith(own.encode()):
-                        scene, sequence = read_scene(payload), -1
+                        scene, sequence = read_scene(payload) | {"targets": targets}, -1
                     elif scene is None or header.revision != scene["revision"] or header.sequence <= sequence:
                         scene = None
                     else:
@@ -86,9 +83,8 @@ def vertices(mode: str, scene: dict[str, Any], root: tuple[float, ...], values: 
         return positions, normals
     if mode == "morphs":
         return scene["positions"] + np.tensordot(values[1:], scene["targets"], 1) + root, None
-    x, n, t, s = (scene[name] for name in ("positions", "normals", "ladder", "slopes"))
-    fields, w = np.arange(scene["fields"]), np.array(scene["weights"])
-    T = values.reshape(len(fields), scene["isolines"], 3, 4)
+    x, n, t, s, w = (np.asarray(scene[name]) for name in ("positions", "normals", "ladder", "slopes", "weights"))
+    T, fields = values.reshape(len(w), -1, 3, 4), np.arange(len(w))
     k = np.minimum(t, scene["isolines"] - 2).astype(int)
     D = T[fields, k + 1] - T[fields, k]
     B = np.einsum("i,vixy->vxy", w, T[fields, k] + (t - k)[..., None, None] * D)
@@ -104,52 +100,19 @@ def unit(vectors: Floats) -> Floats:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
-def read_targets(baked: str, scene: dict[str, Any]) -> Floats:
-    """Read how each morph target moves the vertices of the scene (K, n, 3); engines do that when they import a .glb."""
-    content = Path(baked).read_bytes()
-    start = 28 + int.from_bytes(content[12:16], "little")
-    gltf = json.loads(content[20 : start - 8])
-    targets, first = np.zeros((len(scene["morphs"]), scene["vertices"], 3), np.float32), 0
-    for primitive, linear in primitives(gltf, gltf["scenes"][gltf.get("scene", 0)]["nodes"], np.eye(3)):
-        for target, moved in zip(primitive["targets"][-len(targets) :], targets, strict=True):
-            accessor = gltf["accessors"][target["POSITION"]]
-            offset = start + gltf["bufferViews"][accessor["bufferView"]]["byteOffset"]
-            values = np.frombuffer(content, "<f4", 3 * accessor["count"], offset).reshape(-1, 3)
-            moved[first : first + len(values)] = values @ linear.T
-        first += len(values)
-    return targets
-
-
-def primitives(gltf: dict[str, Any], nodes: list[int], above: Floats) -> Iterator[tuple[dict[str, Any], Floats]]:
-    """Go down a tree of nodes; give what has triangles, with the linear part of its node's transform."""
-    for node in (gltf["nodes"][index] for index in nodes):
-        *axis, w = node.get("rotation", (0, 0, 0, 1))
-        cross = np.cross(np.eye(3), axis)
-        linear = (np.eye(3) + 2 * (w * cross + cross @ cross)) * node.get("scale", 1)
-        linear = above @ (np.reshape(node["matrix"], (4, 4)).T[:3, :3] if "matrix" in node else linear)
-        if "skin" in node:
-            raise ValueError("This example does not know what a skeleton does to morph targets.")
-        if "mesh" in node:
-            own = gltf["meshes"][node["mesh"]]["primitives"]
-            yield from ((primitive, linear) for primitive in own if primitive.get("mode", 4) >= 4)
-        yield from primitives(gltf, node.get("children", []), linear)
-
-
 def main() -> None:
     """Print once a second what has come."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("character")
-    parser.add_argument("mode", choices=["controls", "morphs", "vertices"])
+    parser.add_argument("mode", choices=["controls", "vertices"])
     parser.add_argument("--address", default="tcp://127.0.0.1:7400")
     parser.add_argument("--token")
-    parser.add_argument("--baked", metavar="GLB", default="", help="what puppetline bake has made, for morphs")
     printed, count = time.monotonic(), 0
     for header, positions, _ in follow(**vars(parser.parse_args())):
         count += 1
         if (passed := time.monotonic() - printed) >= 1:
             box = f"{positions.min(axis=0).round(3)} to {positions.max(axis=0).round(3)}"
-            told = f"frame {header.sequence}, {STATES[header.state]}, {count / passed:.0f} frames/s, {box}"
-            sys.stdout.write(told + "\n")
+            sys.stdout.write(f"frame {header.sequence}, {STATES[header.state]}, {count / passed:.0f} a second, {box}\n")
             printed, count = time.monotonic(), 0
 
 

@@ -32,6 +32,7 @@ def load(path):
 
 
 client = load(ROOT / "examples" / "clients" / "follow.py")
+morph_targets = load(ROOT / "examples" / "clients" / "morph_targets.py")
 
 
 def recorded(name, **header):
@@ -62,9 +63,9 @@ class Service:
         self._pool = ThreadPoolExecutor(1)
         self._scene = None
 
-    def begin(self, mode, baked=""):
+    def begin(self, mode, targets=None):
         """Let a client subscribe and wait for its first frame."""
-        self._frames = client.follow(f"tcp://127.0.0.1:{self._port}", "worm", mode, baked=str(baked))
+        self._frames = client.follow(f"tcp://127.0.0.1:{self._port}", "worm", mode, targets=targets)
         self.wait()
         asked = {self.asked(), self.asked()}
         [scene] = asked - {f"+worm/{mode}"}
@@ -133,7 +134,7 @@ def baked(tmp_path_factory):
     matrix = np.eye(4)
     matrix[:3, :3] = above
     gltf = {
-        "asset": {"version": "2.0"},
+        "asset": {"version": "2.0", "extras": {"puppetline_morphs": {"lengths": [1.0, 1.0]}}},
         "scene": 0,
         "scenes": [{"nodes": [1]}],
         "nodes": [
@@ -174,7 +175,7 @@ def test_controls_and_vertices_show_the_recorded_frames(service, mode):
 
 
 def test_morphs_leave_of_the_recorded_frames_what_their_residual_says(service, baked):
-    service.begin("morphs", baked)
+    service.begin("morphs", morph_targets.read_targets(baked))
     service.send_scene()
     for number in range(3):
         service.send(recorded(f"{number}.morphs"))

@@ -22,42 +22,49 @@ from engine_bridge.live.wire import STATES
 from engine_bridge.rig import load_rig
 
 SAID = re.compile(
-    r"frame (?P<frame>\d+), (?P<state>\w+), \d+ frames/s, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n"
+    r"frame (?P<frame>\d+), (?P<state>\w+), \d+ a second, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n"
 )
 
 pytestmark = pytest.mark.slow
 
-CLIENT = Path(__file__).parents[3] / "examples" / "clients" / "follow.py"
+CLIENTS = Path(__file__).parents[3] / "examples" / "clients"
 BEFORE_THE_END = 0.5
 """Seconds: what comes last may be dropped."""
 
 
-@pytest.fixture(scope="module")
-def follow():
-    spec = spec_from_file_location("follow", CLIENT)
+def load(name):
+    spec = spec_from_file_location(name, CLIENTS / f"{name}.py")
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.follow
+    return module
+
+
+@pytest.fixture(scope="module")
+def follow():
+    return load("follow").follow
+
+
+@pytest.fixture(scope="module")
+def targets(baked):
+    return load("morph_targets").read_targets(baked)
 
 
 @pytest.fixture(scope="module")
 def puppet(blob, new_glb, write_puppet, tmp_path_factory):
-    """A puppet of the figure in two parts, in nodes that are turned, stretched and not in the order of the file."""
+    """A puppet of the figure in two parts, one of them turned and stretched, shown in another order than stored."""
     glb, turn, stretch = new_glb(), Rotation.from_rotvec([0.4, -1.0, 0.3]), np.array([0.5, 2.0, 3.0])
     upper = blob.vertices[blob.faces].mean(axis=1)[:, 1] > 0.2
-    for faces, linear, parent in (
-        (blob.faces[upper], np.eye(3), None),
-        (blob.faces[~upper], turn.as_matrix() * stretch, 0),
+    above = glb.node()
+    for faces, linear, more in (
+        (blob.faces[upper], np.eye(3), {}),
+        (blob.faces[~upper], turn.as_matrix() * stretch, {"rotation": turn.as_quat().tolist(), "scale": [*stretch]}),
     ):
         kept, corners = np.unique(faces, return_inverse=True)
         normals = blob.normals[kept] @ linear
-        primitive = glb.primitive(
-            (blob.vertices[kept] @ np.linalg.inv(linear).T),
-            corners.astype(np.uint32),
-            NORMAL=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
-        )
-        more = {} if parent is None else {"rotation": turn.as_quat().tolist(), "scale": stretch.tolist()}
-        glb.node(glb.mesh(primitive), parent, **more)
+        normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+        positions = blob.vertices[kept] @ np.linalg.inv(linear).T
+        glb.node(glb.mesh(glb.primitive(positions, corners.astype(np.uint32), NORMAL=normals)), above, **more)
+    glb.file.nodes[above].children.reverse()
     mesh = glb.save(tmp_path_factory.mktemp("parts") / "parts.glb")
     return write_puppet(mesh.with_name("parts.toml"), mesh.name)
 
@@ -109,9 +116,9 @@ def collect(frames, until):
     return kept
 
 
-def test_all_three_modes_show_what_the_solver_has(serve, follow, puppet, baked, log, line, kung_fu):
+def test_all_three_modes_show_what_the_solver_has(serve, follow, puppet, baked, targets, log, line, kung_fu):
     service = serve("--puppet", puppet, "--source", f"replay:{log}", "--morphs", baked, "--calibrate", "at_once")
-    following = [follow(service.stream, "parts", mode, baked=str(baked)) for mode in ("controls", "vertices", "morphs")]
+    following = [follow(service.stream, "parts", mode, targets=targets) for mode in ("controls", "vertices", "morphs")]
     with ThreadPoolExecutor(3) as pool:
         collected = pool.map(collect, following, [kung_fu[-1].time - BEFORE_THE_END] * 3)
         solved = play(line, kung_fu[-1].time)
@@ -137,19 +144,19 @@ def test_all_three_modes_show_what_the_solver_has(serve, follow, puppet, baked, 
     assert max(left) > 1e-3  # it was another motion
 
 
-def test_as_a_program_it_says_once_a_second_what_it_sees(serve, puppet, tmp_path):
+def test_as_a_program_it_says_once_a_second_what_it_sees(serve, puppet, sender, tmp_path):
     token = tmp_path / "token"
     token.write_text("correct-horse-battery-staple")
     token.chmod(0o600)
-    service = serve("--puppet", puppet, "--source", "demo:kung_fu?loop", "--token-file", token)
-    command = [sys.executable, "-u", CLIENT, "parts", "vertices", "--address", service.stream]
+    service = serve("--puppet", puppet, "--source", sender.uri, "--token-file", token)
+    command = [sys.executable, "-u", CLIENTS / "follow.py", "parts", "vertices", "--address", service.stream]
     with subprocess.Popen([*command, "--token", token.read_text()], stdout=subprocess.PIPE, text=True) as program:
-        said = [program.stdout.readline() for _ in range(3)]
+        found = [SAID.fullmatch(program.stdout.readline()) for _ in range(3)]
         program.terminate()
-    found = [SAID.fullmatch(line) for line in said]
     numbers = [int(line["frame"]) for line in found]
     assert numbers == sorted(set(numbers))
-    assert all(line["state"] in STATES for line in found)
-    low, high = ([float(number) for number in found[-1][corner].split()] for corner in ("low", "high"))
     rest = load_rig(puppet).character.vertices
-    assert (np.abs(np.subtract(high, low) / np.ptp(rest, axis=0) - 1) < 1).all()
+    for line in found:
+        assert line["state"] == "waiting"  # for nobody is there
+        for corner, expected in (("low", rest.min(axis=0)), ("high", rest.max(axis=0))):
+            np.testing.assert_allclose([float(number) for number in line[corner].split()], expected, atol=1e-3)

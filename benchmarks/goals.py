@@ -26,12 +26,18 @@ class Goal:
 
     def line(self) -> str:
         """Return it as a row of a Markdown table."""
-        goal = f"{'≥' if self.least else '≤'} {self.limit:g} {self.unit}"
+        goal = f"{'≥' if self.least else '≤'} {_plain(self.limit, f'{self.limit:g}')} {self.unit}".rstrip()
         if self.value is None:
             return f"| {self.what} | {goal} | – | |"
-        off = self.limit / self.value if self.least else self.value / self.limit
-        verdict = "met" if off <= 1 else f"missed, {number(off)} × the goal"
-        return f"| {self.what} | {goal} | {number(self.value)} {self.unit} | {verdict} |"
+        measured = f"{_plain(self.value, number(self.value))} {self.unit}".rstrip()
+        above, below = (self.limit, self.value) if self.least else (self.value, self.limit)
+        off = f", {number(above / below)} × the goal" if below else ""
+        return f"| {self.what} | {goal} | {measured} | {'met' if above <= below else f'missed{off}'} |"
+
+
+def _plain(value: float, text: str) -> str:
+    """Return the text for a measure, and a count as it is."""
+    return f"{value:,}" if isinstance(value, int) else text
 
 
 def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]]) -> Iterator[str]:

@@ -1,9 +1,8 @@
-"""What may befall a live service, done to a running one again and again: `benchmarks.live_soak` watches how it takes it.
+"""What may befall a live service, done to a running one again and again; `benchmarks.live_soak` watches how it is.
 
-A fault is a method of `Faults` without an underscore; each in turn, until standard input is closed.
+Each in turn, until standard input is closed.
 """
 
-import json
 import os
 import random
 import signal
@@ -32,8 +31,13 @@ STEPS = (3600, -3600, 86_400, -86_400, 30 * 365 * 86_400, -1, 0)
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 READY = b"\x05READY\x0bSocket-Type"
-SHAKEN = [GREETING, *(b"\x04" + bytes([len(READY) + 4 + len(kind)]) + READY + struct.pack(">I", len(kind)) + kind
-                      for kind in (b"SUB", b"DEALER"))]
+SHAKEN = [
+    GREETING,
+    *(
+        b"\x04" + bytes([len(READY) + 4 + len(kind)]) + READY + struct.pack(">I", len(kind)) + kind
+        for kind in (b"SUB", b"DEALER")
+    ),
+]
 """ZMTP 3's greeting, and what a stream's and a control socket's client says next."""
 
 
@@ -89,7 +93,7 @@ WRONG_BODIES = (
 
 
 class Faults:
-    """Does them.
+    """Does them: whatever method has no underscore is a fault.
 
     Parameters
     ----------
@@ -131,7 +135,7 @@ class Faults:
         self._text = self._puppet.read_text(encoding="utf-8")
         self._clock = None if clock is None else Path(clock)
         self._characters, self._pause = characters, pause
-        self._random = random.Random(seed)  # noqa: S311
+        self._random = random.Random(seed)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._half_open: list[list[socket.socket]] = []
         self._frames = [together[0] for together in bodies(1)]
@@ -191,15 +195,17 @@ class Faults:
             b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n",
             self._random.randbytes(2000),
             GREETING + self._random.randbytes(2000),
-            *(b"".join(SHAKEN[:1]) + ready + rest
-              for ready in SHAKEN[1:]
-              for rest in (
-                  b"\x02" + struct.pack(">Q", 2**62),
-                  b"\x00\xff" + bytes(100),
-                  b"\x02" + struct.pack(">Q", 500_000) + bytes(500_000),
-                  b"\xff" * 300,
-                  b"\x04\xff" + bytes(255),
-              )),
+            *(
+                b"".join(SHAKEN[:1]) + ready + rest
+                for ready in SHAKEN[1:]
+                for rest in (
+                    b"\x02" + struct.pack(">Q", 2**62),
+                    b"\x00\xff" + bytes(100),
+                    b"\x02" + struct.pack(">Q", 500_000) + bytes(500_000),
+                    b"\xff" * 300,
+                    b"\x04\xff" + bytes(255),
+                )
+            ),
         )
         for port in self._ports:
             for each in said:
@@ -232,7 +238,9 @@ class Faults:
                 for _ in range(30):
                     client.subscribe(self._random.randbytes(self._random.randrange(70)))
                 for _ in range(10):
-                    client.subscribe(subscription(f"{self._random.choice(self._characters)}/scene/{self._random.random()}"))
+                    client.subscribe(
+                        subscription(f"{self._random.choice(self._characters)}/scene/{self._random.random()}")
+                    )
                 client.subscribe(self._random.choice((b"", b"one/", subscription("one/vertices16"))))
                 client.connect(self._stream)
                 client.poll(100)
@@ -304,13 +312,17 @@ class Faults:
             except OSError:
                 self.done["hung up on"] += 1
 
+    @classmethod
+    def names(cls) -> list[str]:
+        """List the faults."""
+        return [name for name in vars(cls) if not name.startswith("_") and name not in ("names", "run")]
+
     def run(self, ended: threading.Event) -> dict[str, int]:
         """Do one after the other, each of them as often as the others."""
         say("ready")
-        names = [name for name in vars(Faults) if not name.startswith("_") and name != "run"]
         try:
             while not ended.is_set():
-                for name in names:
+                for name in self.names():
                     if ended.wait(self._pause):
                         break
                     getattr(self, name)()

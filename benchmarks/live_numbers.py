@@ -96,8 +96,9 @@ def crowd(folder: Path, puppet: Path, clients: int, rate: float, frames: int) ->
     Returns
     -------
     dict
-        Readers, how many of them got every frame, and how many frames the others missed; the service's share of one
-        core, its memory since a tenth of the frames had passed (least, most, a value every tenth), and its faults.
+        Readers, how many of them have no gap in what they got, and how many frames the others missed; the service's
+        share of one core, its memory since a tenth of the frames had passed (least, most, a value every tenth), and its
+        faults.
     """
     port = free_udp_port()
     readers, processes = clients - STALLED, 3
@@ -123,7 +124,7 @@ def crowd(folder: Path, puppet: Path, clients: int, rate: float, frames: int) ->
         "rate": rate,
         "frames": last,
         "readers": len(heard),
-        "with_all": sum(one["lost"] == 0 and one["last"] == last for one in heard),
+        "without_gap": sum(one["lost"] == 0 for one in heard),
         "lost": sum(one["lost"] for one in heard),
         "cpu": cpu,
         "memory_mb": summary(np.array(memory[len(memory) // 10 :])),

@@ -1,7 +1,7 @@
 """Those around a live service while it is measured: itself, who sends it skeletons, and who listens.
 
-Each is a process of its own. Senders, listeners and whoever else takes part (``python -m MODULE ROLE SETTINGS``) say in a
-line of JSON that they are ready, and in another one how it was, when they are through or their input is closed.
+Each is a process of its own. Senders, listeners and whoever else takes part (``python -m MODULE ROLE SETTINGS``) say in
+a line of JSON that they are ready, and in another one how it was, when they are through or their input is closed.
 """
 
 import json
@@ -126,9 +126,7 @@ def settings(
 
 
 @contextmanager
-def serving(
-    folder: Path, text: str, environment: dict[str, str] | None = None
-) -> Iterator[Service]:
+def serving(folder: Path, text: str, environment: dict[str, str] | None = None) -> Iterator[Service]:
     """Run a service until the block ends."""
     service = Service(folder, text, environment)
     try:
@@ -211,7 +209,9 @@ def sender(port: int, schedule: Sequence[tuple[float, int]], users: int = 1) -> 
     return Peer("send", port=port, schedule=[list(each) for each in schedule], users=users)
 
 
-def listener(endpoint: str, topics: Sequence[str], sockets: int = 1, *, reads: bool = True, times: bool = False) -> Peer:
+def listener(
+    endpoint: str, topics: Sequence[str], sockets: int = 1, *, reads: bool = True, times: bool = False
+) -> Peer:
     """Start a client with so many SUB sockets.
 
     Parameters
@@ -308,7 +308,12 @@ def say(value: Any) -> None:
 def take_part(roles: Mapping[str, Callable[..., Any]]) -> None:
     """Play the role that the command line names until standard input is closed, and say what became of it."""
     ended = threading.Event()
-    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+
+    def wait() -> None:
+        sys.stdin.read()
+        ended.set()
+
+    threading.Thread(target=wait, daemon=True).start()
     say(roles[sys.argv[1]](ended, **json.loads(sys.argv[2])))
 
 

@@ -1,6 +1,6 @@
 """A live service on a bad day: as many frames as it takes, while everything that may befall it does (`live_faults`).
 
-python -m benchmarks.live_soak [--frames N] [--data FOLDER] [--json]
+python -m benchmarks.live_soak PUPPET [--frames N] [--pause SECONDS]
 
 Performers send a frame as soon as the one before has come out, so that the service is always busy and, but for its
 stalls, nothing is overtaken. A good client is connected from beginning to end: it must miss nothing.
@@ -8,7 +8,6 @@ stalls, nothing is overtaken. A good client is connected from beginning to end: 
 
 import argparse
 import json
-import os
 import random
 import shutil
 import socket
@@ -26,9 +25,10 @@ import zmq
 from numpy.typing import NDArray
 
 from benchmarks import datagrams
+from benchmarks.live_faults import Faults
 from benchmarks.live_peers import PERFORMING, Peer, Service, free_udp_port, serving, settings
-from engine_bridge import bench
-from engine_bridge.live.wire import BEFORE_PAYLOAD, NOBODY, TOPIC, Header, subscription
+from engine_bridge import puppet as puppet_file
+from engine_bridge.live.wire import BEFORE_PAYLOAD, TOPIC, Header, subscription
 
 CHARACTERS = ("one", "two", "three", "four")
 
@@ -155,7 +155,7 @@ def soak(
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = folder / "puppet.toml"
-    shutil.copy(puppet, own)
+    _copy(puppet, own)
     port = free_udp_port()
     clock = _clock(folder)
     environment = {} if clock is None else clock
@@ -182,8 +182,8 @@ def soak(
         late = _late_client(service.stream)
         code = service.end()
         client.close()
-    first = np.median(memory[round(WARM_UP * len(memory)) :][: max(1, len(memory) // 20)])
-    last = np.median(memory[-max(1, len(memory) // 20) :])
+    settled = memory[round(WARM_UP * len(memory)) :]
+    first, *_, last = tenths = [float(np.median(part)) for part in np.array_split(settled, 10) if len(part)]
     said = [json.loads(line)["event"].partition(":")[0] for line in service.log.splitlines() if line.startswith("{")]
     events = Counter(said)
     [stage] = status["stages"]
@@ -201,11 +201,20 @@ def soak(
         "clients_refused": status["clients"]["refused"],
         "faults": stage["faults"] + events["a fault in the service"] + events["a fault cost a frame"],
         "tracebacks": service.log.lower().count("traceback"),
-        "done": done,
+        "done": {name: done.get(name, 0) for name in Faults.names()},
+        "unanswered": done.get("no answer", 0),
         "logged": dict(events.most_common(20)),
         "clock_steps": clock is not None,
-        "memory_mb": {"first": first, "last": last, "growth": last / first - 1, "series": _tenths(memory)},
+        "memory_mb": {"first": first, "last": last, "growth": last / first - 1, "series": tenths},
     }
+
+
+def _copy(puppet: Path, own: Path) -> None:
+    """Write a puppet file that may be changed and that finds its mesh from anywhere."""
+    loaded = puppet_file.load(puppet)
+    mesh = (puppet.parent / loaded.character.mesh).resolve()
+    character = loaded.character.model_copy(update={"mesh": str(mesh)})
+    puppet_file.dump(loaded.model_copy(update={"character": character}), own)
 
 
 def _perform(
@@ -253,7 +262,7 @@ def _late_client(endpoint: str) -> bool:
         for topic in ("one/scene/late", "one/controls"):
             late.subscribe(subscription(topic))
         late.connect(endpoint)
-        scene, numbers = False, []
+        scene, numbers = False, list[int]()
         while (len(numbers) < 20 or not scene) and late.poll(10_000):
             message = late.recv()
             if message.startswith(b"one/scene"):
@@ -276,22 +285,19 @@ def _clock(folder: Path) -> dict[str, str] | None:
     return None if done.returncode else {"LD_PRELOAD": str(library), "CLOCK_AHEAD": str(ahead)}
 
 
-def _tenths(values: NDArray[np.float64]) -> list[float]:
-    return [round(float(np.median(part)), 1) for part in np.array_split(values, 10) if len(part)]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("puppet", type=Path)
     parser.add_argument("--frames", type=int, default=FRAMES)
-    parser.add_argument("--puppet", type=Path, help="of any character; a small ball if left out")
+    parser.add_argument("--pause", type=float, default=0.5, help="seconds from one fault to the next")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        puppet = options.puppet
-        if puppet is None:
-            ...
-        found = soak(folder / "soak", puppet, options.frames, lambda text: print(text, file=sys.stderr, flush=True))
+    with tempfile.TemporaryDirectory() as folder:
+        found = soak(Path(folder), options.puppet, options.frames, options.pause, _progress)
     print(json.dumps(found, indent=2))
+
+
+def _progress(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

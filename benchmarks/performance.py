@@ -1,9 +1,10 @@
 """Make the tables and plots of docs/performance.md anew; takes about ten minutes, on a machine that does nothing else.
 
-python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence]
+python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence,live]
 
 FOLDER is searched for armadillo.obj, the 43,243-vertex Armadillo of libigl's tutorial data; without it, an example
-character of as many vertices takes its place.
+character of as many vertices takes its place. The live service (`benchmarks.live`) takes three quarters of an hour and
+is measured only where --only names it.
 """
 
 import argparse
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from puppetline.examples.performances import PERFORMANCES
 
-from benchmarks import goals, plots, scaling, table1
+from benchmarks import goals, live, plots, scaling, table1
 from benchmarks.processes import MODULE
 from engine_bridge import bench
 
@@ -22,6 +23,7 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 IMAGES = DOCUMENT.with_name("images")
 
 PARTS = ("goals", "table1", "convergence")
+LIVE = "live"
 
 
 def replaced(text: str, name: str, lines: list[str]) -> str:
@@ -39,7 +41,7 @@ def say(text: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
-    parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join(PARTS)}")
+    parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join((*PARTS, LIVE))}")
     options = parser.parse_args()
     todo = options.only.split(",")
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
@@ -61,6 +63,9 @@ def main() -> None:
             say("Convergence")
             bench.write_log(subject, PERFORMANCES["kung_fu"]().frames())
             plots.convergence(bench.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
+        if LIVE in todo:
+            say("The live service")
+            tables[LIVE] = list(live.table(live.measure(subject, character, live.Plan(), live.PARTS, say)))
     text = DOCUMENT.read_text(encoding="utf-8")
     for name, lines in tables.items():
         text = replaced(text, name, lines)

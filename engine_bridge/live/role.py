@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK
-from capture.skeleton import JOINTS, SkeletonFrame
+from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge import puppet as puppet_file
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
@@ -26,6 +26,7 @@ from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
 from engine_bridge.retargeting import Retargeting
 from puppetline.errors import ServiceError
+from solver.retarget import SmoothReturn, soft_limit
 
 Calibrate = Literal["still", "at_once", "command"]
 """After the first still second; after a moment, in whatever pose; or when somebody says so."""
@@ -173,6 +174,16 @@ class Role:
         self._sequence = 0
         self._shown_at = self._idle_since = self._eased_since = -math.inf
         self._shown = self._eased_from = self._deformer.handles, np.zeros(3)
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Do once what a frame does, so that no first frame waits for code to be compiled: that takes 15 seconds."""
+        self._watched.step(0.0, np.zeros((len(JOINTS), 3)), np.full(len(JOINTS), TRACKED, dtype=np.float32))
+        self._watched.reset()
+        SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
+        soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
+        self._deformer.solve(self._deformer.handles)
+        self._deformer.reset()
 
     @property
     def digest(self) -> str:

@@ -1,0 +1,195 @@
+"""Measure the live service: the real command with real senders and clients, all of it on loopback.
+
+python -m benchmarks.live [--data FOLDER] [--json] [--quick] [--only latency,people,crowd,recovery,soak]
+
+Takes three quarters of an hour on a machine that does nothing else; --quick takes four minutes and shows whether it
+works. FOLDER is searched for armadillo.obj as by `benchmarks.performance`.
+"""
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks import live_numbers, live_soak
+from benchmarks.goals import Goal
+from engine_bridge import bench
+from engine_bridge.bench_process import CHARACTER, WARM_UP
+
+PARTS = ("latency", "people", "crowd", "recovery", "soak")
+
+PEOPLE, CLIENTS = 8, 100
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is measured."""
+
+    latency_seconds: float = 60.0
+    people_seconds: float = 30.0
+    crowd_rate: float = 240.0
+    crowd_frames: int = 100_000
+    recoveries: int = 9
+    soak_frames: int = live_soak.FRAMES
+    soak_pause: float = 0.5
+
+
+QUICK = Plan(10.0, 10.0, 240.0, 4_000, 2, 20_000, 0.02)
+
+
+def measure(folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[str, ...], say: Say) -> dict[str, Any]:
+    """Measure what is asked for, one after the other.
+
+    Parameters
+    ----------
+    folder : Path
+        As `bench.prepare` laid it out.
+    character : dict
+        What that returned.
+    plan : Plan
+    parts : tuple of str
+        Of `PARTS`.
+    say : callable
+        Told what comes next.
+
+    Returns
+    -------
+    dict
+        A value for each part, and beside them ``character``, ``machine`` and ``load``, what else the machine did
+        before: the mean number of processes that ran in the last minute.
+    """
+    puppet, scratch = folder / CHARACTER, folder / "live"
+    say("compiling")
+    live_numbers.latency(scratch / "first", puppet, 30.0, 90)
+    found: dict[str, Any] = {"character": character, "machine": bench.machine(), "load": os.getloadavg()[0]}
+    todo: dict[str, Callable[[], Any]] = {
+        "latency": lambda: {
+            f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))
+            for rate in (30.0, 60.0)
+        },
+        "people": lambda: live_numbers.people(scratch, puppet, PEOPLE, plan.people_seconds),
+        "crowd": lambda: live_numbers.crowd(scratch, puppet, CLIENTS, plan.crowd_rate, plan.crowd_frames),
+        "recovery": lambda: live_numbers.recovery(scratch, puppet, plan.recoveries, say),
+        "soak": lambda: live_soak.soak(scratch / "soak", folder / WARM_UP, plan.soak_frames, plan.soak_pause, say),
+    }
+    for part in parts:
+        say(part)
+        found[part] = todo[part]()
+    return found
+
+
+def table(found: dict[str, Any]) -> Iterator[str]:
+    """Yield what `measure` found, line by line, as Markdown."""
+    it, on = found["character"], found["machine"]
+    yield (
+        f"{it['name']}: {it['vertices']:,} vertices; {on['processor']}, {on['cores']} cores; {on['system']}; "
+        f"Python {on['python']}; load {found['load']:.1f} before"
+    )
+    yield from ("", "| what | goal | measured | |", "| --- | --- | --- | --- |")
+    yield from (goal.line() for goal in _goals(found))
+    yield from ("", "Beside the goals:", "", "| what | measured |", "| --- | --- |")
+    yield from (f"| {what} | {value} |" for what, value in _facts(found))
+
+
+def _goals(found: dict[str, Any]) -> Iterator[Goal]:
+    for rate, each in found.get("latency", {}).items():
+        yield Goal(
+            f"{rate} Hz, datagram received → controls in another process, median", each["received_p50_ms"], 3, "ms"
+        )
+        yield Goal("… 99th percentile", each["received_p99_ms"], 8, "ms")
+        yield Goal("… datagram sent → controls, median", each["sent_p50_ms"], 3, "ms")
+        yield Goal("… 99th percentile", each["sent_p99_ms"], 8, "ms")
+    if "people" in found:
+        yield Goal(f"{PEOPLE} characters at 30 Hz, share of one core", 100 * found["people"]["cpu"], 100, "%")
+    if "crowd" in found:
+        crowd = found["crowd"]
+        spread = crowd["memory_mb"]["most"] - crowd["memory_mb"]["least"]
+        who = f"{CLIENTS} clients, {live_numbers.STALLED} of which never read, {crowd['frames']:,} frames"
+        yield Goal(f"{who}: frames that the others lost", crowd["lost"], 0, "")
+        yield Goal("… memory, ± about its middle", spread / 2, 5, "MB")
+    if "recovery" in found:
+        recovery = found["recovery"]
+        for name, what in (
+            ("silent", f"source back after {live_numbers.SILENCE:g} s → performing"),
+            ("performing", "service killed and started again → performing"),
+            ("client", "a new client → scene and controls"),
+        ):
+            yield Goal(f"{what}, median", median(recovery[name]), 1, "s")
+            yield Goal("… the slowest", max(recovery[name]), 1, "s")
+    if "soak" in found:
+        soak = found["soak"]
+        yield Goal("soak, frames", soak["frames"], live_soak.FRAMES, "", least=True)
+        yield Goal("… exceptions that escaped", soak["faults"] + soak["tracebacks"], 0, "")
+        yield Goal("… frames that a good client lost", soak["lost"], 0, "")
+        yield Goal("… memory at the end / after a tenth of it", abs(100 * soak["memory_mb"]["growth"]), 2, "%")
+
+
+def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for rate, each in found.get("latency", {}).items():
+        yield (
+            f"{rate} Hz: frames; share of one core; the slowest",
+            (f"{each['frames']:,}; {100 * each['cpu']:.1f} %; {each['received_max_ms']:.1f} ms received → controls"),
+        )
+    if "people" in found:
+        yield f"{PEOPLE} characters: frames that came out", f"{100 * found['people']['performed']:.1f} % of those sent"
+    if "crowd" in found:
+        crowd = found["crowd"]
+        yield (
+            "clients: source; share of one core; readers without a gap",
+            (f"{crowd['rate']:g} Hz; {100 * crowd['cpu']:.0f} %; {crowd['without_gap']} of {crowd['readers']}"),
+        )
+        yield "… memory, MB, by tenths", _series(crowd["memory_mb"]["series"])
+    if "recovery" in found:
+        recovery = found["recovery"]
+        for name, what in (
+            ("start", "start of the command → it serves"),
+            ("first_frame", "… → first frame at a client"),
+        ):
+            yield what, f"{median(recovery[name]):.2f} s, {max(recovery[name]):.2f} s the slowest"
+    if "soak" in found:
+        soak = found["soak"]
+        yield "soak", f"{soak['seconds'] / 60:.0f} min, {soak['frames'] / soak['seconds']:.0f} frames a second"
+        yield (
+            "… what befell it",
+            ", ".join(f"{number} × {name.replace('_', ' ')}" for name, number in soak["done"].items()),
+        )
+        yield "… datagrams refused; clients refused", f"{sum(soak['refused'].values()):,}; {soak['clients_refused']:,}"
+        yield "… memory, MB, by tenths", _series(soak["memory_mb"]["series"])
+
+
+def _series(values: list[float]) -> str:
+    return " ".join(f"{value:.1f}" for value in values)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
+    parser.add_argument("--json", action="store_true", help="print all figures as JSON")
+    parser.add_argument("--quick", action="store_true", help="little of everything")
+    parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join(PARTS)}")
+    options = parser.parse_args()
+    mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
+    with tempfile.TemporaryDirectory() as folder, bench.own_cache(Path(folder)):
+        subject = Path(folder) / "subject"
+        subject.mkdir()
+        character = bench.prepare(subject, mesh, 60)
+        found = measure(
+            subject,
+            character,
+            QUICK if options.quick else Plan(),
+            tuple(options.only.split(",")),
+            lambda text: print(text, file=sys.stderr, flush=True),
+        )
+    print(json.dumps(found, indent=2, default=float) if options.json else "\n".join(table(found)))
+
+
+if __name__ == "__main__":
+    main()

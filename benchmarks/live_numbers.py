@@ -51,6 +51,8 @@ def latency(folder: Path, puppet: Path, rate: float, frames: int) -> dict[str, f
         [heard] = client.end()
     times = np.array(heard["times"])
     times = times[(times[:, 0] == PERFORMING) & (times[:, 1] >= sent[BEGIN[1]])]
+    if not len(times):
+        raise SystemExit(f"nobody performed:\n{service.log}")
     received, arrived = times[:, 1], times[:, 2]
     of_datagram = sent[np.searchsorted(sent, received) - 1]
     return {

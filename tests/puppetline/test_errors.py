@@ -3,9 +3,18 @@ from pathlib import Path
 import pytest
 
 from puppetline import errors
-from puppetline.errors import MeshError, OutputError, PuppetError, PuppetlineError, SkeletonLogError, at
+from puppetline.errors import (
+    MeshError,
+    OutputError,
+    PuppetError,
+    PuppetlineError,
+    ServiceError,
+    SkeletonLogError,
+    SourceError,
+    at,
+)
 
-FAMILY = [SkeletonLogError, MeshError, PuppetError, OutputError]
+FAMILY = [SkeletonLogError, MeshError, PuppetError, SourceError, ServiceError, OutputError]
 
 
 @pytest.mark.parametrize("kind", [PuppetlineError, *FAMILY])

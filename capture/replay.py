@@ -63,6 +63,9 @@ class TakeSource:
         self.counts = Counts()
         self.beginning = beginning
         self._play = play
+        self.damaged = False
+        """Whether it cannot be read any further, though it has not ended."""
+
         self._first_end = math.inf
         self._events = self._endless() if loop else self._pass()
         self._end: PuppetlineError = SourceError(
@@ -181,6 +184,7 @@ class TakeSource:
         try:
             return next(self._events, None)
         except SkeletonLogError as error:
+            self.damaged = True
             self._end = SourceError(error.where, found=error.found, expected=error.expected, fix=error.fix)
             return None
 

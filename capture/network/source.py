@@ -161,7 +161,7 @@ class OscSource:
                 self._refusals.add("socket error")
                 return
             self.counts.received += 1
-            if self._address.sender not in (None, ANYBODY, sender[0]):
+            if self._address.sender not in (None, ANYBODY, sender[0].removeprefix("::ffff:")):
                 self._refusals.add("another sender")
                 continue
             messages += self._take(datagram)

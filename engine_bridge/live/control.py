@@ -36,9 +36,6 @@ REQUESTS_WAITING, REPLIES_WAITING = 16, 64
 MOST_DEFERRED = 256
 """Answers that may be due later."""
 
-HEARTBEAT_MS, SILENCE_MS = 2000, 6000
-"""How often a client is asked whether it is there, and after what silence it is not."""
-
 Command = tuple[type[Table], Callable[[Any], Any]]
 """What arguments it takes, and what is called with them: it returns a result of JSON's types or a `Deferred`."""
 
@@ -106,9 +103,6 @@ class Control:
         socket.linger = 0
         socket.rcvhwm = REQUESTS_WAITING
         socket.sndhwm = REPLIES_WAITING
-        socket.heartbeat_ivl = HEARTBEAT_MS
-        socket.heartbeat_timeout = socket.heartbeat_ttl = SILENCE_MS
-        socket.tcp_keepalive = 1
         door.prepare(socket)
         socket.bind(door.control)
 

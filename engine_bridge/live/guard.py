@@ -7,7 +7,7 @@ comes in.
 import logging
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -85,6 +85,8 @@ class Guard:
         self.refused = 0
         self._doors = {door.mechanism.encode(): door for door in doors}
         self._limit = max_clients
+        self.gone: Callable[[zmq.Socket[bytes], int], None] = lambda _socket, _connection: None
+        """Told when a connection of a socket has ended, by its file descriptor."""
         self._crowds = {kind: _Crowd(admitted=deque(maxlen=max_clients)) for kind in (b"stream", b"control")}
         self._monitors: dict[zmq.Socket[bytes], tuple[zmq.Socket[bytes], _Crowd]] = {}
         self._log = OnceASecond(logging.getLogger(__name__))
@@ -161,7 +163,7 @@ class Guard:
         return status
 
     def _count(self) -> None:
-        for monitor, (_, crowd) in self._monitors.items():
+        for monitor, (socket, crowd) in self._monitors.items():
             for _ in range(EVENTS_AT_A_TIME):
                 try:
                     event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
@@ -172,6 +174,7 @@ class Guard:
                     crowd.opened[connection] = time.monotonic()
                 elif event["event"] == zmq.EVENT_DISCONNECTED:
                     crowd.opened.pop(connection, None)
+                    self.gone(socket, event["value"])
                 elif event["event"] & BROKEN_OFF:
                     self.refused += 1
                     self._log.warning("connection without a handshake")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import zmq
 
+from engine_bridge.live.doors import keep_alive
 from engine_bridge.live.payloads import Morphs, Received, decode
 from engine_bridge.live.wire import FRAME_KINDS, NAME, STATES, Kind, WireError, subscription
 from puppetline.errors import ServiceError
@@ -168,8 +169,7 @@ def _connected(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: s
     socket.setsockopt(zmq.MAXMSGSIZE, LARGEST)
     socket.setsockopt(zmq.RECONNECT_IVL, 100)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
-    socket.setsockopt(zmq.HEARTBEAT_IVL, 2000)
-    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, 6000)
+    keep_alive(socket)
     if token is not None:
         socket.setsockopt_string(zmq.PLAIN_USERNAME, "puppetline")
         socket.setsockopt_string(zmq.PLAIN_PASSWORD, token)

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
-from socketserver import TCPServer
+from socketserver import ThreadingTCPServer
 from typing import Any
 
 from prometheus_client import CollectorRegistry
@@ -25,7 +25,7 @@ _POLL = 0.1  # seconds until the end of the service is noticed
 
 
 class MetricsServer:
-    """Answers Prometheus in a thread of its own, one request after the other.
+    """Answers Prometheus, in threads of its own.
 
     Parameters
     ----------
@@ -65,8 +65,10 @@ class MetricsServer:
         self._server.server_close()
 
 
-class _Server(TCPServer):
+class _Server(ThreadingTCPServer):
     allow_reuse_address = True
+    daemon_threads = True
+    block_on_close = False  # who asks and then says nothing holds up nobody, and the end least of all
 
     def __init__(self, host: str, port: int, registry: CollectorRegistry) -> None:
         self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET

@@ -24,9 +24,6 @@ OTHERS_WAITING = 8
 SEND_BUFFER = 128 * 1024
 """Bytes that the system holds for a client; what waits there is old when it arrives."""
 
-HEARTBEAT_MS, SILENCE_MS = 2000, 6000
-"""How often a client is asked whether it is there, and after what silence it is not."""
-
 AT_A_TIME = 256
 """Subscriptions that are read before frames have their turn again."""
 
@@ -108,10 +105,6 @@ class Publisher:
             (zmq.SNDHWM, waiting),
             (zmq.SNDBUF, SEND_BUFFER),
             (zmq.LINGER, 0),
-            (zmq.HEARTBEAT_IVL, HEARTBEAT_MS),
-            (zmq.HEARTBEAT_TIMEOUT, SILENCE_MS),
-            (zmq.HEARTBEAT_TTL, SILENCE_MS),
-            (zmq.TCP_KEEPALIVE, 1),
         ):
             socket.setsockopt(option, value)
         door.prepare(socket)
@@ -240,6 +233,11 @@ class Publisher:
             return None
         scene = Header(Kind.SCENE, len(character.scene), character.revision, published=time.monotonic_ns())
         return join(place, scene, character.scene)
+
+    def forget(self, socket: zmq.Socket[bytes], connection: int) -> None:
+        """Take note that a client has gone: the next one may have the same number."""
+        if socket in self._streams:
+            self._streams[socket].subscriptions.forget(connection)
 
     def due(self) -> float:
         """Return when `send_due` wants to be called: seconds of the clock, infinity for never."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.recording import Recorder
+from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import SkeletonSource
 from engine_bridge.files import check_writable
@@ -96,6 +97,8 @@ def record(
                         users.add(event.user)
                 report(frames, time.monotonic() - started)
         except SourceError:
+            if isinstance(source, TakeSource) and source.damaged:
+                raise
             ended = "source"
         except KeyboardInterrupt:
             ended = "stopped"

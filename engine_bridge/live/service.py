@@ -140,6 +140,7 @@ class Service:
                 context, opened, [role.character for line in self.lines for role in line.stage.roles]
             )
             keep.callback(self.publisher.close)
+            self._guard.gone = self.publisher.forget
             self.control = Control(context, opened, commands(self))
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
@@ -241,13 +242,13 @@ class Service:
             if line.source.fileno() in ready or line.due() <= time.monotonic():
                 self._guarded(self._take_in, line)
         self._guarded(self.osc.send_due)
+        if any(each in ready for each in self._gates):
+            self._guarded(self._guard.handle)
         for handler in (self.publisher, self.control):
             for each in handler.sockets:
                 if each in ready:
                     self._guarded(handler.handle, each)
         self._guarded(self.publisher.send_due)
-        if any(each in ready for each in self._gates):
-            self._guarded(self._guard.handle)
         self._guarded(self._look_after)
         self._notifier.watchdog(sum(line.events for line in self.lines))
 

@@ -66,6 +66,11 @@ class Subscriptions:
         if not self._held[prefix]:
             del self._held[prefix], self._made[prefix]
 
+    def forget(self, connection: int) -> None:
+        """Let nobody drop anything in the name of a connection that has ended."""
+        for made in self._made.values():
+            made.pop(connection, None)
+
     def wants(self, field: bytes) -> bool:
         """Tell whether somebody wants what is sent under a topic field."""
         return any(field[:end] in self._held for end in range(TOPIC + 1))

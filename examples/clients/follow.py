@@ -27,7 +27,7 @@ def follow(
     scene: dict[str, Any] | None = None
     own = f"{character}/scene/{secrets.token_hex(8)}\0"
     with zmq.Context() as context, context.socket(zmq.SUB) as socket:
-        socket.heartbeat_ivl, socket.heartbeat_timeout = 2000, 6000
+        socket.tcp_keepalive, socket.tcp_keepalive_idle, socket.tcp_maxrt = 1, 2, 6000
         if token is not None:
             socket.plain_username, socket.plain_password = b"follow", token.encode()
         socket.connect(address)

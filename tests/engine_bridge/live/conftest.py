@@ -161,7 +161,7 @@ class Client:
     def pending(self):
         """Return what has come already."""
         received = []
-        while self.socket.poll(50):
+        while self.socket.poll(0):
             received.append(decode(self.socket.recv()))
         return received
 

@@ -1,9 +1,10 @@
 """Measure the live service: the real command with real senders and clients, all of it on loopback.
 
-python -m benchmarks.live [--data FOLDER] [--json] [--quick] [--only latency,people,crowd,recovery,soak]
+python -m benchmarks.live [--data FOLDER] [--quick] [--only latency,people,crowd,recovery,soak] [--keep FILE]
 
 Takes three quarters of an hour on a machine that does nothing else; --quick takes four minutes and shows whether it
-works. FOLDER is searched for armadillo.obj as by `benchmarks.performance`.
+works. FOLDER is searched for armadillo.obj as by `benchmarks.performance`. FILE (JSON) has all figures, also those of
+parts that were measured before.
 """
 
 import argparse
@@ -45,7 +46,9 @@ class Plan:
 QUICK = Plan(10.0, 10.0, 240.0, 4_000, 2, 20_000, 0.02)
 
 
-def measure(folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[str, ...], say: Say) -> dict[str, Any]:
+def measure(
+    folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[str, ...], say: Say, keep: Path | None = None
+) -> dict[str, Any]:
     """Measure what is asked for, one after the other.
 
     Parameters
@@ -59,17 +62,22 @@ def measure(folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[st
         Of `PARTS`.
     say : callable
         Told what comes next.
+    keep : Path, optional
+        Has what was measured before, and gets each part as soon as it is there.
 
     Returns
     -------
     dict
         A value for each part, and beside them ``character``, ``machine`` and ``load``, what else the machine did
-        before: the mean number of processes that ran in the last minute.
+        before each part: the mean number of processes that ran in the last minute.
     """
     puppet, scratch = folder / CHARACTER, folder / "live"
     say("compiling")
     live_numbers.latency(scratch / "first", puppet, 30.0, 90)
-    found: dict[str, Any] = {"character": character, "machine": bench.machine(), "load": os.getloadavg()[0]}
+    found: dict[str, Any] = {"load": {}}
+    if keep is not None and keep.exists():
+        found = json.loads(keep.read_text(encoding="utf-8"))
+    found |= {"character": character, "machine": bench.machine()}
     todo: dict[str, Callable[[], Any]] = {
         "latency": lambda: {
             f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))
@@ -82,16 +90,21 @@ def measure(folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[st
     }
     for part in parts:
         say(part)
+        load = os.getloadavg()[0]
         found[part] = todo[part]()
+        found["load"][part] = load
+        if keep is not None:
+            keep.write_text(json.dumps(found, indent=2, default=float), encoding="utf-8")
     return found
 
 
 def table(found: dict[str, Any]) -> Iterator[str]:
     """Yield what `measure` found, line by line, as Markdown."""
     it, on = found["character"], found["machine"]
+    loads = ", ".join(f"{load:.1f} {part}" for part, load in found["load"].items())
     yield (
         f"{it['name']}: {it['vertices']:,} vertices; {on['processor']}, {on['cores']} cores; {on['system']}; "
-        f"Python {on['python']}; load {found['load']:.1f} before"
+        f"Python {on['python']}; load before: {loads}"
     )
     yield from ("", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(found))
@@ -172,9 +185,9 @@ def _series(values: list[float]) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
-    parser.add_argument("--json", action="store_true", help="print all figures as JSON")
     parser.add_argument("--quick", action="store_true", help="little of everything")
     parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join(PARTS)}")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="add to the figures of an earlier run")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
     with tempfile.TemporaryDirectory() as folder, bench.own_cache(Path(folder)):
@@ -187,8 +200,9 @@ def main() -> None:
             QUICK if options.quick else Plan(),
             tuple(options.only.split(",")),
             lambda text: print(text, file=sys.stderr, flush=True),
+            options.keep,
         )
-    print(json.dumps(found, indent=2, default=float) if options.json else "\n".join(table(found)))
+    print("\n".join(table(found)))
 
 
 if __name__ == "__main__":

@@ -58,7 +58,8 @@ class Service:
         (folder / "service.toml").write_text(settings, encoding="utf-8")
         self._log = folder / "service.log"
         command = [sys.executable, "-m", "puppetline", "serve", "--config", str(folder / "service.toml")]
-        own = {"XDG_STATE_HOME": str(folder), **(environment or {})}
+        # as it is installed: with its bytecode
+        own = {"XDG_STATE_HOME": str(folder), "PYTHONDONTWRITEBYTECODE": "", **(environment or {})}
         self.started = time.monotonic_ns()
         with self._log.open("ab") as log:
             begin = log.tell()

@@ -1,13 +1,14 @@
 """Make the tables and plots of docs/performance.md anew; takes about ten minutes, on a machine that does nothing else.
 
-python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence,live]
+python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence,live] [--live FILE]
 
 FOLDER is searched for armadillo.obj, the 43,243-vertex Armadillo of libigl's tutorial data; without it, an example
 character of as many vertices takes its place. The live service (`benchmarks.live`) takes three quarters of an hour and
-is measured only where --only names it.
+is measured only where --only names it; with --live, its table is made of what `benchmarks.live` kept in FILE.
 """
 
 import argparse
+import json
 import re
 import sys
 import tempfile
@@ -42,6 +43,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
     parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join((*PARTS, LIVE))}")
+    parser.add_argument("--live", type=Path, metavar="FILE", help="what benchmarks.live has measured")
     options = parser.parse_args()
     todo = options.only.split(",")
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
@@ -63,9 +65,11 @@ def main() -> None:
             say("Convergence")
             bench.write_log(subject, PERFORMANCES["kung_fu"]().frames())
             plots.convergence(bench.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
-        if LIVE in todo:
+        if LIVE in todo and options.live is None:
             say("The live service")
             tables[LIVE] = list(live.table(live.measure(subject, character, live.Plan(), live.PARTS, say)))
+    if options.live is not None:
+        tables[LIVE] = list(live.table(json.loads(options.live.read_text(encoding="utf-8"))))
     text = DOCUMENT.read_text(encoding="utf-8")
     for name, lines in tables.items():
         text = replaced(text, name, lines)

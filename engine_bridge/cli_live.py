@@ -1,5 +1,6 @@
 """The commands of the live service; everything heavy is imported by the command that needs it."""
 
+import gc
 import json
 import sys
 from contextlib import ExitStack
@@ -70,6 +71,7 @@ def stream(sources: list[str], puppets: list[Path]) -> None:
 def _run(
     settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
 ) -> None:
+    gc.disable()  # until all is loaded: nothing of it is garbage
     from engine_bridge.live import logs
     from engine_bridge.live.service import Service
     from engine_bridge.live.signals import Signals
@@ -229,6 +231,25 @@ def bake(
 
 
 @click.command()
+@click.argument("puppet", type=FILE)
+@click.option("-o", "--output", required=True, type=FILE, help="The .glb to write.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def ladder(puppet: Path, output: Path, as_json: bool) -> None:
+    """Make a .glb of PUPPET with ladder coordinates, whose vertices an engine's shader moves by live controls."""
+    from engine_bridge.ladder import write_ladder
+
+    with interrupts():
+        summary = write_ladder(puppet, output)
+    if as_json:
+        click.echo(json.dumps(summary.as_dict(), indent=2))
+        return
+    size = f"{summary.vertices:,} vertices in {summary.surfaces} surfaces, {summary.bytes / 1e6:.1f} MB"
+    click.echo(f"{summary.output}: {size}, ladder coordinates of {summary.fields} fields")
+    for note in summary.notes:
+        click.echo(f"  note: {note}")
+
+
+@click.command()
 @click.option("--takes", default="takes", show_default=True, type=FILE, help="The folder of takes.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def doctor(takes: Path, as_json: bool) -> None:
@@ -264,4 +285,4 @@ def keys(file: Path) -> None:
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
 
 
-COMMANDS = (serve, record, listen, bake, doctor, token, keys)
+COMMANDS = (serve, record, listen, bake, ladder, doctor, token, keys)

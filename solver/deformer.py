@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from puppetline.errors import MeshError
 from solver import lanes, roll, rotations
@@ -83,7 +83,7 @@ class Deformer:
         stiffness = HANDLE_STIFFNESS * np.trace(model.A) / np.einsum("hj,hj->", rows, rows)
         pin = np.trace(model.A) / len(model.A)
         try:
-            factor = cho_factor(model.A + stiffness * rows.T @ rows + pin * model.null_space)
+            factor = scipy.linalg.cho_factor(model.A + stiffness * rows.T @ rows + pin * model.null_space)
         except np.linalg.LinAlgError as error:
             raise MeshError(
                 mesh.name,
@@ -91,9 +91,9 @@ class Deformer:
                 expected="one whose triangles are not all needles or crossed",
                 fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
             ) from error
-        from_turns = cho_solve(factor, model.B)
-        from_handles = cho_solve(factor, stiffness * rows.T)
-        constant = cho_solve(factor, pin * model.null_space @ rest)
+        from_turns = scipy.linalg.cho_solve(factor, model.B)
+        from_handles = scipy.linalg.cho_solve(factor, stiffness * rows.T)
+        constant = scipy.linalg.cho_solve(factor, pin * model.null_space @ rest)
         self._mode: RotationMode = mode
         reader = model.covariance if mode == "covariance" else model.edges
         self._place_of_turns = lanes.of_matrices(model.B.shape[1] // 3)

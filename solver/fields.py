@@ -5,17 +5,19 @@ step away from both ends so that each of them crosses triangles. Where a vertex 
 number t: the integer part names the isoline below, the fraction blends towards the next one.
 """
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix, csr_matrix, diags
-from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
 from solver import tufted
 from solver.dissection import nested_dissection
 from solver.mesh import SolverMesh
 from solver.parts import TOUCHING, Contacts
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 FIELD_TIE = 100.0
 """Conductance of a contact between two parts that touch, where a cotangent is about 1: fields hardly jump there."""
@@ -34,7 +36,7 @@ RESTARTS = 300
 """Of ARPACK, which needs a handful where there is a solution."""
 
 
-def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
+def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     """Build the surface operator of a character, each of its parts by itself.
 
     Cotangents on the tufted cover, whose edges are flipped until it is Delaunay (Sharp and Crane, *A Laplacian for
@@ -48,15 +50,15 @@ def laplacian(mesh: SolverMesh) -> tuple[csr_matrix, NDArray[np.float64]]:
         Area of each vertex: a third of that of its triangles in the cover.
     """
     L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
-    return csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
+    return scipy.sparse.csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
 
 
-def for_fields(L: csr_matrix, ties: Contacts, diagonal: float) -> csr_matrix:
+def for_fields(L: "csr_matrix", ties: Contacts, diagonal: float) -> "csr_matrix":
     """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines."""
     return _tied(L, ties, FIELD_TIE * _nearness(ties, diagonal))
 
 
-def for_energy(L: csr_matrix, ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> csr_matrix:
+def for_energy(L: "csr_matrix", ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> "csr_matrix":
     """Tie parts in the operator of the energy.
 
     An integral over the surface, like the energy itself: a contact counts as much as the area it stands for, that of
@@ -72,14 +74,14 @@ def _nearness(ties: Contacts, diagonal: float) -> NDArray[np.float64]:
     return (touching / np.maximum(touching, ties.gap)) ** 2
 
 
-def _tied(L: csr_matrix, ties: Contacts, weight: NDArray[np.float64]) -> csr_matrix:
+def _tied(L: "csr_matrix", ties: Contacts, weight: NDArray[np.float64]) -> "csr_matrix":
     """Add Σ weight · jump² to the form of −L: rows still sum to zero, and L stays negative semidefinite."""
     jump = ties.difference(L.shape[0])
-    return csr_matrix(L - jump.T @ diags(weight) @ jump) if len(weight) else L
+    return scipy.sparse.csr_matrix(L - jump.T @ scipy.sparse.diags(weight) @ jump) if len(weight) else L
 
 
 def propagation_fields(
-    L: csr_matrix, mass: NDArray[np.float64], vertices: NDArray[np.float64], count: int
+    L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64], count: int
 ) -> NDArray[np.float64]:
     """Solve −L e = λ M e for the smoothest functions, the constant one left out.
 
@@ -109,14 +111,18 @@ def propagation_fields(
     """
     n = L.shape[0]
     order = nested_dissection(L.indptr, L.indices, vertices)
-    L, M = csr_matrix(L[order][:, order]), diags(mass[order])
+    L, M = scipy.sparse.csr_matrix(L[order][:, order]), scipy.sparse.diags(mass[order])
     shift = SHIFT / mass.sum()
     # what is tied all over is no surface any more, and no plane cuts it at a line: COLAMD fills that in far less
     ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if L.nnz <= 8 * n else "COLAMD"
-    factor = splu(csc_matrix(-L - shift * M), permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True})
-    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
+    factor = scipy.sparse.linalg.splu(
+        scipy.sparse.csc_matrix(-L - shift * M), permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True}
+    )
+    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
     start = np.cos(order.astype(np.float64))
-    values, found = eigsh(-L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS)
+    values, found = scipy.sparse.linalg.eigsh(
+        -L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS
+    )
     vectors = np.empty((n, count))
     vectors[order] = found[:, np.argsort(values)[1:]]
     largest = np.argmax(np.abs(vectors), axis=0)
@@ -176,7 +182,7 @@ def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64
     return below, ladder - below
 
 
-def interpolation(ladder: NDArray[np.float64], isolines: int) -> csr_matrix:
+def interpolation(ladder: NDArray[np.float64], isolines: int) -> "csr_matrix":
     """Return φ, the local interpolation scheme: each vertex blends the two isolines of a field that it lies between.
 
     Used in pre-computation only; at run time the ladder coordinates say the same.
@@ -192,4 +198,4 @@ def interpolation(ladder: NDArray[np.float64], isolines: int) -> csr_matrix:
     columns = np.stack([column, column + 1], axis=2).reshape(n, -1)
     values = np.stack([1 - upper, upper], axis=2).reshape(n, -1)
     starts = np.arange(n + 1) * columns.shape[1]
-    return csr_matrix((values.ravel(), columns.ravel(), starts), shape=(n, count * isolines))
+    return scipy.sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(n, count * isolines))

@@ -4,19 +4,23 @@ Rows are taken in an order that brings vertices together which lie between the s
 zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
 """
 
+from typing import TYPE_CHECKING
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from solver.fields import blends
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 CHUNK = 384
 """Rows at a time: with more of them more columns are not zero, with less there is more to do in between."""
 
 
 def products(
-    L: csr_matrix,
+    L: "csr_matrix",
     mass: NDArray[np.float64],
     rest: NDArray[np.float64],
     ladder: NDArray[np.float64],

@@ -6,10 +6,8 @@ from functools import cached_property
 import igl
 import numba
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from puppetline.errors import MeshError
 from solver.patches import edges_of, in_order, outwards, pieces
@@ -102,7 +100,9 @@ class SolverMesh:
         """(n,) number of the connected part that each vertex belongs to."""
         n = len(self.vertices)
         a, b = self.edges.T
-        return connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
+        return scipy.sparse.csgraph.connected_components(
+            scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False
+        )[1]
 
     @property
     def parts(self) -> int:
@@ -178,7 +178,7 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     of_render[used] = compact[place_of]
     isolated = of_render < 0
     if isolated.any():
-        of_render[isolated] = cKDTree(vertices[kept]).query(positions[isolated])[1]
+        of_render[isolated] = scipy.spatial.cKDTree(vertices[kept]).query(positions[isolated])[1]
     oriented = outwards(vertices, faces)
     fine_vertices, fine_faces = vertices[kept], compact[oriented]
     while len(fine_vertices) < LEAST_VERTICES:
@@ -210,9 +210,11 @@ def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.i
     cells = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
     _, first, cell_of = np.unique(_codes(cells), return_index=True, return_inverse=True)
     near = np.flatnonzero(_may_have_neighbours(cells[first]))
-    a, b = near[cKDTree(points[first[near]]).query_pairs(tolerance, output_type="ndarray")].T
+    a, b = near[scipy.spatial.cKDTree(points[first[near]]).query_pairs(tolerance, output_type="ndarray")].T
     count = len(first)
-    label = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1]
+    label = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
+    )[1]
     _, first, place_of = np.unique(label[cell_of], return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)

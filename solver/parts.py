@@ -6,16 +6,19 @@ and the nearest surface point of another part.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import igl
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
 
 from solver.mesh import SolverMesh
 from solver.surface_tree import SurfaceTree
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 TOUCHING = 0.005
 """Points of two parts no farther apart than this, as a fraction of the diagonal, touch: on a person of 1.8 m it is
@@ -65,13 +68,13 @@ class Contacts:
         nearest = self.corners[np.arange(len(self.corners)), self.blend.argmax(axis=1)]
         return np.column_stack([self.vertices, nearest])
 
-    def difference(self, count: int) -> csr_matrix:
+    def difference(self, count: int) -> "csr_matrix":
         """Return the (k, count) matrix that takes functions on the vertices to their jump over each contact."""
         k = len(self.vertices)
         rows = np.repeat(np.arange(k), 4)
         columns = np.column_stack([self.vertices, self.corners]).ravel()
         values = np.column_stack([np.ones(k), -self.blend]).ravel()
-        return csr_matrix(coo_matrix((values, (rows, columns)), shape=(k, count)))
+        return scipy.sparse.csr_matrix(scipy.sparse.coo_matrix((values, (rows, columns)), shape=(k, count)))
 
 
 class PartSeparation:
@@ -206,7 +209,9 @@ def _by_majority(mesh: SolverMesh, near: _Near, close: NDArray[np.bool_], said: 
     part = mesh.components[mesh.faces[near.face, 0]]
     a, b = mesh.edges[close[mesh.edges].all(axis=1) & (part[mesh.edges[:, 0]] == part[mesh.edges[:, 1]])].T
     n = len(mesh.vertices)
-    patch = connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
+    patch = scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False
+    )[1]
     return (np.bincount(patch, said) > 0.5 * np.bincount(patch))[patch]
 
 
@@ -243,7 +248,9 @@ def _groups(mesh: SolverMesh, found: list[Contacts]) -> NDArray[np.int32]:
     part = mesh.components
     a, b = part[np.concatenate([some.links for some in found])].T
     count = int(part.max()) + 1
-    return connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False)[1][part]
+    return scipy.sparse.csgraph.connected_components(
+        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
+    )[1][part]
 
 
 def _join(mesh: SolverMesh, tree: SurfaceTree, group: NDArray[np.int32]) -> Contacts:
@@ -273,11 +280,11 @@ def _detour(mesh: SolverMesh, found: list[Contacts], across: Contacts) -> NDArra
     n = len(mesh.vertices)
     a, b = edges.T
     lengths = np.maximum(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1), 1e-12 * mesh.diagonal)
-    graph = csr_matrix(coo_matrix((lengths, (a, b)), shape=(n, n)))
+    graph = scipy.sparse.csr_matrix(scipy.sparse.coo_matrix((lengths, (a, b)), shape=(n, n)))
     longest, nearest = np.zeros(len(across.vertices)), np.full(n, np.inf)
     landmark = int(across.vertices[0])
     for _ in range(LANDMARKS):
-        distance = np.asarray(dijkstra(graph, directed=False, indices=np.array([landmark])))[0]
+        distance = np.asarray(scipy.sparse.csgraph.dijkstra(graph, directed=False, indices=np.array([landmark])))[0]
         nearest = np.minimum(nearest, distance)
         landmark = int(nearest.argmax())
         one, other = across.links.T

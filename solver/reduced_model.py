@@ -8,16 +8,20 @@ Everything here is in *model units*: the character centred on its bounding box, 
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags
 
 from puppetline.errors import MeshError
 from solver import fields as propagation
 from solver import gram, rotations
 from solver.mesh import SolverMesh, snap
 from solver.parts import contacts
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 NULL_SPACE = 1e-14
 """Eigenvalues of WᵀW below this fraction of the largest belong to directions that move no vertex."""
@@ -116,7 +120,7 @@ class ReducedModel:
 
 def position_matrix(
     rest: NDArray[np.float64], ladder: NDArray[np.float64], weights: NDArray[np.float64], isolines: int
-) -> csr_matrix:
+) -> "csr_matrix":
     """Build W for some vertices.
 
     Parameters
@@ -131,11 +135,13 @@ def position_matrix(
     -------
     (n, 4m) sparse float64
     """
-    phi = csr_matrix(propagation.interpolation(ladder, isolines) @ diags(np.repeat(weights, isolines)))
+    phi = scipy.sparse.csr_matrix(
+        propagation.interpolation(ladder, isolines) @ scipy.sparse.diags(np.repeat(weights, isolines))
+    )
     homogeneous = np.column_stack([rest, np.ones(len(rest))])
     columns = (4 * phi.indices[:, None] + np.arange(4)).ravel()
     entries = (phi.data[:, None] * homogeneous[np.repeat(np.arange(len(rest)), np.diff(phi.indptr))]).ravel()
-    return csr_matrix((entries, columns, 4 * phi.indptr), shape=(len(rest), 4 * phi.shape[1]))
+    return scipy.sparse.csr_matrix((entries, columns, 4 * phi.indptr), shape=(len(rest), 4 * phi.shape[1]))
 
 
 def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> ReducedModel:

@@ -4,16 +4,18 @@ Both read the surface through *strips*, the triangles that an isoline crosses, a
 control variables R, so that the iteration never touches a vertex. Rotations are kept for row vectors: x' = x · Rot.
 """
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from solver import polar
 from solver.fields import blends
 from solver.mesh import SolverMesh
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 RotationMode = Literal["covariance", "triangles"]
 
@@ -170,7 +172,7 @@ def _far_apart(points, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
     return chosen
 
 
-def edge_map(corners: csr_matrix) -> NDArray[np.float64]:
+def edge_map(corners: "csr_matrix") -> NDArray[np.float64]:
     """Build T: T R stacks the two edges from the first corner of every sampled triangle.
 
     Parameters

@@ -7,12 +7,17 @@ border, and two faces at each edge. Its edges are flipped, by their lengths alon
 A *halfedge* 3 f + s is side s of face f of the cover, from its corner s to the next one.
 """
 
+from typing import TYPE_CHECKING
+
 import numba
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
 
 from solver.patches import edges_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 MOLLIFICATION = 1e-5
 """By how much two sides of a triangle are longer than the third at least, as a share of the mean length of edges."""
@@ -21,7 +26,7 @@ NOT_DELAUNAY = -1e-6
 """Cotangent weight below which an edge is flipped."""
 
 
-def laplacian(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[csr_matrix, NDArray[np.float64]]:
+def laplacian(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> "tuple[csr_matrix, NDArray[np.float64]]":
     """Build the cotangent Laplacian of the intrinsic Delaunay triangulation of the tufted cover.
 
     Parameters
@@ -45,11 +50,13 @@ def laplacian(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[
     length = lengths[np.concatenate([sides, sides[:, ::-1]]).ravel()]
     _flip_to_delaunay(twin, tail, length)
     rows, columns, weights, mass = _weights(twin, tail, length, len(vertices))
-    half = csr_matrix(coo_matrix((weights, (rows, columns)), shape=(len(vertices), len(vertices))))
+    half = scipy.sparse.csr_matrix(
+        scipy.sparse.coo_matrix((weights, (rows, columns)), shape=(len(vertices), len(vertices)))
+    )
     both = half + half.T
     degree = np.asarray(both.sum(axis=1)).ravel()
-    identity = csr_matrix((degree, np.arange(len(degree)), np.arange(len(degree) + 1)), shape=both.shape)
-    return csr_matrix(identity - both), mass
+    identity = scipy.sparse.csr_matrix((degree, np.arange(len(degree)), np.arange(len(degree) + 1)), shape=both.shape)
+    return scipy.sparse.csr_matrix(identity - both), mass
 
 
 def _mollified(lengths: NDArray[np.float64], of_side: NDArray[np.int64]) -> NDArray[np.float64]:

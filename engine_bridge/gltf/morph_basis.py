@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 from engine_bridge.frame_store import Frames
 from engine_bridge.gltf.animation import Displacements
@@ -140,7 +140,7 @@ def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
 
 def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the eigenvalues (r,) above rounding, the largest first, and their eigenvectors as columns."""
-    energy, vectors = eigh(gram, subset_by_value=(NOISE * max(np.trace(gram), 1e-300), np.inf))
+    energy, vectors = scipy.linalg.eigh(gram, subset_by_value=(NOISE * max(np.trace(gram), 1e-300), np.inf))
     return energy[::-1], vectors[:, ::-1]
 
 

@@ -14,9 +14,12 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 import psutil
-from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
+
+if TYPE_CHECKING:
+    from zeroconf import ServiceInfo, ServiceStateChange, Zeroconf
 
 TYPE = "_puppetline._tcp.local."
 
@@ -119,6 +122,8 @@ class Announcement:
 
     def _announce(self) -> None:
         """Announce what there is until the end or a failure."""
+        from zeroconf import InterfaceChoice, Zeroconf  # it takes a while, for which nothing should wait
+
         with closing(Zeroconf(InterfaceChoice.All if self._everywhere else [self._host])) as zeroconf:
             announced: ServiceInfo | None = None
             while self._open:
@@ -133,7 +138,9 @@ class Announcement:
                     while self._open and self._wanted == characters:
                         self._changed.wait()
 
-    def _info(self, name: str, characters: Sequence[str]) -> ServiceInfo:
+    def _info(self, name: str, characters: Sequence[str]) -> "ServiceInfo":
+        from zeroconf import ServiceInfo
+
         return ServiceInfo(
             TYPE,
             f"{_cut(name, _LABEL_LENGTH)}.{TYPE}",
@@ -164,9 +171,11 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
     OSError
         There is no network at all.
     """
+    from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
+
     names: set[str] = set()
 
-    def heard(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:  # noqa: ARG001
+    def heard(zeroconf: "Zeroconf", service_type: str, name: str, state_change: "ServiceStateChange") -> None:  # noqa: ARG001
         if state_change is ServiceStateChange.Removed:
             names.discard(name)
         elif len(names) < MOST_FOUND:
@@ -184,7 +193,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
     return [_found(info) for info in infos if info.port]
 
 
-def _found(info: ServiceInfo) -> Found:
+def _found(info: "ServiceInfo") -> Found:
     texts = {key: value or "" for key, value in info.decoded_properties.items()}
     return Found(
         name=info.get_name(),

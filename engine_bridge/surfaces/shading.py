@@ -5,9 +5,8 @@ from pathlib import Path
 
 import igl
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from engine_bridge.surfaces.corners import alike
 from engine_bridge.surfaces.surface import Piece, Surface, count
@@ -159,8 +158,8 @@ def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
     if not len(ends):
         return np.zeros(len(faces), dtype=np.bool_)
     edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
-    links = coo_matrix((np.ones(len(edges)), edges.T), shape=(vertices, vertices))
-    part = connected_components(links, directed=False)[1]
+    links = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(vertices, vertices))
+    part = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
     is_open = np.zeros(len(part), dtype=np.bool_)
     is_open[part[ends[:, 0]]] = True
     return is_open[part[faces[:, 0]]]

@@ -159,3 +159,10 @@ def test_demo_live_streams_the_examples(tmp_path, run):
         process.terminate()
         assert process.wait(10) == 0
         process.stderr.close()
+
+
+def test_a_restarted_service_does_not_wait_for_what_it_does_not_need():
+    heavy = ("scipy.linalg", "scipy.spatial", "scipy.sparse.linalg", "zeroconf", "prometheus_client")
+    program = f"import sys, engine_bridge.live.service; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

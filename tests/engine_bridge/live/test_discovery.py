@@ -6,6 +6,7 @@ from contextlib import closing
 from importlib.metadata import version
 
 import pytest
+import zeroconf
 from zeroconf import ServiceInfo, Zeroconf
 
 from engine_bridge.live import discovery
@@ -121,7 +122,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
         tried.append(interfaces)
         raise OSError(19, "No such device")
 
-    monkeypatch.setattr(discovery, "Zeroconf", no_network)
+    monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
     monkeypatch.setattr(discovery, "RETRY", 0.01)
     with caplog.at_level(logging.WARNING):
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])

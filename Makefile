@@ -1,6 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 OUT ?= out
+GDSCRIPT := integrations/godot tests/integrations/godot benchmarks
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format bench lock peers clean
@@ -30,10 +31,13 @@ lint: setup ## Check style, types and which package may import which
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/gdformat --check --line-length 120 $(GDSCRIPT)
+	$(BIN)/gdlint $(GDSCRIPT)
 
 format: setup ## Rewrite the code in the project's style
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/gdformat --line-length 120 $(GDSCRIPT)
 
 bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--data FOLDER" with the Armadillo)
 	$(BIN)/python -m benchmarks.performance $(BENCH)

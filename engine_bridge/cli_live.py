@@ -131,7 +131,7 @@ def _target(text: str, rate: float | None) -> dict[str, Any]:
     host, _, port = text.rpartition(":")
     if not port.isdecimal():
         raise click.UsageError(f"--osc wants HOST:PORT, and not {text!r}.")
-    return {"host": host or "127.0.0.1", "port": int(port), **({} if rate is None else {"rate": rate})}
+    return {"host": host.strip("[]") or "127.0.0.1", "port": int(port), **({} if rate is None else {"rate": rate})}
 
 
 @click.command()

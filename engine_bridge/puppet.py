@@ -41,6 +41,7 @@ JointName = Annotated[str, AfterValidator(_known_joint)]
 # strict: TOML has types, and true is not 1.0
 Number = Annotated[FiniteFloat, Field(strict=True, ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(strict=True)]
+Scale = Literal["auto"] | Annotated[Number, Field(gt=0)]
 
 
 class CharacterTable(Table):
@@ -104,7 +105,7 @@ class RetargetTable(Table):
     """[retarget]: mirror, and the character's metres for one of the performer's."""
 
     mirror: StrictBool = False
-    scale: Literal["auto"] | Annotated[Number, Field(gt=0)] = "auto"
+    scale: Scale = "auto"
 
 
 class SmoothingTable(Table):
@@ -196,6 +197,17 @@ class Puppet(Table):
         )
 
 
+def with_handle(puppet: Puppet, index: int, joints: tuple[str, ...], axes: AxisSet, gain: float) -> Puppet:
+    """Return a puppet one of whose handles is moved otherwise."""
+    handles = list(puppet.handle)
+    changed: dict[str, Any] = {"axes": axes, "gain": gain}
+    if joints != handles[index].driven_by:
+        changed |= {"joint": None, "joints": None} | ({"joint": joints[0]} if len(joints) == 1 else {})
+        changed |= {"joints": joints} if len(joints) > 1 else {}
+    handles[index] = handles[index].model_copy(update=changed)
+    return puppet.model_copy(update={"handle": tuple(handles)})
+
+
 def axis_mask(axes: str) -> NDArray[np.bool_]:
     """Turn ``"xz"`` into (True, False, True)."""
     return np.array([axis in axes for axis in "xyz"])
@@ -213,8 +225,35 @@ def load(path: Path) -> Puppet:
     PuppetError
         With the line of a syntax error, or the table and key of anything else.
     """
+    return loads(read(path), path)
+
+
+def read(path: Path) -> str:
+    """Read a puppet file without looking at what it says.
+
+    Raises
+    ------
+    PuppetError
+    """
     fix = "Check the path, or make one: puppetline new MESH -o PUPPET.toml"
-    return check(tables.read(path, "a puppet file", fix, PuppetError), path)
+    return tables.read_text(path, "a puppet file", fix, PuppetError)
+
+
+def loads(text: str, where: str | Path) -> Puppet:
+    """Parse and check the text of a puppet file.
+
+    Parameters
+    ----------
+    text : str
+    where : str or Path
+        What error messages call it.
+
+    Raises
+    ------
+    PuppetError
+        As `load` does.
+    """
+    return check(tables.parse(text, where, PuppetError), where)
 
 
 def check(values: dict[str, Any], where: str | Path) -> Puppet:

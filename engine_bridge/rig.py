@@ -37,7 +37,16 @@ def load_rig(path: Path) -> Rig:
     ------
     PuppetlineError
     """
-    puppet = puppet_file.load(path)
+    return rig_of(puppet_file.load(path), path)
+
+
+def rig_of(puppet: Puppet, path: Path) -> Rig:
+    """Prepare the character of a puppet that was loaded from a file.
+
+    Raises
+    ------
+    PuppetlineError
+    """
     file = path.parent / puppet.character.mesh
     if not file.is_file():
         raise PuppetError(

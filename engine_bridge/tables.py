@@ -37,8 +37,8 @@ def mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticC
     return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
 
 
-def read(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> dict[str, Any]:
-    """Parse a TOML file.
+def read_text(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> str:
+    """Read a TOML file, its line endings as they are.
 
     Parameters
     ----------
@@ -53,21 +53,39 @@ def read(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> dict
     Raises
     ------
     PuppetlineError
-        Of that family, with the line of a syntax error.
+        Of that family.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_bytes().decode()
     except OSError as error:
         raise family(path, found=f"that it cannot be read ({error.strerror})", expected=what, fix=fix) from error
     except UnicodeDecodeError as error:
         raise family(
             path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check which file was given."
         ) from error
+
+
+def parse(text: str, where: str | Path, family: type[PuppetlineError]) -> dict[str, Any]:
+    """Parse TOML.
+
+    Parameters
+    ----------
+    text : str
+    where : str or Path
+        What error messages call it.
+    family : type
+        Of the errors.
+
+    Raises
+    ------
+    PuppetlineError
+        Of that family, with the line of a syntax error.
+    """
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:  # the latter for thousands of nested brackets
         raise family(
-            path, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
+            where, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
         ) from error
 
 

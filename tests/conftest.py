@@ -31,7 +31,7 @@ def _compile_anew_where_something_changed() -> None:
 
 _compile_anew_where_something_changed()
 
-OPTIONAL = {"data", "node"}
+OPTIONAL = {"data", "godot", "mono", "node"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
 
@@ -63,6 +63,15 @@ def real_logs(real_data: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
+def mono() -> tuple[str, str]:
+    """Paths of Mono's compiler and of Mono."""
+    compiler, program = shutil.which("mcs"), shutil.which("mono")
+    if compiler is None or program is None:
+        missing("mono", "mcs and mono are not here (Debian: mono-mcs and mono-runtime)")
+    return str(compiler), str(program)
+
+
+@pytest.fixture(scope="session")
 def node() -> Callable[..., str]:
     """Run a script of tests/peers with arguments and return what it prints."""
     program = shutil.which("node")
@@ -76,6 +85,15 @@ def node() -> Callable[..., str]:
         return result.stdout
 
     return run
+
+
+@pytest.fixture(scope="session")
+def godot() -> str:
+    """Path of Godot 4, from the environment variable GODOT or else from PATH."""
+    program = shutil.which(os.environ.get("GODOT", "godot"))
+    if program is None:
+        missing("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)")
+    return str(program)
 
 
 @pytest.fixture(scope="session")

@@ -4,12 +4,14 @@ import hashlib
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.live_basis import LiveBasis
 from engine_bridge.live.role import Role
 from engine_bridge.live.service_file import CharacterTable, ServiceFile, StageTable, character_names
-from engine_bridge.rig import load_rig
+from engine_bridge.puppet_document import PuppetDocument
+from engine_bridge.rig import rig_of
 
 
 class Cast:
@@ -26,6 +28,7 @@ class Cast:
 
     def __init__(self, settings: ServiceFile, folder: Path, executor: Executor) -> None:
         self._settings, self._folder, self._executor = settings, folder, executor
+        self._documents: WeakKeyDictionary[Role, PuppetDocument] = WeakKeyDictionary()
 
     def load(self) -> list[list[Role]]:
         """Return the roles of each stage.
@@ -43,14 +46,21 @@ class Cast:
             for stage in self._settings.stage
         ]
 
+    def document(self, role: Role) -> PuppetDocument:
+        """Return the file that a role's puppet was loaded from."""
+        return self._documents[role]
+
     def _role(self, stage: StageTable, table: CharacterTable, name: str) -> Role:
-        rig = load_rig(self._folder / table.puppet)
+        document = PuppetDocument(self._folder / table.puppet)
+        rig = rig_of(document.puppet, document.path)
         basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
         character = StreamedCharacter(name, rig, 0, basis)
         character = replace(character, revision=_revision(character))
         character.prepare()  # here, and not when the first client asks for it
         idle = None if table.idle is None else self._folder / table.idle
-        return Role(character, stage.manner, self._executor, idle)
+        role = Role(character, stage.manner, self._executor, idle)
+        self._documents[role] = document
+        return role
 
 
 def _revision(character: StreamedCharacter) -> int:

@@ -27,7 +27,7 @@ MOST_FOUND = 100
 """Services looked at; more than one network has."""
 
 RETRY = 30.0
-"""Seconds until it is tried again where there is no network."""
+"""Seconds until it is tried again where there is no network, and until it is noticed that there is another one."""
 
 GOODBYE = 0.5
 """Seconds that the end waits for the network to hear of it."""
@@ -89,65 +89,48 @@ class Announcement:
         self._port = port
         self._properties = {"version": version("puppetline"), "control": str(control), "mechanism": mechanism}
         self._name = f"Puppetline on {socket.gethostname().partition('.')[0]}"
-        self._wanted = tuple(characters)
-        self._open = True
-        self._changed = threading.Condition()
+        self._characters = tuple(characters)
+        self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="announcement", daemon=True)
         self._thread.start()
 
-    def update(self, characters: Sequence[str]) -> None:
-        """Announce other characters."""
-        with self._changed:
-            self._wanted = tuple(characters)
-            self._changed.notify()
-
     def close(self) -> None:
         """Take the announcement back. Closing again does nothing."""
-        with self._changed:
-            self._open = False
-            self._changed.notify()
+        self._closed.set()
         self._thread.join(GOODBYE)
 
     def _run(self) -> None:
         warned = False
-        while self._open:
+        while not self._closed.is_set():
             try:
                 self._announce()
             except Exception as error:  # the stream goes on, whatever the network has against multicast
                 if not warned:
                     log.warning("not announced in the network: %s", str(error) or type(error).__name__)
                     warned = True
-                with self._changed:
-                    self._changed.wait_for(lambda: not self._open, RETRY)
+                self._closed.wait(RETRY)
 
     def _announce(self) -> None:
-        """Announce what there is until the end or a failure."""
+        """Announce the service until the end, a failure, or a change of this machine's addresses."""
         from zeroconf import InterfaceChoice, Zeroconf  # it takes a while, for which nothing should wait
 
-        with closing(Zeroconf(InterfaceChoice.All if self._everywhere else [self._host])) as zeroconf:
-            announced: ServiceInfo | None = None
-            while self._open:
-                characters = self._wanted
-                if announced is None:
-                    announced = self._info(self._name, characters)
-                    zeroconf.register_service(announced, allow_name_change=True)
-                else:
-                    announced = self._info(announced.get_name(), characters)
-                    zeroconf.update_service(announced)
-                with self._changed:
-                    while self._open and self._wanted == characters:
-                        self._changed.wait()
+        addresses = _own_addresses() if self._everywhere else [self._host]
+        with closing(Zeroconf(InterfaceChoice.All if self._everywhere else addresses)) as zeroconf:
+            zeroconf.register_service(self._info(addresses), allow_name_change=True)
+            while not self._closed.wait(RETRY):
+                if self._everywhere and _own_addresses() != addresses:
+                    return
 
-    def _info(self, name: str, characters: Sequence[str]) -> "ServiceInfo":
+    def _info(self, addresses: list[str]) -> "ServiceInfo":
         from zeroconf import ServiceInfo
 
         return ServiceInfo(
             TYPE,
-            f"{_cut(name, _LABEL_LENGTH)}.{TYPE}",
+            f"{_cut(self._name, _LABEL_LENGTH)}.{TYPE}",
             port=self._port,
-            properties=self._properties | {"characters": _as_many_as_fit(characters)},
+            properties=self._properties | {"characters": _as_many_as_fit(self._characters)},
             server=f"{socket.gethostname().partition('.')[0]}.local.",
-            parsed_addresses=_own_addresses() if self._everywhere else [self._host],
+            parsed_addresses=addresses,
         )
 
 

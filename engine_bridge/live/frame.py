@@ -3,7 +3,8 @@
 Nothing is computed that nobody asks for, and nothing twice.
 """
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ from numpy.typing import NDArray
 
 from engine_bridge.gltf.character import Character
 from engine_bridge.live.quantisation import quantised
-from engine_bridge.live.scene import encode_scene
+from engine_bridge.live.scene import encode_scene, with_description
+from engine_bridge.puppet import Puppet
 from engine_bridge.rig import Rig
 from solver.binding import ShadedBinding
 from solver.deformer import Controls, to_file_units
@@ -66,6 +68,16 @@ class StreamedCharacter:
     def scene(self) -> bytes:
         """The payload of its scene message."""
         return encode_scene(self)
+
+    def remapped(self, puppet: Puppet) -> "StreamedCharacter":
+        """Return the same character whose handles other joints move, and keep all that was made of its mesh and model.
+
+        Its scene says so to whoever asks for it from now on; it is no other scene, and its revision stays.
+        """
+        other = copy(self)
+        vars(other)["rig"] = replace(self.rig, puppet=puppet)
+        vars(other)["scene"] = with_description(self.scene, other)
+        return other
 
     def prepare(self) -> None:
         """Make all that a frame or a client would have to wait for at its first time, compiled code as well."""

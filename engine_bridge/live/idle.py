@@ -30,6 +30,8 @@ class Idle:
 
     Attributes
     ----------
+    puppet : Puppet
+        Whose mapping it was made with.
     targets : (T, h, 3) float64
         Where the handles go, frame by frame, mesh file's coordinates.
     root : (T, 3) float64
@@ -41,6 +43,7 @@ class Idle:
     """
 
     def __init__(self, log: Path, rig: Rig, deformer: Deformer) -> None:
+        self.puppet = rig.puppet
         timeline, _ = load_timeline(log, Settings())
         self._fps = timeline.fps
         count = max(1, round(REST_SECONDS * self._fps))

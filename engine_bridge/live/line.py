@@ -17,9 +17,12 @@ from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence, SkeletonSource
 from engine_bridge.live.frame import Frame
+from engine_bridge.live.idle import Idle
 from engine_bridge.live.logs import OnceASecond, fields
+from engine_bridge.live.role import Role
 from engine_bridge.live.sources import RECORDED, open_source
 from engine_bridge.live.stage import Stage
+from engine_bridge.puppet import Puppet
 from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
 
 AGAIN = 0.5
@@ -72,7 +75,7 @@ class Line:
         self._reopen_at = math.inf
         self._recorder: Recorder | None = None
         self._time = -math.inf
-        self._recalled = False
+        self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
         if self.source.beginning is not None:
             self._recall(self.source.beginning)
 
@@ -110,6 +113,7 @@ class Line:
         ServiceError
             It cannot be done, and nothing was.
         """
+        self._recalled = False
         cue = self._in_order(Cue(self.source.now(), do, arguments))
         try:
             frames = self.stage.step(cue, time.monotonic_ns())
@@ -120,6 +124,15 @@ class Line:
             raise
         self._record(cue)
         return frames
+
+    def remap(self, role: Role, puppet: Puppet) -> None:
+        """Have other joints move a character's handles."""
+        self._recalled = False
+        role.remap(puppet, max(self._time, self.source.now()))
+
+    def take_idle(self, role: Role, idle: Idle | None) -> None:
+        """Let a character do by itself what was worked out for its new mapping."""
+        role.take_idle(idle, max(self._time, self.source.now()))
 
     def start_recording(self, path: Path) -> None:
         """Begin a take.

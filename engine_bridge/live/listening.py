@@ -335,7 +335,7 @@ def describe(report: ListenReport) -> str:
     ]
     lines += [_line(heard) for heard in report.heard]
     if not report.heard:
-        lines.append("no frames: nothing moves a character at the moment")
+        lines.append("no frames: nothing moves these characters at the moment, or there are none of this name or kind")
     return "\n".join(lines)
 
 

@@ -147,6 +147,10 @@ class Publisher:
         self.publish_json("service/characters", [_summary(each) for each in characters])
         self.send_due()
 
+    def redescribe(self, character: StreamedCharacter) -> None:
+        """Tell something else of a character, whose scene is the same, to whoever asks from now on."""
+        self._characters[character.name] = character
+
     def publish(self, frame: Frame) -> None:
         """Send a frame in all the kinds that somebody wants, and who performs where that has changed."""
         name, performer = frame.character.name, (frame.state, frame.user)

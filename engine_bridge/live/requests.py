@@ -10,8 +10,10 @@ from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 import msgpack
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
+from capture.skeleton import JOINTS
+from engine_bridge.puppet import AxisSet, JointName, Number, Scale
 from engine_bridge.tables import Table, mistake
 from puppetline.errors import PuppetlineError, ServiceError
 
@@ -40,18 +42,26 @@ def _plain_name(name: str) -> str:
     return name
 
 
+def _joint_names(value: Any) -> Any:
+    """Split what stands for a list, which a request does not have."""
+    if value is None:
+        return ()
+    if not isinstance(value, str):
+        raise mistake(
+            found=repr(value),
+            expected="names of joints with spaces between them, or null",
+            fix="Write 'hand_left'.",
+        )
+    return tuple(value.split())
+
+
 Name = Annotated[str, Field(strict=True), AfterValidator(_plain_name)]
+Joints = Annotated[tuple[JointName, ...], Field(max_length=len(JOINTS)), BeforeValidator(_joint_names)]
 User = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
 
 
 class Nothing(Table):
     """No arguments."""
-
-
-class Calibrate(Table):
-    """Take the performer's pose, as it is now, for the character's rest pose."""
-
-    character: Name
 
 
 class ChooseUser(Table):
@@ -66,6 +76,37 @@ class Mirror(Table):
 
     character: Name
     on: Annotated[bool, Field(strict=True)]
+
+
+class OneCharacter(Table):
+    """Something about a character."""
+
+    character: Name
+
+
+class SetHandle(Table):
+    """Have other joints move a handle, along other axes, or farther; what is left out stays."""
+
+    character: Name
+    handle: Annotated[str, Field(strict=True, min_length=1)]
+    joints: Joints = ()
+    axes: AxisSet = "xyz"
+    gain: Number = 1.0
+
+
+class SetRoot(Table):
+    """Have another joint carry the character, or none; axes that are left out stay."""
+
+    character: Name
+    joint: JointName | None
+    axes: AxisSet = "xz"
+
+
+class SetScale(Table):
+    """Set the character's metres for one of the performer's."""
+
+    character: Name
+    scale: Scale
 
 
 class RecordStart(Table):
@@ -85,11 +126,17 @@ ARGUMENTS: dict[str, type[Table]] = {
     "ping": Nothing,
     "list": Nothing,
     "describe": Nothing,
-    "calibrate": Calibrate,
+    "calibrate": OneCharacter,
     "choose_user": ChooseUser,
     "mirror": Mirror,
     "record_start": RecordStart,
     "record_stop": RecordStop,
+    "puppet": OneCharacter,
+    "set_handle": SetHandle,
+    "set_root": SetRoot,
+    "set_scale": SetScale,
+    "save_puppet": OneCharacter,
+    "revert_puppet": OneCharacter,
     "reload": Nothing,
 }
 """All that can be asked for, and what goes with it."""

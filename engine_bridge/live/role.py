@@ -24,6 +24,7 @@ from engine_bridge.live.idle import Idle
 from engine_bridge.live.level import Level, level_of
 from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
+from engine_bridge.puppet import Puppet
 from engine_bridge.retargeting import Retargeting
 from puppetline.errors import ServiceError
 from solver.retarget import SmoothReturn, soft_limit
@@ -107,6 +108,8 @@ class Part:
     mirror : bool
     asked : float
         When it was asked for.
+    puppet : Puppet
+        Whose mapping it was made with.
     working : Future
         Works the retargeting out, which takes a tenth of a second.
     """
@@ -114,6 +117,7 @@ class Part:
     calibration: Calibration
     mirror: bool
     asked: float
+    puppet: Puppet
     working: Future[Retargeting]
 
     @property
@@ -162,7 +166,8 @@ class Role:
         self.mirror = rig.puppet.retarget.mirror
         self._manner, self._executor = manner, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
-        self._idle = None if idle is None else Idle(idle, rig, self._deformer)
+        self._idle_log = idle
+        self._idle = self.make_idle()
         self.next_part: Part | None = None
         self._part: Part | None = None
         self._held: _Places | None = None
@@ -228,6 +233,32 @@ class Role:
         part = self.next_part or self._part
         if part is not None:
             self._prepare(part.calibration, time)
+
+    def remap(self, puppet: Puppet, time: float) -> None:
+        """Have the handles moved as another puppet with the same ones says, as soon as that is worked out.
+
+        What the character does by itself is not worked out here: see `make_idle` and `take_idle`.
+        """
+        self.character = self.character.remapped(puppet)
+        part = self.next_part or self._part
+        if part is not None:
+            self._prepare(part.calibration, time)
+
+    def make_idle(self) -> Idle | None:
+        """Work out what the character does by itself under its mapping as it is, which may take a second."""
+        return None if self._idle_log is None else Idle(self._idle_log, self.character.rig, self._deformer)
+
+    def take_idle(self, idle: Idle | None, time: float) -> None:
+        """Go over to what the character does by itself, unless its mapping has changed since that was worked out."""
+        if idle is not None and idle.puppet is self.character.rig.puppet:
+            self._idle = idle
+            if self._part is None:
+                self._ease(time)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the character moves as its puppet says: for a moment after an edit it moves as it did before."""
+        return all(each is None or each.puppet is self.character.rig.puppet for each in (self._part, self._idle))
 
     def begin(self, time: float) -> None:
         """Go over to the calibration that was asked for last, waiting for it if need be.
@@ -312,13 +343,15 @@ class Role:
         self.next_part = None
 
     def _new_part(self, calibration: Calibration, mirror: bool, asked: float) -> Part:
-        return Part(calibration, mirror, asked, self._executor.submit(self._retarget, calibration, mirror))
+        puppet = self.character.rig.puppet
+        return Part(
+            calibration, mirror, asked, puppet, self._executor.submit(self._retarget, puppet, calibration, mirror)
+        )
 
-    def _retarget(self, calibration: Calibration, mirror: bool) -> Retargeting:
-        rig = self.character.rig
-        retarget = rig.puppet.retarget.model_copy(update={"mirror": mirror})
-        puppet = rig.puppet.model_copy(update={"retarget": retarget})
-        return Retargeting(puppet, rig.mesh, self._deformer, calibration.level(calibration.rest))
+    def _retarget(self, puppet: Puppet, calibration: Calibration, mirror: bool) -> Retargeting:
+        retarget = puppet.retarget.model_copy(update={"mirror": mirror})
+        puppet = puppet.model_copy(update={"retarget": retarget})
+        return Retargeting(puppet, self.character.rig.mesh, self._deformer, calibration.level(calibration.rest))
 
     def _by_itself(self, time: float) -> _Places:
         """Return what the character does while nobody plays it."""

@@ -39,9 +39,20 @@ def encode_scene(character: "StreamedCharacter") -> bytes:
         kind = next(kind for kind, dtype in TYPES.items() if dtype == array.dtype)
         directory[name] = {"type": kind, "shape": list(array.shape), "offset": offset}
         offset += array.nbytes
+    return _described(character, directory, *(array.data for array in arrays.values()))
+
+
+def with_description(scene: bytes, character: "StreamedCharacter") -> bytes:
+    """Return the payload of a scene whose arrays are the same as before, and its description made anew."""
+    view = memoryview(scene)
+    start = _LENGTH.size + _LENGTH.unpack(view[: _LENGTH.size])[0]
+    return _described(character, read_json(view[_LENGTH.size : start])["arrays"], view[start:])
+
+
+def _described(character: "StreamedCharacter", directory: dict[str, Any], *arrays: memoryview) -> bytes:
     text = write_json({**describe(character), "arrays": directory})
     text += b" " * (-len(text) % 8)
-    return b"".join((_LENGTH.pack(len(text)), text, *(array.data for array in arrays.values())))
+    return b"".join((_LENGTH.pack(len(text)), text, *arrays))
 
 
 def describe(character: "StreamedCharacter") -> dict[str, Any]:

@@ -30,7 +30,6 @@ from engine_bridge.live.frame import Frame
 from engine_bridge.live.guard import Guard
 from engine_bridge.live.line import Line
 from engine_bridge.live.logs import OnceASecond, fields
-from engine_bridge.live.metrics import MetricsServer
 from engine_bridge.live.osc_output import OscOutput, OscTarget
 from engine_bridge.live.publisher import Publisher
 from engine_bridge.live.role import Role
@@ -40,6 +39,8 @@ from engine_bridge.live.stage import Stage
 from engine_bridge.live.statistics import Statistics
 from engine_bridge.live.systemd import Notifier
 from engine_bridge.live.takes import Takes
+from engine_bridge.puppet import Puppet
+from engine_bridge.puppet_document import PuppetDocument
 from puppetline.errors import ServiceError
 
 STATUS_INTERVAL = 1.0
@@ -119,8 +120,11 @@ class Service:
         self._residuals: dict[str, float] = {}
         self.status = self._snapshot()
         if settings.metrics is not None:
+            from engine_bridge.live.metrics import MetricsServer  # few want it, and it takes a while
+
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
-        self._announcement = self._announce(opened) if settings.announce else None
+        if settings.announce:
+            self._announce(opened)
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
         self._jobs: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
@@ -157,7 +161,7 @@ class Service:
         for each in [*served, *self._gates]:
             self._poller.register(each, zmq.POLLIN)
 
-    def _announce(self, opened: list[Door]) -> Announcement:
+    def _announce(self, opened: list[Door]) -> None:
         """Announce a door that other machines can reach, if there is one."""
         places = [endpoint.removeprefix("tcp://").rpartition(":") for endpoint in self.publisher.endpoints]
         best = max(range(len(opened)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
@@ -165,7 +169,6 @@ class Service:
         control = self.control.endpoints[best].rpartition(":")[2]
         announcement = Announcement(host.strip("[]"), int(port), int(control), opened[best].mechanism, self._names())
         self._resources.callback(announcement.close)
-        return announcement
 
     def run(self, signals: Signals) -> None:
         """Serve until somebody says stop."""
@@ -176,6 +179,7 @@ class Service:
             undo.callback(self._poller.unregister, signals)
             gc.collect()
             gc.freeze()  # what is loaded stays: no collection has to look at it again
+            gc.enable()
             self._notifier.ready()
             log.info("serving", extra=fields(stream=self.publisher.endpoints, control=self.control.endpoints))
             while not signals.stop:
@@ -206,6 +210,25 @@ class Service:
             self._answer(deferred, closed, lambda _: facts | {"bytes": recorder.path.stat().st_size})
 
         self._jobs.append((self._writing.submit(recorder.close), answer))
+        return deferred
+
+    def document(self, role: Role) -> PuppetDocument:
+        """Return the file that a character's puppet was loaded from."""
+        return self._cast.document(role)
+
+    def remap(self, line: Line, role: Role, puppet: Puppet) -> None:
+        """Have other joints move a character's handles, at once, and what it does by itself as soon as it is there."""
+        if puppet == role.character.rig.puppet:
+            return
+        line.remap(role, puppet)
+        self.publisher.redescribe(role.character)
+        self._jobs.append((self._loading.submit(role.make_idle), lambda made: line.take_idle(role, made.result())))
+
+    def save(self, role: Role, result: Callable[[], Any]) -> Deferred:
+        """Write a character's mapping into its puppet file; the answer, made then, comes when it is there."""
+        deferred = Deferred()
+        saving = self._writing.submit(self.document(role).save, role.character.rig.puppet)
+        self._jobs.append((saving, lambda saved: self._answer(deferred, saved, lambda _: result())))
         return deferred
 
     def show_frames(self, line: Line, frames: list[Frame]) -> None:
@@ -301,8 +324,6 @@ class Service:
                 self._end_take(line)
                 line.stage.replace_roles(roles)
             self.publisher.announce([role.character for line in self.lines for role in line.stage.roles])
-            if self._announcement is not None:
-                self._announcement.update(self._names())
             self._loading.submit(_give_back_memory)
             log.info("loaded anew", extra=fields(characters=self._names()))
         if self._reload_again:

@@ -127,6 +127,36 @@ class ServiceFile(Table):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _targets_get_something(self) -> Self:
+        morphs = {
+            name: each.morphs is not None
+            for stage in self.stage
+            for each, name in zip(stage.character, character_names(stage), strict=True)
+        }
+        for t, target in enumerate(self.osc):
+            for c, name in enumerate(target.characters):
+                if name not in morphs:
+                    raise mistake(
+                        "osc",
+                        t,
+                        "characters",
+                        c,
+                        found=f"no character {name!r}",
+                        expected=f"one of {', '.join(morphs)}",
+                        fix="Name one of these, or leave out characters for all of them.",
+                    )
+            if target.send == ("morphs",) and not any(morphs[name] for name in target.characters or morphs):
+                raise mistake(
+                    "osc",
+                    t,
+                    "send",
+                    found="morph weights, and no character that has morph targets",
+                    expected="a character with morphs = FILE.glb",
+                    fix="Make the file with puppetline bake, or send something else.",
+                )
+        return self
+
 
 def stage_names(service: ServiceFile) -> list[str]:
     """Return what the stages are called; without a name, by their number."""
@@ -152,7 +182,7 @@ def load(path: Path) -> ServiceFile:
         With the line of a syntax error, or the table and key of anything else.
     """
     fix = "Check the path, or give --puppet and --source instead."
-    values = tables.read(path, "a service file", fix, ServiceError)
+    values = tables.parse(tables.read_text(path, "a service file", fix, ServiceError), path, ServiceError)
     return tables.check(ServiceFile, values, path, ServiceError)
 
 

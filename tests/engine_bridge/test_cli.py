@@ -31,6 +31,7 @@ COMMANDS = [
     "record",
     "listen",
     "bake",
+    "ladder",
     "doctor",
     "token",
     "keys",

@@ -154,6 +154,12 @@ def test_every_command_gets_its_arguments_and_gives_its_result(office, encoding)
         ("mirror", {"character": "dog", "on": True}),
         ("record_start", {"name": "take1"}),
         ("record_stop", {"stage": "main"}),
+        ("puppet", {"character": "dog"}),
+        ("set_handle", {"character": "dog", "handle": "left hand", "axes": "xy", "gain": 1.5}),
+        ("set_root", {"character": "dog", "joint": None}),
+        ("set_scale", {"character": "dog", "scale": 2.0}),
+        ("save_puppet", {"character": "dog"}),
+        ("revert_puppet", {"character": "dog"}),
     ]
     office.done.clear()
     for do, arguments in asked:

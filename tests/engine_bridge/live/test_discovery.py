@@ -64,10 +64,8 @@ def test_an_engine_finds_the_service_and_what_plays_there(announced, port):
     assert found.name.startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
 
 
-def test_other_characters_are_announced_and_the_end_is(announced, port):
-    name = wait_for(port).name
-    announced.update(["lion"])
-    assert wait_for(port, lambda found: found.characters == ("lion",)).name == name
+def test_the_end_is_announced(announced, port):
+    wait_for(port)
     announced.close()
     announced.close()
     assert not announced._thread.is_alive()
@@ -128,13 +126,22 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
         while len(tried) < 3:
             time.sleep(0.01)
-        announcement.update(["cat"])
         announcement.close()
     assert not announcement._thread.is_alive()
     assert tried[:3] == [["192.0.2.77"]] * 3
     assert [record.getMessage() for record in caplog.records] == [
         "not announced in the network: [Errno 19] No such device"
     ]
+
+
+def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
+    addresses = ["127.0.0.1"]
+    monkeypatch.setattr(discovery, "_own_addresses", lambda: list(addresses))
+    monkeypatch.setattr(discovery, "RETRY", 0.05)
+    with closing(Announcement("*", port, port + 1, "NULL", ["dog"])):
+        assert wait_for(port).addresses == ("127.0.0.1",)
+        addresses.insert(0, "127.0.0.2")
+        wait_for(port, lambda found: "127.0.0.2" in found.addresses)
 
 
 @pytest.mark.parametrize(

@@ -266,3 +266,14 @@ def test_names_in_addresses_hold_nothing_that_osc_forbids_and_differ():
         "_rmel",
         "x",
     ]
+
+
+def test_a_whole_network_can_be_a_target(dog, clock):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
+        heard.bind(("", 0))
+        heard.settimeout(5)
+        out = OscOutput([OscTarget("127.255.255.255", heard.getsockname()[1], kinds=("performer",))], clock)
+        out.offer(frame_of(dog, 0))
+        out.send_due()
+        assert heard.recv(1000).startswith(b"/puppetline/")
+        out.close()

@@ -145,11 +145,29 @@ def test_an_unknown_command_is_told_what_it_may_have_meant():
         ("record_start", {}),
         ("record_start", {"name": "take1", "stage": "main"}),
         ("record_stop", {"stage": "main"}),
+        ("puppet", {"character": "dog"}),
+        ("set_handle", {"character": "dog", "handle": "left hand"}),
+        ("set_handle", {"character": "dog", "handle": "№ 1", "axes": "", "gain": -0.5}),
+        ("set_root", {"character": "dog", "joint": None}),
+        ("set_root", {"character": "dog", "joint": "spine", "axes": "xyz"}),
+        ("set_scale", {"character": "dog", "scale": "auto"}),
+        ("set_scale", {"character": "dog", "scale": 1.5}),
+        ("save_puppet", {"character": "dog"}),
+        ("revert_puppet", {"character": "dog"}),
     ],
 )
 def test_arguments_are_taken(do, arguments):
     model = tables.check(ARGUMENTS[do], arguments, "the request", ServiceError)
     assert model.model_dump(exclude_unset=True) == arguments
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [("head", ("head",)), ("  hand_left\thead ", ("hand_left", "head")), ("", ()), (None, ())],
+)
+def test_joints_are_a_text_of_names(text, names):
+    arguments = {"character": "dog", "handle": "tail", "joints": text}
+    assert tables.check(ARGUMENTS["set_handle"], arguments, "the request", ServiceError).joints == names
 
 
 NOT_NAMES = [
@@ -181,6 +199,20 @@ NOT_NAMES = [
         *(("calibrate", {"character": name}, "character") for name in NOT_NAMES),
         *(("record_start", {"name": name}, "name") for name in NOT_NAMES),
         *(("record_start", {"stage": name}, "stage") for name in NOT_NAMES),
+        ("set_handle", {"character": "dog", "joints": "head"}, "handle"),
+        ("set_handle", {"character": "dog", "handle": ""}, "handle"),
+        *(
+            ("set_handle", {"character": "dog", "handle": "tail", key: value}, key)
+            for key, values in {
+                "joints": ("tail", "head,spine", "head " * 21, 1, True),
+                "axes": ("zyx", "xx", "X", None, 1, True),
+                "gain": (float("nan"), float("inf"), 2e9, "1", True, None),
+            }.items()
+            for value in values
+        ),
+        ("set_root", {"character": "dog"}, "joint"),
+        ("set_root", {"character": "dog", "joint": "tail"}, "joint"),
+        *(("set_scale", {"character": "dog", "scale": scale}, "scale") for scale in (0, -1, "big", None, True)),
     ],
 )
 def test_other_arguments_are_refused_by_name(do, arguments, field):

@@ -100,6 +100,13 @@ puppet = "figures/big dog (2).toml"
         ("[network]\nport = 99999\n" + STAGE + CHARACTER, "[network], port", "99999", "Change"),
         ("[netwrok]\n" + STAGE + CHARACTER, "netwrok", "unknown key 'netwrok'", "Did you mean 'network'?"),
         ("[[osc]]\nport = 1\nsend = []\n" + STAGE + CHARACTER, "[[osc]] 1, send", "[]", "Change"),
+        (
+            '[[osc]]\nport = 1\ncharacters = ["cat"]\n' + STAGE + CHARACTER,
+            "[[osc]] 1, characters, 1",
+            "no character 'cat'",
+            "Name one",
+        ),
+        ('[[osc]]\nport = 1\nsend = ["morphs"]\n' + STAGE + CHARACTER, "[[osc]] 1, send", "morph weights", "Make"),
         (STAGE.replace("osc:7110", "") + CHARACTER, "[[stage]] 1, source", "''", "Change"),
     ],
 )

@@ -1,0 +1,203 @@
+@tool
+extends MarginContainer
+## Puppetline's dock: which service, which character, how it is doing, who performs, and what moves its handles.
+
+const Service := preload("service.gd")
+const Discovery := preload("../wire/discovery.gd")
+const Role := preload("role.gd")
+const Editor := preload("editor.gd")
+const MappingTable := preload("mapping_table.gd")
+const Puppet3DNode := preload("../puppet_3d.gd")
+
+const ADDRESS := "127.0.0.1:7400"
+const PORT := 7400
+## What the service says of a character, and what a person would.
+const STATES := {
+	"waiting": "Nobody performs",
+	"calibrating": "User %d is there: stand still for a second",
+	"performing": "User %d performs",
+	"leaving": "The performer has left",
+}
+
+var service := Service.new()
+
+var _discovery: Discovery
+var _mapping := MappingTable.new()
+
+@onready var _address: LineEdit = %Address
+@onready var _found: MenuButton = %Found
+@onready var _token: LineEdit = %Token
+@onready var _connection: Label = %Connection
+@onready var _character: OptionButton = %Character
+@onready var _facts: Label = %Facts
+@onready var _performer: OptionButton = %Performer
+@onready var _mirror: Button = %Mirror
+@onready var _record: Button = %Record
+@onready var _save: Button = %Save
+@onready var _revert: Button = %Revert
+@onready var _trouble: Control = %Trouble
+@onready var _trouble_text: Label = %TroubleText
+
+
+func _ready() -> void:
+	%MappingPlace.add_child(_mapping)
+	_address.text = Editor.recall("address", ADDRESS)
+	_address.text_submitted.connect(func(_text: String) -> void: connect_to_service())
+	_token.text_submitted.connect(func(_text: String) -> void: connect_to_service())
+	%Connect.pressed.connect(connect_to_service)
+	_found.get_popup().index_pressed.connect(_choose_found)
+	_character.item_selected.connect(func(i: int) -> void: service.choose(_character.get_item_text(i)))
+	%AddToScene.pressed.connect(_add_to_scene)
+	_performer.item_selected.connect(func(i: int) -> void: service.choose_user(_performer.get_item_metadata(i)))
+	%Calibrate.pressed.connect(service.calibrate)
+	_mirror.toggled.connect(service.set_mirror)
+	_record.toggled.connect(service.set_recording)
+	_mapping.handle_edited.connect(service.set_handle)
+	_mapping.root_edited.connect(service.set_root)
+	_mapping.scale_edited.connect(service.set_scale)
+	_save.pressed.connect(service.save)
+	_revert.pressed.connect(service.revert)
+	%TroubleSeen.pressed.connect(_trouble.hide)
+	service.changed.connect(_show)
+	service.mapping_changed.connect(_show_mapping)
+	service.refused.connect(_show_trouble)
+	service.done.connect(_trouble.hide)
+	visibility_changed.connect(_follow_visibility)
+	_show_found()
+	_follow_visibility()
+
+
+func _exit_tree() -> void:
+	service.close()
+
+
+func _process(_delta: float) -> void:
+	if not service.is_open():
+		return
+	_discovery.poll()
+	service.poll()
+	_mapping.show_activity(service.activity.shares)
+
+
+## Follow the service whose address and token have been typed in.
+func connect_to_service() -> void:
+	var text := _address.text.strip_edges().trim_prefix("tcp://")
+	var colon := text.rfind(":")
+	var host := text.substr(0, colon) if colon >= 0 else text
+	var port := text.substr(colon + 1).to_int() if colon >= 0 else PORT
+	_open(host.trim_prefix("[").trim_suffix("]"), port, 0)
+
+
+func _open(host: String, port: int, control_port: int) -> void:
+	_trouble.hide()
+	Editor.remember("address", _address.text)
+	service.open(host, port, _token.text.strip_edges(), control_port)
+
+
+## A dock that nobody sees asks nothing.
+func _follow_visibility() -> void:
+	if not is_visible_in_tree():
+		service.close()
+		_discovery = null
+	elif not service.is_open():
+		_discovery = Discovery.new()
+		_discovery.changed.connect(_show_found)
+		connect_to_service()
+	set_process(is_visible_in_tree())
+
+
+func _show_found() -> void:
+	var menu := _found.get_popup()
+	menu.clear()
+	for each: Dictionary in _discovery.services if _discovery != null else []:
+		menu.add_item("%s: %s" % [each.name, ", ".join(each.characters)])
+		if each.mechanism == "CURVE":
+			menu.set_item_disabled(-1, true)
+			menu.set_item_tooltip(
+				-1, "It wants keys, which this addon does not have: give the service a token as well."
+			)
+	_found.disabled = menu.item_count == 0
+	_found.tooltip_text = (
+		"Services in this network" if menu.item_count else "No service announces itself in this network"
+	)
+
+
+func _choose_found(index: int) -> void:
+	var chosen: Dictionary = _discovery.services[index]
+	_address.text = ("[%s]:%d" if ":" in chosen.host else "%s:%d") % [chosen.host, chosen.port]
+	_open(chosen.host, chosen.port, chosen.control)
+	if chosen.mechanism == "PLAIN" and _token.text.is_empty():
+		_token.grab_focus()
+
+
+func _show() -> void:
+	_connection.text = service.connection
+	var role := service.chosen
+	var names := service.roles.map(func(each: Role) -> String: return each.character)
+	_set_items(_character, names, names)
+	for each: BaseButton in [_character, _performer, _mirror, _record, %Calibrate, %AddToScene]:
+		each.disabled = role == null
+	_record.disabled = _record.disabled or role.stage.is_empty()
+	_facts.visible = role != null
+	_show_mapping()
+	if role == null:
+		return
+	_character.select(names.find(role.character))
+	_facts.text = _told(role)
+	var users: Array = [Role.NOBODY]
+	users.append_array(role.users)
+	var titles := users.map(func(user: int) -> String: return "User %d" % user if user >= 0 else "whoever comes")
+	_set_items(_performer, titles, users)
+	_performer.select(maxi(users.find(role.user), 0))
+	_mirror.set_pressed_no_signal(role.mirror)
+	_record.set_pressed_no_signal(not role.recording.is_empty())
+	_record.text = "Recording" if role.recording else "Record"
+	_record.tooltip_text = "Records the take %s" % role.recording if role.recording else "Record a take of the stage"
+
+
+func _told(role: Role) -> String:
+	var state: String = STATES.get(role.state, role.state)
+	var told := state % role.user if "%d" in state else state
+	told += "\n%.0f frames a second" % role.rate
+	if role.latency >= 0.0:
+		told += ", %.1f ms from sensor to network" % role.latency
+	return told
+
+
+func _show_mapping() -> void:
+	var mapping := service.mapping
+	_mapping.show_mapping(mapping)
+	%NoMapping.visible = mapping == null
+	var recording := service.chosen != null and not service.chosen.recording.is_empty()
+	_mapping.set_disabled(recording)
+	_save.disabled = mapping == null or mapping.saved
+	_revert.disabled = mapping == null or mapping.saved or recording
+
+
+func _show_trouble(text: String) -> void:
+	_trouble_text.text = text
+	_trouble.show()
+	_show()
+
+
+func _add_to_scene() -> void:
+	var puppet: Puppet3D = Puppet3DNode.new()
+	puppet.name = service.chosen.character
+	puppet.host = service.host
+	puppet.port = service.port
+	puppet.token = service.token
+	puppet.character = service.chosen.character
+	var obstacle := Editor.add_to_scene(puppet)
+	if obstacle:
+		_show_trouble(obstacle)
+
+
+## Make these the items, unless they are already: an open menu stays as it is.
+func _set_items(button: OptionButton, titles: Array, values: Array) -> void:
+	var before := range(button.item_count).map(func(i: int) -> Variant: return button.get_item_metadata(i))
+	if before == values:
+		return
+	button.clear()
+	for i in titles.size():
+		button.add_item(titles[i])
+		button.set_item_metadata(i, values[i])

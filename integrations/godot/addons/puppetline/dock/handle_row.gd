@@ -1,0 +1,94 @@
+@tool
+extends RefCounted
+## A row of the mapping's table: a handle, the joints whose mean motion it follows, along which axes, how far.
+
+signal edited(changes: Dictionary)
+
+const AxisToggles := preload("axis_toggles.gd")
+const Mapping := preload("mapping.gd")
+
+const LARGEST_GAIN := 10.0
+
+## What it shows.
+var handle: Mapping.Handle
+## The cells, from left to right.
+var cells: Array[Control] = []
+## Pressed while the figure shows the handle's joints.
+var title := Button.new()
+var activity := ProgressBar.new()
+var joints := MenuButton.new()
+var axes := AxisToggles.new()
+var gain := SpinBox.new()
+
+
+func _init(all_joints: PackedStringArray, scale: float) -> void:
+	cells = [VBoxContainer.new(), joints, axes, gain]
+	cells[0].add_theme_constant_override("separation", 0)
+	cells[0].size_flags_horizontal = Control.SIZE_EXPAND_FILL
+	cells[0].add_child(title)
+	cells[0].add_child(activity)
+	title.toggle_mode = true
+	title.flat = true
+	title.alignment = HORIZONTAL_ALIGNMENT_LEFT
+	title.clip_text = true
+	title.text_overrun_behavior = TextServer.OVERRUN_TRIM_ELLIPSIS
+	title.custom_minimum_size.x = 56.0 * scale
+	activity.show_percentage = false
+	activity.max_value = 1.0
+	activity.step = 0.0
+	activity.custom_minimum_size.y = 4.0 * scale
+	activity.tooltip_text = "How much the handle moves just now"
+	joints.flat = false
+	joints.clip_text = true
+	joints.text_overrun_behavior = TextServer.OVERRUN_TRIM_ELLIPSIS
+	joints.alignment = HORIZONTAL_ALIGNMENT_LEFT
+	joints.size_flags_horizontal = Control.SIZE_EXPAND_FILL
+	joints.custom_minimum_size.x = 64.0 * scale
+	gain.min_value = -LARGEST_GAIN
+	gain.max_value = LARGEST_GAIN
+	gain.allow_greater = true
+	gain.allow_lesser = true
+	gain.step = 0.001
+	gain.custom_arrow_step = 0.1
+	gain.tooltip_text = "How far the handle goes for what its joints go; below 0 the other way"
+	var menu := joints.get_popup()
+	menu.hide_on_checkable_item_selection = false
+	for joint in all_joints:
+		menu.add_check_item(joint)
+	menu.index_pressed.connect(func(index: int) -> void: toggle_joint(menu.get_item_text(index)))
+	axes.edited.connect(func(chosen: String) -> void: edited.emit({"axes": chosen}))
+	gain.value_changed.connect(func(value: float) -> void: edited.emit({"gain": snappedf(value, gain.step)}))
+
+
+## Show a handle as it is.
+func show_handle(shown: Mapping.Handle) -> void:
+	handle = shown
+	title.text = handle.name
+	title.tooltip_text = handle.name
+	joints.text = ", ".join(handle.joints) if handle.joints else "none"
+	joints.tooltip_text = "Moved by %s" % ", ".join(handle.joints) if handle.joints else "It stays where it is"
+	var menu := joints.get_popup()
+	for i in menu.item_count:
+		menu.set_item_checked(i, menu.get_item_text(i) in handle.joints)
+	if axes.axes != handle.axes:
+		axes.axes = handle.axes
+	if gain.value != snappedf(handle.gain, gain.step):
+		gain.set_value_no_signal(handle.gain)
+
+
+## Have a joint move the handle, or no more.
+func toggle_joint(joint: String) -> void:
+	var chosen := handle.joints.duplicate()
+	if joint in chosen:
+		chosen.remove_at(chosen.find(joint))
+	else:
+		chosen.append(joint)
+	handle.joints = chosen
+	show_handle(handle)
+	edited.emit({"joints": " ".join(chosen)})
+
+
+func set_disabled(disabled: bool) -> void:
+	joints.disabled = disabled
+	axes.disabled = disabled
+	gain.editable = not disabled

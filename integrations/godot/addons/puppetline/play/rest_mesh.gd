@@ -1,0 +1,124 @@
+extends RefCounted
+## What the graphics card is given once of a character: the mesh in its rest pose, and textures by vertex number.
+##
+## Each part of the scene is a surface. Ladder coordinates lie in CUSTOM0 and CUSTOM1, the vertex's number in CUSTOM2.x.
+## The shader reads positions and normals from a texture, as exact as they came: in a mesh, Godot rounds normals, and
+## the importer positions as well.
+
+const Scene := preload("../wire/scene.gd")
+
+## Fields that there is room for in CUSTOM0 and CUSTOM1.
+const MOST_FIELDS := 8
+## Rows of a texture that any graphics card takes.
+const MOST_ROWS := 16384
+## Texels a row; every graphics card takes as many.
+const _WIDTH := 2048
+const _FORMAT := (
+	(Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM0_SHIFT)
+	| (Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM1_SHIFT)
+	| (Mesh.ARRAY_CUSTOM_R_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM2_SHIFT)
+)
+
+
+## Make the mesh of a scene; `flags` are those of [enum Mesh.ArrayFormat].
+static func build(scene: Scene, flags := 0) -> ArrayMesh:
+	var mesh := ArrayMesh.new()
+	var ladder_0 := _ladder_columns(scene, 0)
+	var ladder_1 := _ladder_columns(scene, 4)
+	var numbers := PackedFloat32Array(range(scene.vertex_count))
+	for part in drawn_parts(scene):
+		var first: int = part["vertices"][0]
+		var end: int = first + part["vertices"][1]
+		var arrays := []
+		arrays.resize(Mesh.ARRAY_MAX)
+		arrays[Mesh.ARRAY_VERTEX] = scene.positions.slice(first, end)
+		arrays[Mesh.ARRAY_NORMAL] = scene.normals.slice(first, end)
+		if not scene.uv.is_empty():
+			arrays[Mesh.ARRAY_TEX_UV] = scene.uv.slice(first, end)
+		arrays[Mesh.ARRAY_CUSTOM0] = ladder_0.slice(4 * first, 4 * end)
+		arrays[Mesh.ARRAY_CUSTOM1] = ladder_1.slice(4 * first, 4 * end)
+		arrays[Mesh.ARRAY_CUSTOM2] = numbers.slice(first, end)
+		arrays[Mesh.ARRAY_INDEX] = _clockwise(scene, part)
+		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT | flags)
+		mesh.surface_set_name(mesh.get_surface_count() - 1, part["name"])
+	return mesh
+
+
+## Return the parts that have anything to draw: the surfaces of the mesh.
+static func drawn_parts(scene: Scene) -> Array[Dictionary]:
+	return scene.parts.filter(
+		func(part: Dictionary) -> bool: return part["vertices"][1] > 0 and part["triangles"][1] > 0
+	)
+
+
+## Make the texture of positions, normals and colours, each from a new row on.
+static func rest_texture(scene: Scene) -> ImageTexture:
+	var bytes := whole_rows(scene.positions.to_byte_array(), 12)
+	bytes.append_array(whole_rows(scene.normals.to_byte_array(), 12))
+	bytes.append_array(whole_rows(scene.colors.to_byte_array(), 12))
+	return texture(bytes, Image.FORMAT_RGBF, 12)
+
+
+## Make the texture of slopes: two a field of a vertex.
+static func slopes_texture(scene: Scene) -> ImageTexture:
+	return texture(whole_rows(scene.slopes.to_byte_array(), 8), Image.FORMAT_RGF, 8)
+
+
+## Say why a character cannot be moved by its controls on the graphics card; empty if it can.
+static func obstacle(scene: Scene) -> String:
+	if scene.field_count > MOST_FIELDS:
+		return "it has %d fields, and vertices have room for %d" % [scene.field_count, MOST_FIELDS]
+	if rows(scene.vertex_count * scene.field_count) > MOST_ROWS or 3 * rows(scene.vertex_count) > MOST_ROWS:
+		return "its %d vertices are more than a texture has room for" % scene.vertex_count
+	if scene.field_count * scene.isoline_count > MOST_ROWS:
+		return "its %d transforms are more than a texture has room for" % (scene.field_count * scene.isoline_count)
+	return ""
+
+
+## Fill the last row of a texture up with zeros.
+static func whole_rows(bytes: PackedByteArray, texel: int) -> PackedByteArray:
+	bytes.resize(rows(bytes.size() / texel) * _WIDTH * texel)
+	return bytes
+
+
+static func texture(bytes: PackedByteArray, format: Image.Format, texel: int) -> ImageTexture:
+	return ImageTexture.create_from_image(image(bytes, format, texel))
+
+
+static func image(bytes: PackedByteArray, format: Image.Format, texel: int) -> Image:
+	return Image.create_from_data(_WIDTH, bytes.size() / (_WIDTH * texel), false, format, bytes)
+
+
+## Return how many rows so many texels take.
+static func rows(texels: int) -> int:
+	return (texels + _WIDTH - 1) / _WIDTH
+
+
+## Return four ladder coordinates a vertex, from a field on, zero where there are no more: a picture's columns, cut out
+## without a loop in script.
+static func _ladder_columns(scene: Scene, first: int) -> PackedFloat32Array:
+	var columns := Image.create_from_data(
+		scene.field_count, scene.vertex_count, false, Image.FORMAT_RF, scene.ladder.to_byte_array()
+	)
+	var wanted := clampi(scene.field_count - first, 0, 4)
+	if wanted == 0:
+		columns = Image.create(4, scene.vertex_count, false, Image.FORMAT_RF)
+	else:
+		columns = columns.get_region(Rect2i(first, 0, wanted, scene.vertex_count))
+		columns.crop(4, scene.vertex_count)
+	return columns.get_data().to_float32_array()
+
+
+## Return a part's triangles as its surface wants them: Godot's front faces are clockwise. What a scene may say of
+## vertices of other parts is kept off the graphics card.
+static func _clockwise(scene: Scene, part: Dictionary) -> PackedInt32Array:
+	var first_vertex: int = part["vertices"][0]
+	var last_vertex: int = part["vertices"][1] - 1
+	var first: int = 3 * part["triangles"][0]
+	var indices := scene.triangles.slice(first, first + 3 * part["triangles"][1])
+	for corner in range(0, indices.size(), 3):
+		var second := indices[corner + 1]
+		indices[corner] = clampi(indices[corner] - first_vertex, 0, last_vertex)
+		indices[corner + 1] = clampi(indices[corner + 2] - first_vertex, 0, last_vertex)
+		indices[corner + 2] = clampi(second - first_vertex, 0, last_vertex)
+	return indices

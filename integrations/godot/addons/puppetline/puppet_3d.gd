@@ -1,0 +1,465 @@
+@tool
+@icon("icons/puppet_3d.svg")
+class_name Puppet3D
+extends Node3D
+## A character of a running `puppetline serve`: it comes with its mesh, and moves as its performer does.
+##
+## Put it into a scene, start the service, and it is there, in the editor as well. It connects by itself, and again
+## whenever the service comes back. Nothing of what it shows is saved with your scene.
+
+## The service is there.
+signal connected
+## The service has gone; it is looked for on and on.
+signal disconnected
+## The service does not let us in, and it is not tried again until [member token] or the address changes.
+signal refused(reason: String)
+## The character has come, or another version of it. What is shown of it is made anew.
+signal scene_loaded
+## Somebody is there who plays the character, and stands still for a moment.
+signal performer_found(user: int)
+## The performer's pose has been taken for the rest pose: the character moves from now on.
+signal performer_calibrated(user: int)
+## The performer has gone.
+signal performer_lost(user: int)
+## The service has begun to record a take.
+signal take_started(take: String)
+## The service has ended a take.
+signal take_stopped(take: String)
+
+## How the character comes.
+enum Mode {
+	## As some 80 transforms a frame, blended on the graphics card: what is best for almost everything.
+	CONTROLS,
+	## Vertex by vertex, without anything between two frames: for meshes that controls have no room for.
+	VERTICES,
+	## As weights of the morph targets that [member mesh_source] has.
+	MORPHS,
+}
+
+const Stream := preload("wire/stream.gd")
+const ControlSocket := preload("wire/control.gd")
+const Discovery := preload("wire/discovery.gd")
+const Message := preload("wire/message.gd")
+const SharedScene := preload("play/shared_scene.gd")
+const JitterBuffer := preload("play/jitter_buffer.gd")
+const Body := preload("play/body.gd")
+const ControlsBody := preload("play/controls_body.gd")
+const VerticesBody := preload("play/vertices_body.gd")
+const MorphsBody := preload("play/morphs_body.gd")
+const RestMesh := preload("play/rest_mesh.gd")
+
+const _CHARACTERS := "service/characters"
+const _STATUS := "service/status"
+## Frames by which the rate is measured, at most.
+const _MOST_ARRIVALS := 256
+
+@export_group("Service")
+## Where the service runs. Empty: the first one that is found in the network.
+@export var host := "127.0.0.1":
+	set(value):
+		_link_stale = _link_stale or value != host
+		host = value
+## The port of the stream; that of the control socket is the next one.
+@export_range(1, 65534) var port := 7400:
+	set(value):
+		_link_stale = _link_stale or value != port
+		port = value
+## What the service wants to hear before it lets anybody in, if it does. It is saved with the scene as it is.
+@export var token := "":
+	set(value):
+		_link_stale = _link_stale or value != token
+		token = value
+
+@export_group("Character")
+## The name of the character. Empty: the first one of the service.
+@export var character := "":
+	set(value):
+		_link_stale = _link_stale or value != character
+		character = value
+## Show the character only while the performer of this number plays it. −1: always.
+@export var user_slot := -1
+## How the character comes.
+@export var mode := Mode.CONTROLS:
+	set(value):
+		_body_stale = _body_stale or value != mode
+		mode = value
+## Your own copy of the character, an imported .glb with its materials and textures: for CONTROLS one with ladder
+## coordinates, for MORPHS what `puppetline bake` made. Empty: the mesh that the service sends.
+@export var mesh_source: PackedScene:
+	set(value):
+		_body_stale = _body_stale or value != mesh_source
+		mesh_source = value
+## Materials in the place of the character's own, by surface; where one is empty, the character keeps its own. Standard
+## materials are copied. A shader material has to call what `addons/puppetline/play/puppet.gdshaderinc` says.
+@export var materials: Array[Material] = []:
+	set(value):
+		materials = value
+		if _body != null:
+			_body.dress(materials)
+## Whether the character walks about as its performer does, or stays in its place.
+@export var follow_root := true:
+	set(value):
+		_body_stale = _body_stale or value != follow_root
+		follow_root = value
+
+@export_group("Playing")
+## Seconds by which the character lags behind what comes, so that there is a frame before and after each picture. More
+## is smoother in a bad network, less is quicker.
+@export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
+	set(value):
+		interpolation_delay = value
+		_buffer.delay = value
+## Whether the character moves in the editor as well.
+@export var preview_in_editor := true
+
+var _stream: Stream
+var _control: ControlSocket
+var _discovery: Discovery
+var _shared: SharedScene
+var _buffer := JitterBuffer.new()
+var _body: Body
+var _last_body: Body  # stays until the next one has something to show
+var _preview: Node3D  # what can be shown of the user's own character before the service is there
+var _name := ""  # of the character that is followed
+var _topic := ""  # of its frames
+var _names: Array[String] = []  # of all characters
+var _state := Stream.State.OFFLINE
+var _link_stale := false
+var _body_stale := false
+var _user := Message.NOBODY
+var _calibrated := false
+var _takes: Array[String] = []
+var _control_port := 0
+var _damaged := 0
+var _arrivals := PackedFloat64Array()
+
+
+func _process(_delta: float) -> void:
+	if _link_stale or (Engine.is_editor_hint() and not preview_in_editor):
+		_leave()
+	if not (Engine.is_editor_hint() and not preview_in_editor):
+		_play()
+
+
+func _exit_tree() -> void:
+	_leave()
+
+
+func _get_configuration_warnings() -> PackedStringArray:
+	var warnings := PackedStringArray()
+	if mode == Mode.MORPHS and mesh_source == null:
+		warnings.append("MORPHS want a mesh_source: import the .glb that `puppetline bake` made, and put it there.")
+	if _state == Stream.State.REFUSED:
+		warnings.append("The service does not let us in: %s" % _stream.reason)
+	if character and not _names.is_empty() and character not in _names:
+		warnings.append("The service has no character '%s', but: %s." % [character, ", ".join(_names)])
+	if _body != null and _body.problem:
+		warnings.append("mesh_source is not used: %s." % _body.problem)
+	return warnings
+
+
+## Ask the service to do something, see docs/control.md; `done` is called with its reply, or with the like of one if
+## none comes.
+func request(body: Dictionary, done := Callable()) -> void:
+	if _control == null:
+		var there := host if _stream == null else _stream.host
+		_control = ControlSocket.new(there, _control_port if _control_port > 0 else port + 1, token)
+	_control.request(body, done if done.is_valid() else _warn_of_failure)
+
+
+## Take the performer's pose as it is now for the rest pose.
+func calibrate() -> void:
+	request({"do": "calibrate", "character": _name})
+
+
+## Let the performer's left move the character's right (true), or its left.
+func set_mirror(on: bool) -> void:
+	request({"do": "mirror", "character": _name, "on": on})
+
+
+## Record a take, under a name that the service chooses if none is given.
+func start_recording(take := "") -> void:
+	request({"do": "record_start", "name": take} if take else {"do": "record_start"})
+
+
+func stop_recording() -> void:
+	request({"do": "record_stop"})
+
+
+## Compute the positions of all vertices as they are shown just now, in the space of this node. That is slow, and meant
+## for tools. The order is that of the scene; in MORPHS, that of the imported meshes.
+func evaluate() -> PackedVector3Array:
+	return _body.evaluate() if _body != null else PackedVector3Array()
+
+
+## Return how it goes: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency` (seconds, see
+## `same_machine_latency` of wire/stream.gd), `waiting` (frames that are not shown yet), `lost` (on the way), `damaged`,
+## and what is shown: `sequence`, `next_sequence`, `share`.
+func statistics() -> Dictionary:
+	return {
+		"character": _name,
+		"connected": _state == Stream.State.CONNECTED,
+		"user": _user,
+		"calibrated": _calibrated,
+		"frames_per_second": _recent_arrivals(),
+		"latency": _stream.same_machine_latency() if _stream != null else -1.0,
+		"waiting": _buffer.waiting(),
+		"lost": _buffer.lost,
+		"damaged": _damaged,
+		"sequence": _buffer.earlier.sequence if _buffer.earlier != null else -1,
+		"next_sequence": _buffer.later.sequence if _buffer.later != null else -1,
+		"share": _buffer.share,
+	}
+
+
+func _play() -> void:
+	if _stream == null and not _join():
+		return
+	_stream.poll()
+	if _control != null:
+		_control.poll()
+	_notice_state()
+	if _shared == null:
+		return
+	_shared.poll()
+	if _body_stale and _shared.scene != null:
+		_build()
+	if _body != null and _buffer.advance(_now()):
+		_show()
+
+
+## Follow the service, once it is known where it is.
+func _join() -> bool:
+	var address := {"host": host, "port": port, "control": port + 1}
+	_show_preview()
+	if host.is_empty():
+		if _discovery == null:
+			_discovery = Discovery.new()
+			_discovery.search()
+		_discovery.poll()
+		if _discovery.services.is_empty():
+			return false
+		address = _discovery.services[0]
+		_discovery = null
+	_control_port = address["control"]
+	_stream = Stream.shared(address["host"], address["port"], token)
+	_stream.follow(_CHARACTERS, _on_characters)
+	_stream.follow(_STATUS, _on_status)
+	if character:
+		_follow_character(character)
+	return true
+
+
+## Leave the service, and show nothing any more.
+func _leave() -> void:
+	_link_stale = false
+	if _stream == null:
+		return
+	_unfollow_character()
+	_stream.unfollow(_CHARACTERS, _on_characters)
+	_stream.unfollow(_STATUS, _on_status)
+	_change_state(Stream.State.OFFLINE)
+	_stream = null
+	_control = null
+	_discovery = null
+	_names.clear()
+
+
+func _follow_character(which: String) -> void:
+	if which == _name:
+		return
+	_unfollow_character()
+	_name = which
+	_shared = SharedScene.shared(_stream, _name)
+	_shared.changed.connect(_on_scene)
+	_stream.follow(_name + "/performer", _on_performer)
+	_body_stale = true
+
+
+func _unfollow_character() -> void:
+	if _shared == null:
+		return
+	_stream.unfollow(_name + "/performer", _on_performer)
+	_unfollow_frames()
+	_shared.changed.disconnect(_on_scene)
+	_shared = null
+	_name = ""
+	for body: Body in [_body, _last_body]:
+		if body != null:
+			body.queue_free()
+	_body = null
+	_last_body = null
+
+
+func _unfollow_frames() -> void:
+	if _topic:
+		_stream.unfollow(_topic, _on_frame)
+	_topic = ""
+	_buffer = JitterBuffer.new()
+	_buffer.delay = interpolation_delay
+
+
+## Make what shows the character, and follow the frames that it wants.
+func _build() -> void:
+	_body_stale = false
+	_unfollow_frames()
+	if _body != null and _last_body == null:
+		_last_body = _body
+	elif _body != null:
+		_body.queue_free()
+	_body = _new_body()
+	_body.follow_root = follow_root
+	_body.dress(materials)
+	_body.visible = false
+	if _body.problem:
+		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
+	update_configuration_warnings()
+	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
+	_topic = "%s/%s" % [_name, _body.word()]
+	_stream.follow(_topic, _on_frame)
+	scene_loaded.emit()
+
+
+func _new_body() -> Body:
+	var source: Node3D = mesh_source.instantiate() as Node3D if mesh_source != null else null
+	if mode == Mode.MORPHS:
+		return MorphsBody.new(_shared, source)
+	var obstacle := RestMesh.obstacle(_shared.scene) if mode == Mode.CONTROLS else ""
+	if mode == Mode.CONTROLS and obstacle.is_empty():
+		return ControlsBody.new(_shared, source)
+	if source != null:
+		source.free()
+	if obstacle:
+		push_warning("Puppetline: %s comes vertex by vertex: %s." % [_name, obstacle])
+	return VerticesBody.new(_shared)
+
+
+func _show() -> void:
+	_body.show_frames(_buffer.earlier, _buffer.later, _buffer.share)
+	_body.visible = user_slot < 0 or _buffer.earlier.user == user_slot
+	if _last_body != null:
+		_last_body.queue_free()
+		_last_body = null
+	_hide_preview()
+
+
+## Show the user's own character as it is, while there is no service to move it.
+func _show_preview() -> void:
+	if _preview == null and mesh_source != null and user_slot < 0:
+		_preview = mesh_source.instantiate() as Node3D
+		if _preview != null:
+			add_child(_preview, false, Node.INTERNAL_MODE_FRONT)
+
+
+func _hide_preview() -> void:
+	if _preview != null:
+		_preview.queue_free()
+		_preview = null
+
+
+func _notice_state() -> void:
+	if _stream.state != _state:
+		_change_state(_stream.state)
+	if _state == Stream.State.OFFLINE and host.is_empty():
+		_link_stale = true  # it may be elsewhere when it comes back
+
+
+func _change_state(to: Stream.State) -> void:
+	var was := _state
+	_state = to
+	update_configuration_warnings()
+	if was == Stream.State.CONNECTED:
+		_notice_performer(Message.NOBODY, Message.PerformerState.WAITING)
+		_notice_takes([])
+		disconnected.emit()
+	if to == Stream.State.CONNECTED:
+		connected.emit()
+	if to == Stream.State.REFUSED:
+		push_warning("Puppetline: %s:%d refuses us: %s" % [_stream.host, _stream.port, _stream.reason])
+		refused.emit(_stream.reason)
+
+
+func _on_characters(message: Message) -> void:
+	var list: Variant = message.json()
+	if not list is Array:
+		return
+	_names.clear()
+	for entry: Variant in list:
+		if entry is Dictionary and entry.get("name") is String:
+			_names.append(entry["name"])
+	update_configuration_warnings()
+	if character.is_empty() and not _names.is_empty() and _name not in _names:
+		_follow_character(_names[0])
+
+
+func _on_status(message: Message) -> void:
+	var status: Variant = message.json()
+	var takes: Array[String] = []
+	if status is Dictionary and status.get("stages") is Array:
+		for stage: Variant in status["stages"]:
+			if stage is Dictionary and stage.get("recording") is String:
+				takes.append(stage["recording"])
+	_notice_takes(takes)
+
+
+func _notice_takes(takes: Array[String]) -> void:
+	var before := _takes
+	_takes = takes
+	for take in before:
+		if take not in takes:
+			take_stopped.emit(take)
+	for take in takes:
+		if take not in before:
+			take_started.emit(take)
+
+
+func _on_performer(message: Message) -> void:
+	_notice_performer(message.user, message.state)
+
+
+func _notice_performer(user: int, state: Message.PerformerState) -> void:
+	var plays := state == Message.PerformerState.CALIBRATING or state == Message.PerformerState.PERFORMING
+	var now := user if plays and (user_slot < 0 or user == user_slot) else Message.NOBODY
+	if now != _user:
+		var before := _user
+		_user = now
+		_calibrated = false
+		if before != Message.NOBODY:
+			performer_lost.emit(before)
+		if now != Message.NOBODY:
+			performer_found.emit(now)
+	if now != Message.NOBODY and state == Message.PerformerState.PERFORMING and not _calibrated:
+		_calibrated = true
+		performer_calibrated.emit(now)
+
+
+func _on_scene() -> void:
+	_body_stale = true
+
+
+func _on_frame(message: Message) -> void:
+	if _body_stale:
+		return
+	if message.revision != _shared.scene.revision:
+		_shared.ask()
+	elif message.payload.size() != _body.frame_size():
+		_damaged += 1
+	else:
+		_arrivals = _arrivals.slice(-_MOST_ARRIVALS) if _arrivals.size() > 2 * _MOST_ARRIVALS else _arrivals
+		_arrivals.append(_now())
+		_buffer.push(message, _now())
+
+
+func _recent_arrivals() -> int:
+	_arrivals = _arrivals.slice(_arrivals.bsearch(_now() - 1.0))
+	return _arrivals.size()
+
+
+func _warn_of_failure(reply: Dictionary) -> void:
+	if not reply.get("ok", false):
+		var error: Variant = reply.get("error", {})
+		push_warning("Puppetline: %s" % (" ".join(error.values().map(str)) if error is Dictionary else str(error)))
+
+
+static func _now() -> float:
+	return Time.get_ticks_usec() * 1e-6

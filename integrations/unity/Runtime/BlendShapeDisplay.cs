@@ -1,0 +1,83 @@
+using System.Collections.Generic;
+using UnityEngine;
+
+namespace Puppetline
+{
+    /// <summary>Sets the weights of an imported .glb's blend shapes.</summary>
+    sealed class BlendShapeDisplay : Display
+    {
+        readonly List<Skin> skins = new List<Skin>();
+        readonly Transform rootNode;
+        readonly Vector3 rootAtRest;
+
+        public BlendShapeDisplay(Puppet puppet, Scene scene)
+        {
+            rootNode = puppet.rootNode;
+            rootAtRest = rootNode == null ? Vector3.zero : rootNode.localPosition;
+            string first = scene.Morphs.Count == 0 ? "" : scene.Morphs[0];
+            foreach (SkinnedMeshRenderer renderer in puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>())
+            {
+                int index = renderer.sharedMesh.GetBlendShapeIndex(first);
+                if (index >= 0 && index + scene.Morphs.Count <= renderer.sharedMesh.blendShapeCount)
+                {
+                    skins.Add(new Skin(renderer, index, scene.Morphs.Count));
+                }
+            }
+            if (skins.Count == 0)
+            {
+                Debug.LogWarning(
+                    "Puppetline: no SkinnedMeshRenderer here has the " + scene.Morphs.Count + " blend shapes from '" + first
+                    + "' on. Import the .glb of puppetline bake that the service was started with, and put its renderers into 'skins'.",
+                    puppet);
+            }
+        }
+
+        public override void Show(Frame frame)
+        {
+            foreach (Skin skin in skins)
+            {
+                skin.Show(frame.Values);
+            }
+            if (rootNode != null)
+            {
+                rootNode.localPosition = rootAtRest + new Vector3(-frame.Header.RootX, frame.Header.RootY, frame.Header.RootZ);
+            }
+        }
+
+        public override void Dispose()
+        {
+            if (rootNode != null)
+            {
+                rootNode.localPosition = rootAtRest;
+            }
+        }
+
+        sealed class Skin
+        {
+            readonly SkinnedMeshRenderer renderer;
+            readonly int first;
+
+            /// <summary>What importers make of a whole target: 100, or 1.</summary>
+            readonly float[] whole;
+
+            public Skin(SkinnedMeshRenderer renderer, int first, int count)
+            {
+                this.renderer = renderer;
+                this.first = first;
+                whole = new float[count];
+                for (int k = 0; k < count; k++)
+                {
+                    whole[k] = renderer.sharedMesh.GetBlendShapeFrameWeight(first + k, 0);
+                }
+            }
+
+            public void Show(float[] residualAndWeights)
+            {
+                for (int k = 0; k < whole.Length; k++)
+                {
+                    renderer.SetBlendShapeWeight(first + k, whole[k] * residualAndWeights[k + 1]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,70 @@
+using System;
+using UnityEngine;
+using UnityEngine.Rendering;
+
+namespace Puppetline
+{
+    /// <summary>The materials that a character is drawn with, one for each part.</summary>
+    sealed class Look : IDisposable
+    {
+        /// <summary>A property that shaders have which blend the transforms of controls.</summary>
+        const string Marker = "_Puppetline";
+
+        readonly bool made;
+
+        public Look(Material[] given, Scene scene)
+        {
+            RenderPipelineAsset pipeline = GraphicsSettings.currentRenderPipeline;
+            Materials = new Material[Math.Max(1, scene.Parts.Count)];
+            made = given.Length == 0 && pipeline == null;
+            for (int i = 0; i < Materials.Length; i++)
+            {
+                Materials[i] = given.Length > 0 ? given[Math.Min(i, given.Length - 1)]
+                    : pipeline != null ? pipeline.defaultMaterial
+                    : Plain(scene, i);
+            }
+        }
+
+        public Material[] Materials { get; }
+
+        /// <summary>Whether all of them can.</summary>
+        public bool BlendsTransforms => Array.TrueForAll(Materials, material => material != null && material.HasProperty(Marker));
+
+        public void Dispose()
+        {
+            for (int i = 0; made && i < Materials.Length; i++)
+            {
+                UnityEngine.Object.Destroy(Materials[i]);
+            }
+        }
+
+        /// <summary>Return glTF's linear colour as Unity's materials take it.</summary>
+        static Color Shown(Json color)
+        {
+            var linear = new Color((float)color[0].Number, (float)color[1].Number, (float)color[2].Number);
+            return linear.gamma;
+        }
+
+        /// <summary>Make a material of a part's plain values; vertex colours have its colour and texture in them.</summary>
+        static Material Plain(Scene scene, int part)
+        {
+            var material = new Material(Resources.Load<Shader>("PuppetlineControls"));
+            Json values = part < scene.Parts.Count ? scene.Parts[part].Material : Json.Null;
+            if (scene.Colors != null)
+            {
+                material.SetFloat("_VertexColors", 1);
+            }
+            else if (values.Kind == JsonKind.Map)
+            {
+                material.SetColor("_Color", Shown(values["base_color"]));
+            }
+            if (values.Kind == JsonKind.Map)
+            {
+                material.SetFloat("_Metallic", (float)values["metallic"].Number);
+                material.SetFloat("_Glossiness", 1 - (float)values["roughness"].Number);
+                material.SetFloat("_Cull", (float)(values["double_sided"].True ? CullMode.Off : CullMode.Back));
+            }
+            return material;
+        }
+    }
+}

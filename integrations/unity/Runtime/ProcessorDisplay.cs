@@ -1,0 +1,27 @@
+namespace Puppetline
+{
+    /// <summary>Shows vertices that were made on the processor, here or at the service; any material will do.</summary>
+    sealed class ProcessorDisplay : MeshDisplay
+    {
+        readonly Puppet puppet;
+        readonly SurfaceVertex[] vertices;
+        readonly Deformation deformation;
+
+        public ProcessorDisplay(Puppet puppet, Scene scene, Look look)
+            : base(puppet, scene, look)
+        {
+            this.puppet = puppet;
+            vertices = new SurfaceVertex[scene.VertexCount];
+            deformation = puppet.mode == PuppetMode.Controls ? new Deformation(scene) : null;
+        }
+
+        public override void Show(Frame frame)
+        {
+            Box box = deformation == null
+                ? Surface.Write(frame.Values, frame.Values, 3 * vertices.Length, Axes.Unity, vertices)
+                : deformation.Evaluate(frame.Values, puppet.quickNormals ? NormalsBy.Cofactors : NormalsBy.Slopes, Axes.Unity, vertices);
+            SetMoving(vertices);
+            SetBounds(box);
+        }
+    }
+}

@@ -1,0 +1,26 @@
+// A Custom Function node of Shader Graph: type File, name PuppetlineBlend, inputs Position and Normal in object space, UV2 and
+// UV3. It goes between those nodes and Position and Normal of the Vertex stack. Graphs have no UV4 to 7: quick normals.
+
+#ifndef PUPPETLINE_GRAPH_INCLUDED
+#define PUPPETLINE_GRAPH_INCLUDED
+
+#include "Puppetline.hlsl"
+
+void PuppetlineBlend_float(
+    float3 Position, float3 Normal, float4 UV2, float4 UV3, out float3 BlendedPosition, out float3 BlendedNormal)
+{
+    PuppetlineRest rest;
+    rest.position = Position;
+    rest.normal = Normal;
+    rest.ladder[0] = UV2;
+    rest.ladder[1] = UV3;
+    for (int i = 0; i < 4; i++)
+    {
+        rest.slopes[i] = float4(0, 0, 0, 0);
+    }
+    PuppetlinePoint blended = PuppetlineByCofactors(rest);
+    BlendedPosition = blended.position;
+    BlendedNormal = blended.normal;
+}
+
+#endif

@@ -1,0 +1,110 @@
+using System.Collections.Generic;
+using UnityEngine;
+
+namespace Puppetline
+{
+    /// <summary>Sees what is different from the last time, and says so: events, and a warning for each thing that is wrong.</summary>
+    sealed class Watch
+    {
+        readonly Puppet puppet;
+        readonly List<string> takes = new List<string>();
+        FollowState state = FollowState.Offline;
+        string reason = "";
+        Json status = Json.Null;
+        int performer = Header.Nobody;
+        bool calibrated;
+
+        public Watch(Puppet puppet)
+        {
+            this.puppet = puppet;
+        }
+
+        public void Connection(Follower follower)
+        {
+            Become(follower.State, follower.Reason);
+            if (follower.Status != status)
+            {
+                status = follower.Status;
+                Takes(status["stages"]);
+            }
+        }
+
+        public void Performer(Header header)
+        {
+            bool performing = header.State == PerformerState.Performing;
+            int now = performing || header.State == PerformerState.Calibrating ? header.User : Header.Nobody;
+            if (now != performer && performer != Header.Nobody)
+            {
+                puppet.events.performerLost.Invoke(performer);
+            }
+            if (now != performer && now != Header.Nobody)
+            {
+                puppet.events.performerFound.Invoke(now);
+            }
+            if (performing && !(calibrated && now == performer))
+            {
+                puppet.events.performerCalibrated.Invoke(now);
+            }
+            performer = now;
+            calibrated = performing;
+        }
+
+        /// <summary>It was ended here, and not by the service.</summary>
+        public void Ended()
+        {
+            Become(FollowState.Offline, "");
+        }
+
+        void Become(FollowState now, string why)
+        {
+            FollowState before = state;
+            state = now;
+            if (why != reason && why.Length > 0)
+            {
+                Debug.LogWarning("Puppetline: " + why, puppet);
+            }
+            reason = why;
+            if (now == FollowState.Connected && before != FollowState.Connected)
+            {
+                puppet.events.connected.Invoke();
+            }
+            if (now != FollowState.Connected && before == FollowState.Connected)
+            {
+                puppet.events.disconnected.Invoke();
+            }
+            if (now == FollowState.Refused && before != FollowState.Refused)
+            {
+                puppet.events.refused.Invoke(why);
+            }
+        }
+
+        void Takes(Json stages)
+        {
+            var now = new List<string>();
+            for (int i = 0; i < stages.Count; i++)
+            {
+                string take = stages[i]["recording"].Text;
+                if (take.Length > 0)
+                {
+                    now.Add(take);
+                }
+            }
+            foreach (string take in takes)
+            {
+                if (!now.Contains(take))
+                {
+                    puppet.events.takeStopped.Invoke(take);
+                }
+            }
+            foreach (string take in now)
+            {
+                if (!takes.Contains(take))
+                {
+                    puppet.events.takeStarted.Invoke(take);
+                }
+            }
+            takes.Clear();
+            takes.AddRange(now);
+        }
+    }
+}

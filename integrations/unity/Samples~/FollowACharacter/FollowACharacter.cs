@@ -1,0 +1,81 @@
+using Puppetline;
+using UnityEngine;
+
+/// <summary>Says on the screen how it stands with a puppet, and has buttons for what one can ask of the service.</summary>
+public sealed class FollowACharacter : MonoBehaviour
+{
+    /// <summary>Whom to look at.</summary>
+    public Puppet puppet;
+
+    string performer = "Nobody is there: step before the sensor and stand still for a second.";
+    string take = "";
+    bool mirrored;
+
+    void OnEnable()
+    {
+        puppet.events.performerFound.AddListener(Found);
+        puppet.events.performerCalibrated.AddListener(Calibrated);
+        puppet.events.performerLost.AddListener(Lost);
+        puppet.events.takeStarted.AddListener(Started);
+        puppet.events.takeStopped.AddListener(Stopped);
+    }
+
+    void OnDisable()
+    {
+        puppet.events.performerFound.RemoveListener(Found);
+        puppet.events.performerCalibrated.RemoveListener(Calibrated);
+        puppet.events.performerLost.RemoveListener(Lost);
+        puppet.events.takeStarted.RemoveListener(Started);
+        puppet.events.takeStopped.RemoveListener(Stopped);
+    }
+
+    void OnGUI()
+    {
+        GUILayout.BeginArea(new Rect(10, 10, 400, 200));
+        GUILayout.Label(puppet.State + " " + puppet.Reason);
+        GUILayout.Label(performer);
+        if (GUILayout.Button("Calibrate"))
+        {
+            puppet.Calibrate();
+        }
+        if (GUILayout.Button(mirrored ? "Do not mirror" : "Mirror"))
+        {
+            mirrored = !mirrored;
+            puppet.SetMirror(mirrored);
+        }
+        if (take.Length == 0 && GUILayout.Button("Record"))
+        {
+            puppet.StartRecording();
+        }
+        if (take.Length > 0 && GUILayout.Button("Stop recording " + take))
+        {
+            puppet.StopRecording();
+        }
+        GUILayout.EndArea();
+    }
+
+    void Found(int user)
+    {
+        performer = "Performer " + user + ": stand still for a second.";
+    }
+
+    void Calibrated(int user)
+    {
+        performer = "Performer " + user + " is " + puppet.Character + ".";
+    }
+
+    void Lost(int user)
+    {
+        performer = "Performer " + user + " has left.";
+    }
+
+    void Started(string name)
+    {
+        take = name;
+    }
+
+    void Stopped(string name)
+    {
+        take = "";
+    }
+}

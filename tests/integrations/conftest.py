@@ -1,0 +1,29 @@
+"""The service that engines talk to, as its own tests start it: the real process, on free ports, with a small figure."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+BRIDGE = Path(__file__).parents[1] / "engine_bridge"
+
+
+def load(path: Path) -> ModuleType:
+    spec = spec_from_file_location(f"integrations_{path.parent.name}", path)
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+figure = load(BRIDGE / "conftest.py")
+own_cache = figure.own_cache
+make_shape, blob, blob_file, write_puppet, blob_puppet = (
+    figure.make_shape,
+    figure.blob,
+    figure.blob_file,
+    figure.write_puppet,
+    figure.blob_puppet,
+)
+standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
+
+live = load(BRIDGE / "live" / "conftest.py")
+serve, listen, sender, free_port, kung_fu = live.serve, live.listen, live.sender, live.free_port, live.kung_fu

@@ -1,0 +1,165 @@
+"""Godot with the addon: a project to run scripts in, and what they print.
+
+A test script `x.gd` lies beside the tests, extends SceneTree or teller.gd, gets its arguments from
+`OS.get_cmdline_user_args()`, prints a line `RESULT {...}` for each thing that it has to say, and ends with `quit()`.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+ADDON = HERE.parents[2] / "integrations" / "godot" / "addons" / "puppetline"
+PATIENCE = 60.0
+"""Seconds after which a test gives up: it shares the machine with others."""
+
+WRONG = re.compile(
+    r"SCRIPT ERROR|Parse Error|^\s*ERROR:|instances? (were |was )?leaked|leaked at exit|still in use at exit"
+)
+"""What a script that is well never says."""
+
+HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR")
+"""What Godot says of a machine without sound or display."""
+
+PROJECT = """config_version=5
+
+[application]
+
+config/name="Puppetline tests"
+config/features=PackedStringArray("4.3")
+
+[rendering]
+
+renderer/rendering_method="gl_compatibility"
+renderer/rendering_method.mobile="gl_compatibility"
+"""
+
+
+class Script:
+    """A script that runs in Godot, and whatever has been started with it."""
+
+    def __init__(self, command, over):
+        self._over = over
+        self.process = subprocess.Popen(
+            list(map(str, command)),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,
+            env=os.environ | {"PUPPETLINE_TEST_OVER": str(over)},
+        )
+        self.lines = []
+        self.results = []
+        """What it has said so far."""
+        self._read = threading.Thread(target=self._follow)
+        self._read.start()
+
+    def _follow(self):
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+            if line.startswith("RESULT "):
+                self.results.append(json.loads(line.removeprefix("RESULT ")))
+
+    def until(self, wanted, timeout=PATIENCE):
+        """Wait for a result that satisfies a condition, and return it."""
+        give_up = time.monotonic() + timeout
+        while True:
+            ended = self.process.poll() is not None
+            if ended:
+                self._read.join()
+            for result in list(self.results):
+                if wanted(result):
+                    return result
+            if ended or time.monotonic() > give_up:
+                pytest.fail("it has not said what was wanted:\n" + "\n".join(self.lines[-60:]), pytrace=False)
+            time.sleep(0.02)
+
+    def end(self, allow=()):
+        """Tell a script that asks `is_over()` that it is, and return all results."""
+        self._over.touch()
+        return self.finish(allow=allow)
+
+    def finish(self, timeout=PATIENCE, allow=()):
+        """Wait for its end and return all results; fail where it said that something is wrong."""
+        try:
+            code = self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            pytest.fail(f"no end after {timeout} s:\n" + "\n".join(self.lines[-60:]), pytrace=False)
+        self._read.join()
+        wrong = [
+            line
+            for line in self.lines
+            if WRONG.search(line) and not HARMLESS.search(line) and not any(text in line for text in allow)
+        ]
+        if code or wrong:
+            said = "\n".join(self.lines[-60:])
+            pytest.fail("\n".join([f"exit code {code}, {len(wrong)} errors:", *wrong, "", said]), pytrace=False)
+        return self.results
+
+    def kill(self):
+        with suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        self._read.join()
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def imported_project(godot, tmp_path_factory):
+    """A project with the addon that Godot has looked through once, to be copied."""
+    folder = tmp_path_factory.mktemp("godot") / "project"
+    shutil.copytree(ADDON, folder / "addons" / "puppetline")
+    (folder / "tests").mkdir()
+    for script in HERE.glob("*.gd"):
+        shutil.copy(script, folder / "tests")
+    (folder / "project.godot").write_text(PROJECT)
+    everything = [""]  # what is wrong with a part of the addon is for the tests of that part
+    Script([godot, "--headless", "--path", folder, "--import"], folder / "over").finish(300, everything)
+    return folder
+
+
+@pytest.fixture
+def project(imported_project, tmp_path):
+    """A project of the test's own: the addon in `addons/puppetline`, the scripts beside the tests in `tests`."""
+    return shutil.copytree(imported_project, tmp_path / "project")
+
+
+@pytest.fixture
+def start_godot(godot, project):
+    """Start a script in the project and talk to it while it runs; `display` gives it a screen and OpenGL."""
+    started = []
+
+    def start(script, *arguments, display=False):
+        command = [godot, "--path", project, "-s", f"res://tests/{Path(script).name}"]
+        if display:
+            screen = ["xvfb-run", "-a", "-s", "-screen 0 1280x720x24"]
+            command = [*screen, *command, "--rendering-driver", "opengl3", "--audio-driver", "Dummy"]
+        else:
+            command.append("--headless")
+        started.append(Script([*command, "--", *arguments], project.parent / f"over_{len(started)}"))
+        return started[-1]
+
+    yield start
+    for script in started:
+        script.kill()
+
+
+@pytest.fixture
+def run_godot(start_godot):
+    """Run a script in the project to its end and return its results; `allow` are texts of errors that are meant."""
+
+    def run(script, *arguments, display=False, timeout=PATIENCE, allow=()):
+        return start_godot(script, *arguments, display=display).finish(timeout, allow)
+
+    return run

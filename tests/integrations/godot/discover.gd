@@ -1,0 +1,22 @@
+extends "teller.gd"
+## Looks for services, and tells them whenever they change.
+
+const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
+
+var _discovery := Discovery.new()
+
+
+func _initialize() -> void:
+	super()
+	_discovery.changed.connect(_tell_services)
+
+
+func _process(_delta: float) -> bool:
+	_discovery.poll()
+	if is_over():
+		_discovery.changed.disconnect(_tell_services)
+	return is_over()
+
+
+func _tell_services() -> void:
+	tell({"services": _discovery.services})

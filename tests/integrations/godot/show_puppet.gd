@@ -1,0 +1,46 @@
+extends "teller.gd"
+## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
+## "file": where positions are written, 3 floats a vertex}.
+
+const SIGNALS: Array[StringName] = [
+	&"connected",
+	&"disconnected",
+	&"refused",
+	&"scene_loaded",
+	&"performer_found",
+	&"performer_calibrated",
+	&"performer_lost",
+	&"take_started",
+	&"take_stopped",
+]
+
+var _puppet := Puppet3D.new()
+var _wanted := 0
+var _file: FileAccess
+var _last := -1
+
+
+func _initialize() -> void:
+	super()
+	var asked: Dictionary = JSON.parse_string(arguments()[0])
+	_wanted = asked["samples"]
+	_file = FileAccess.open(asked["file"], FileAccess.WRITE)
+	for property: String in asked["settings"]:
+		var value: Variant = asked["settings"][property]
+		_puppet.set(property, load(value) if property == "mesh_source" else value)
+	for happening in SIGNALS:
+		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
+	root.add_child(_puppet)
+
+
+## What nodes show by now, they have shown in the frame before.
+func _process(_delta: float) -> bool:
+	var shown := _puppet.statistics()
+	if shown["calibrated"] and shown["sequence"] > _last:
+		_last = shown["sequence"]
+		_file.store_buffer(_puppet.evaluate().to_byte_array())
+		tell(shown)
+		_wanted -= 1
+	if _wanted == 0:
+		_puppet.free()
+	return _wanted == 0

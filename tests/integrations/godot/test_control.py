@@ -1,0 +1,131 @@
+"""Requests of the addon and the replies of the real service, or what is said in place of one that does not come."""
+
+import json
+import signal
+
+import pytest
+import zmq
+
+TOKEN = "a token for tests"
+TOLD = {"where", "found", "expected", "fix"}
+
+
+@pytest.fixture
+def request_of(start_godot):
+    """Have Godot make requests to a control socket on this machine."""
+
+    def start(port, *bodies, token="", again=False):
+        options = ["--again"] if again else []
+        return start_godot("request.gd", "127.0.0.1", port, token, *options, *map(json.dumps, bodies))
+
+    return start
+
+
+def port_of(service):
+    return int(service.control.rpartition(":")[2])
+
+
+def replies(results):
+    return [told["reply"] for told in results]
+
+
+def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    bodies = [
+        {"do": "ping"},
+        {"do": "list"},
+        {"do": "mirror", "character": "blob", "on": True},
+        {"do": "mirror", "character": "cat", "on": True},
+        {"do": "reload"},
+        {"do": "ping", "id": "its own id is not used"},
+        {"do": "pïng"},
+    ]
+    results = request_of(port_of(service), *bodies).finish()
+    told = {json.dumps(each["request"]): each["reply"] for each in results}
+    of = [told[json.dumps(body)] for body in bodies]
+    assert [reply["ok"] for reply in of] == [True, True, True, False, True, True, False]
+    assert of[0]["result"] == of[5]["result"] == "pong"
+    assert of[1]["result"] == service.ask("list")
+    assert of[2]["result"]["mirror"] is True
+    wrong = service.ask("mirror", character="cat", on=True)
+    assert of[3]["error"] == wrong
+    assert of[4]["result"] == {"characters": ["blob"]}
+    assert set(of[6]["error"]) == TOLD
+
+
+def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet, tmp_path):
+    (tmp_path / "token.txt").write_text(TOKEN)
+    (tmp_path / "token.txt").chmod(0o600)
+    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", tmp_path / "token.txt")
+    port = port_of(service)
+    [reply] = replies(request_of(port, {"do": "ping"}, token=TOKEN).finish())
+    assert reply["result"] == "pong"
+    [reply] = replies(request_of(port, {"do": "ping"}, token="another one").finish())
+    assert reply["ok"] is False
+    assert reply["error"]["found"] == f"The service at 127.0.0.1:{port} does not know this token."
+    [reply] = replies(request_of(port, {"do": "ping"}).finish())
+    assert reply["error"]["found"] == f"The service at 127.0.0.1:{port} wants a token, and none is set."
+
+
+def test_without_a_service_every_request_is_told_so(request_of, free_port):
+    port = free_port()
+    told = replies(request_of(port, {"do": "ping"}, {"do": "list"}).finish())
+    assert [reply["ok"] for reply in told] == [False, False]
+    assert all(set(reply["error"]) == TOLD for reply in told)
+    assert told[0]["error"]["where"] == f"the control socket, 127.0.0.1:{port}"
+    assert told[0]["error"]["found"] == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
+
+
+def test_when_the_service_is_back_so_are_its_replies(request_of, serve, blob_puppet, free_port):
+    arguments = ("--puppet", blob_puppet, "--source", "osc:0", "--port", free_port())
+    service = serve(*arguments)
+    script = request_of(port_of(service), {"do": "ping"}, again=True)
+    script.until(lambda told: told["reply"]["ok"])
+    service.stop(signal.SIGKILL)
+    script.until(lambda told: not told["reply"]["ok"])
+    pongs = sum(reply["ok"] for reply in replies(script.results))
+    serve(*arguments)
+    script.until(lambda _told: sum(reply["ok"] for reply in replies(script.results)) > pongs)
+    script.end()
+
+
+@pytest.fixture
+def router():
+    """A control socket that says what the test wants, in place of the service."""
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
+        router.linger = 0
+        router.port = router.bind_to_random_port("tcp://127.0.0.1")
+        router.rcvtimeo = 60_000
+        yield router
+
+
+def test_replies_find_their_requests_in_any_order_and_others_are_ignored(request_of, router):
+    script = request_of(router.port, {"do": "a"}, {"do": "b"})
+    origin, first = router.recv_multipart()
+    _, second = router.recv_multipart()
+    first, second = json.loads(first), json.loads(second)
+    assert (first["do"], second["do"]) == ("a", "b")
+    for nothing in (
+        b"",
+        b"no json",
+        b"[1]",
+        b"{}",
+        b'{"id": null, "ok": true}',
+        b'{"id": 99, "ok": true}',
+        b"\xff\xfe",
+    ):
+        router.send_multipart([origin, nothing])
+    router.send_multipart([origin, json.dumps({"id": first["id"], "ok": "yes"}).encode()])
+    for request in (second, first):
+        reply = {"id": request["id"], "ok": True, "result": request["do"]}
+        router.send_multipart([origin, json.dumps(reply).encode()])
+    results = script.finish(allow=["Unicode parsing error", "Invalid UTF-8"])
+    assert [(told["request"]["do"], told["reply"]["result"]) for told in results] == [("b", "b"), ("a", "a")]
+
+
+@pytest.mark.slow
+def test_a_reply_that_does_not_come_is_given_up(request_of, router):
+    script = request_of(router.port, {"do": "ping"})
+    router.recv_multipart()
+    [reply] = replies(script.finish())
+    assert reply["error"]["found"] == "no reply within 5 s"

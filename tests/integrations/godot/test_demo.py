@@ -1,0 +1,150 @@
+"""The demo project as a checkout has it, with the real service: who comes, who goes, and what is recorded."""
+
+import json
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+HERE = Path(__file__).parent
+DEMO = HERE.parents[2] / "integrations" / "godot"
+PORTS = (7400, 7401)
+"""Where `puppetline demo --live` is, and the scenes look for it."""
+
+
+@pytest.fixture(scope="module")
+def imported_demo(godot, tmp_path_factory):
+    """The project of the checkout, which Godot has looked through once, to be copied."""
+    folder = tmp_path_factory.mktemp("demo") / "project"
+    shutil.copytree(DEMO, folder, ignore=shutil.ignore_patterns(".godot"))
+    (folder / "tests").mkdir()
+    for script in HERE.glob("demo_*.gd"):
+        shutil.copy(script, folder / "tests")
+    command = [godot, "--headless", "--path", folder, "--import"]
+    told = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    assert "ERROR" not in told.stdout + told.stderr
+    return folder
+
+
+@pytest.fixture
+def project(imported_demo, tmp_path):
+    """Stands in for the empty project of the other tests."""
+    return shutil.copytree(imported_demo, tmp_path / "project")
+
+
+@pytest.fixture
+def two(blob_puppet, blob_file, write_puppet):
+    """Two puppet files of one figure, by the names of their characters."""
+    return {name: write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("dog", "cat")}
+
+
+def port_of(service):
+    return int(service.stream.rpartition(":")[2])
+
+
+def kiosk_of(service, left, right):
+    port = port_of(service)
+    return json.dumps(
+        {"Left/Puppet": {"character": left, "port": port}, "Right/Puppet": {"character": right, "port": port}}
+    )
+
+
+def test_the_kiosk_invites_while_nobody_is_there_and_lights_up_who_comes(serve, sender, two, kung_fu, start_godot):
+    """Two performers come one after another, and both are silent in the end."""
+    puppets = [argument for path in two.values() for argument in ("--puppet", path)]
+    service = serve(*puppets, "--source", sender.uri)
+    kiosk = start_godot("demo_kiosk.gd", kiosk_of(service, "dog", "cat"))
+    assert kiosk.until(lambda said: "attracting" in said)["attracting"]
+    for side in ("Left", "Right"):
+        kiosk.until(lambda said, side=side: said.get("loaded") == side)
+    assert not any("taken" in said for said in kiosk.results)
+
+    def there(*sides):
+        return lambda: all({"calibrated": side, "user": n} in [*kiosk.results] for n, side in enumerate(sides, 1))
+
+    sender.play(kung_fu, user=1, until=there("Left"))
+    assert {"taken": "Left", "on": True} in kiosk.results
+    assert {"taken": "Right", "on": True} not in kiosk.results
+    assert {"attracting": False, "prompt": False} in kiosk.results
+    first = threading.Thread(target=sender.play, args=(kung_fu,), kwargs={"until": there("Left", "Right")})
+    first.start()
+    sender.play(kung_fu, user=2, until=there("Left", "Right"))
+    first.join()
+    said = kiosk.finish()
+    lit = [each for each in said if "taken" in each]
+    assert lit[:2] == [{"taken": "Left", "on": True}, {"taken": "Right", "on": True}]
+    assert sorted(each["taken"] for each in lit[2:] if not each["on"]) == ["Left", "Right"]
+    assert said[-1] == {"attracting": True, "prompt": True}
+
+
+def test_a_service_that_ends_leaves_the_kiosk_inviting(serve, take, two, start_godot):
+    puppets = [argument for path in two.values() for argument in ("--puppet", path, "--source", f"replay:{take}?loop")]
+    service = serve(*puppets)
+    kiosk = start_godot("demo_kiosk.gd", kiosk_of(service, "dog", "cat"))
+    for side in ("Left", "Right"):
+        kiosk.until(lambda said, side=side: said == {"taken": side, "on": True})
+    service.stop()
+    said = kiosk.finish()
+    assert {"taken": "Left", "on": False} in said
+    assert {"taken": "Right", "on": False} in said
+    assert said[-1] == {"attracting": True, "prompt": True}
+
+
+def test_a_take_is_recorded_on_the_film_set_and_played_by_a_second_service(
+    serve, take, two, free_port, start_godot, tmp_path
+):
+    puppets = [argument for path in two.values() for argument in ("--puppet", path, "--source", f"replay:{take}?loop")]
+    service = serve(*puppets)
+    second = free_port()
+    settings = {"Live": {"character": "cat", "port": port_of(service)}, "Played": {"port": second}}
+    film = start_godot("demo_film.gd", json.dumps(settings))
+    asked = film.until(lambda said: "command" in said)
+    (recorded,) = service.ask("list")["takes"]
+    assert asked["take"] == recorded["name"]
+    assert f"takes/{asked['take']}.log" in asked["command"]
+    assert asked["command"].endswith(f"--port {second}")
+    record = tmp_path / "takes" / f"{asked['take']}.log"
+    serve("--puppet", two["cat"], "--source", f"replay:{record}?loop", "--port", second)
+    said = film.finish()
+    assert {"started": asked["take"]} in said
+    assert {"stopped": asked["take"]} in said
+    assert [each for each in said if "played" in each] == [
+        {"played": True, "live": False},
+        {"played": False, "live": True},
+    ]
+    assert said[-1] == {"cut": "Close"}
+
+
+def taken(port):
+    with closing(socket.socket()) as one:
+        return one.connect_ex(("127.0.0.1", port)) == 0
+
+
+@pytest.fixture(scope="module")
+def demo_live(tmp_path_factory, own_cache):
+    """Run `puppetline demo --live` as the documentation says, until the tests of this module are done."""
+    if any(map(taken, PORTS)):
+        pytest.skip(f"another program listens on {PORTS[0]} or {PORTS[1]}, which puppetline demo --live uses")
+    folder = tmp_path_factory.mktemp("live")
+    command = [sys.executable, "-m", "puppetline", "demo", "--live"]
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL) as process:
+        yield folder
+        process.terminate()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("script", "scene"), [("demo_kiosk.gd", "kiosk"), ("demo_film.gd", "film")])
+def test_a_scene_shows_the_example_characters_as_it_is(script, scene, demo_live, start_godot, tmp_path):
+    """A picture with the characters and one without differ in a good part of the pixels."""
+    start_godot(script, "{}", tmp_path / f"{scene}.png", display=True).finish(300)
+    pictures = (tmp_path / f"{scene}.png", tmp_path / f"{scene}_empty.png")
+    shown, empty = (np.asarray(Image.open(path).convert("RGB"), np.int16) for path in pictures)
+    assert shown.shape == (720, 1280, 3)
+    assert (np.abs(shown - empty).max(axis=2) > 12).mean() > 0.03

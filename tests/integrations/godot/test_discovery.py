@@ -1,0 +1,164 @@
+"""Services are found by multicast DNS: the real announcement where multicast works, packets of its library anywhere."""
+
+import base64
+import random
+import socket
+import struct
+from contextlib import closing
+from importlib.metadata import version
+
+import pytest
+from zeroconf import DNSIncoming, DNSOutgoing, ServiceInfo, Zeroconf
+from zeroconf.const import _CLASS_IN, _FLAGS_AA, _FLAGS_QR_RESPONSE, _TYPE_PTR
+
+from engine_bridge.live.discovery import TYPE, Announcement
+
+
+def multicast_works():
+    try:
+        with closing(Zeroconf(["127.0.0.1"])):
+            return True
+    except OSError:
+        return False
+
+
+on_the_network = pytest.mark.skipif(not multicast_works(), reason="no multicast on loopback here")
+
+
+@pytest.fixture
+def announce(free_port):
+    """Announce a service on loopback, or everywhere, as the service does."""
+    made = []
+
+    def start(*characters, host="127.0.0.1", mechanism="NULL"):
+        port = free_port()
+        made.append(Announcement(host, port, port + 1, mechanism, characters))
+        return made[-1], port
+
+    yield start
+    for each in made:
+        each.close()
+
+
+def at(port, wanted=lambda _service: True):
+    """Tell whether a service at a port has been found that is as it is wanted."""
+    return lambda told: any(service["port"] == port and wanted(service) for service in told["services"])
+
+
+@on_the_network
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_a_service_is_found(start_godot, announce, host):
+    _, port = announce("dog", "cat", host=host, mechanism="PLAIN")
+    script = start_godot("discover.gd")
+    found = script.until(at(port))
+    [service] = [each for each in found["services"] if each["port"] == port]
+    script.end()
+    assert service["name"].startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
+    own = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)} | {"127.0.0.1"}
+    assert service.pop("host") in own
+    assert service == {
+        "name": service["name"],
+        "port": port,
+        "control": port + 1,
+        "characters": ["dog", "cat"],
+        "mechanism": "PLAIN",
+        "version": version("puppetline"),
+    }
+
+
+@on_the_network
+@pytest.mark.slow
+def test_one_that_comes_later_changes_or_goes_is_noticed(start_godot, announce):
+    script = start_godot("discover.gd")
+    announcement, port = announce("dog")
+    script.until(at(port))
+    announcement.update(["lion"])
+    script.until(at(port, lambda service: service["characters"] == ["lion"]))
+    announcement.close()
+    gone = len(script.results)
+    script.until(lambda told: told in script.results[gone:] and not at(port)(told))
+    script.end()
+
+
+def answer(*services):
+    """Return an answer to a question for services, as zeroconf writes it, names compressed."""
+    out = DNSOutgoing(_FLAGS_QR_RESPONSE | _FLAGS_AA, multicast=False)
+    for info in services:
+        out.add_answer_at_time(info.dns_pointer(), 0)
+    for info in services:
+        for record in (info.dns_service(), info.dns_text(), *info.dns_addresses()):
+            out.add_additional_answer(record)
+    [packet] = out.packets()
+    return packet
+
+
+def info(name="Puppetline on stage", port=7400, addresses=("10.0.0.7", "192.168.1.2"), **properties):
+    return ServiceInfo(
+        TYPE, f"{name}.{TYPE}", port=port, properties=properties, server="stage.local.", parsed_addresses=addresses
+    )
+
+
+@pytest.fixture
+def read(run_godot, tmp_path):
+    """Have packets read; return the records of each, and the question that is asked."""
+
+    def start(packets, **more):
+        path = tmp_path / "packets"
+        path.write_bytes(b"".join(struct.pack("<I", len(packet)) + packet for packet in packets))
+        *results, last = run_godot("dns_packets.gd", path, **more)
+        return [result["records"] for result in results], base64.b64decode(last["question"])
+
+    return start
+
+
+def test_records_are_read_as_zeroconf_wrote_them(read):
+    services = (
+        info(version="0.1.0", characters="dog,cat", control="7401", mechanism="NULL"),
+        info("Zürich: Bühne 2", port=65535, addresses=["10.0.0.8"]),
+    )
+    [records], _ = read([answer(*services)])
+    names = [service.name.removesuffix(".") for service in services]
+    assert [each["data"] for each in records if each["type"] == 12] == names
+    assert {each["name"]: each["data"] for each in records if each["type"] == 33} == {
+        name: {"port": service.port, "target": "stage.local"} for name, service in zip(names, services, strict=True)
+    }
+    texts = {each["name"]: each["data"] for each in records if each["type"] == 16}
+    assert texts[names[0]] == ["version=0.1.0", "characters=dog,cat", "control=7401", "mechanism=NULL"]
+    assert [each["data"] for each in records if each["type"] == 1] == ["10.0.0.7", "192.168.1.2", "10.0.0.8"]
+
+
+def test_the_question_is_one_that_zeroconf_understands(read):
+    _, question = read([])
+    incoming = DNSIncoming(question)
+    assert incoming.valid
+    assert incoming.is_query()
+    [asked] = incoming.questions
+    assert (asked.name, asked.type, asked.class_) == (TYPE, _TYPE_PTR, _CLASS_IN)
+
+
+def test_what_is_damaged_ends_what_is_read(read):
+    whole = answer(info(version="0.1.0", characters="dog"), info("another"))
+    chance = random.Random(3)
+    damaged = [whole[:length] for length in range(len(whole))]
+    for _ in range(1000):
+        packet = bytearray(whole)
+        for _ in range(chance.randint(1, 4)):
+            packet[chance.randrange(len(packet))] = chance.choice([0, 1, 12, 63, 64, 128, 192, 255])
+        damaged.append(bytes(packet))
+    header = struct.pack(">6H", 0, 0x8400, 0, 1, 0, 0)
+    record = struct.pack(">HHIH", 12, 1, 120, 2) + b"\xc0\x0c"
+    damaged += [
+        header + b"\xc0\x0c" + record,  # a name that is itself
+        header + b"\xc0\x20" + record + bytes(40),  # one that is further on
+        header + b"\1a" * 200 + b"\0" + record,  # one without end
+        header + b"\1a\xc0\x0c" + record,
+        struct.pack(">6H", 0, 0x8400, 65535, 65535, 65535, 65535) + bytes(9000),
+        struct.pack(">6H", 0, 0x0000, 0, 1, 0, 0) + b"\0" + record,  # a question is no answer
+        random.Random(2).randbytes(9000),
+    ]
+    records, _ = read(damaged, allow=["nicode", "UTF-8"])
+    whole_records, _ = read([whole])
+    for length in range(len(whole)):
+        assert records[length] == whole_records[0][: len(records[length])]  # what was whole, in its order
+    assert [records[-7], records[-6], records[-5], records[-4], records[-2]] == [[]] * 5
+    assert len(records[-3]) <= 512

@@ -1,0 +1,105 @@
+"""Messages as the addon takes them apart: what it reads is what the service's own decoder reads."""
+
+import base64
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_bridge.live.wire import FRAME_KINDS, WireError, split
+
+VECTORS = Path(__file__).parents[2] / "vectors"
+EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
+RECORDED = sorted(path.stem for path in VECTORS.glob("*.bin"))
+
+
+def recorded(name):
+    return (VECTORS / f"{name}.bin").read_bytes()
+
+
+@pytest.fixture
+def decoded(run_godot, tmp_path):
+    """Have messages decoded."""
+
+    def decode(messages, **more):
+        path = tmp_path / "messages"
+        path.write_bytes(b"".join(struct.pack("<I", len(message)) + message for message in messages))
+        return run_godot("decode.gd", path, **more)
+
+    return decode
+
+
+def told(message):
+    """Return what the script is to say of a message."""
+    try:
+        topic, header, payload = split(message)
+    except WireError:
+        return {"damaged": True}
+    if not np.isfinite([header.time, *header.root]).all():
+        return {"damaged": True}
+    return {
+        "topic": topic,
+        **{name: getattr(header, name) for name in ("major", "minor", "kind", "state", "user", "revision", "time")},
+        **{name: str(signed(getattr(header, name))) for name in ("sequence", "received", "published")},
+        "root": list(header.root),
+        "length": header.length,
+        "is_frame": header.kind in FRAME_KINDS,
+        "payload": base64.b64encode(payload).decode(),
+    }
+
+
+def rounded(text):
+    """Read JSON without the last digits of its numbers, in which readers differ."""
+    return json.loads(text, parse_float=lambda number: round(float(number), 9))
+
+
+def signed(number):
+    return number - (number >> 63 << 64)
+
+
+def test_recorded_messages_are_what_they_are_for_python(decoded):
+    names = [name for name in RECORDED if name != "scene"]
+    results = decoded(map(recorded, names))
+    for name, result in zip(names, results, strict=True):
+        parsed = result.pop("json")
+        assert result == told(recorded(name)), name
+        assert {key: result[key] for key in ("topic", "kind", "revision", "user", "root")} == {
+            "topic": EXPECTED[name]["topic"],
+            **{key: EXPECTED[name]["header"][key] for key in ("kind", "revision", "user", "root")},
+        }
+        if EXPECTED[name]["header"]["kind"] >= 8:
+            assert rounded(json.dumps(parsed)) == rounded(recorded(name)[128:])
+
+
+def test_what_is_cut_short_or_altered_is_refused_where_python_refuses_it(decoded):
+    whole = recorded("1.handles")
+    altered = [whole[:length] for length in range(len(whole))]
+    random = np.random.default_rng(3)
+    for _ in range(400):
+        bytes_ = bytearray(whole)
+        for place in random.integers(0, 128, random.integers(1, 4)):
+            bytes_[place] = random.choice([0, 1, 2, 4, 127, 128, 255])
+        bytes_[66] = whole[66] if bytes_[66] == 1 else bytes_[66]  # a scene is another test's
+        altered.append(bytes(bytes_))
+    results = decoded(altered)
+    assert len(results) == len(altered)
+    for message, result in zip(altered, results, strict=True):
+        result.pop("json", None)
+        if not result.get("damaged") and result["major"] != 1:  # said with its version, so that somebody can be told
+            assert result == {**result, "major": message[64], "minor": message[65], "length": 0}
+            continue
+        expected = told(message)
+        if message[:64].strip(b"\0").find(b"\0") >= 0 or not message[:64].strip(b"\0").isascii():
+            continue  # topics that nobody has subscribed to
+        assert result == expected, message[:128]
+
+
+def test_what_a_later_version_may_add_is_ignored(decoded):
+    message = bytearray(recorded("1.handles"))
+    message[65] = 9
+    message[124:128] = b"more"
+    [result] = decoded([bytes(message) + b"and more"])
+    assert result["payload"] == base64.b64encode(recorded("1.handles")[128:]).decode()
+    assert (result["major"], result["minor"]) == (1, 9)

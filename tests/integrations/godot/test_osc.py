@@ -1,0 +1,224 @@
+"""OSC as the addon reads and writes it, beside this project's decoder, and what its receiver makes of the service's."""
+
+import base64
+import math
+import random
+import socket
+import struct
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from capture.network.osc import OscError, bundle, decode, encode
+
+
+@pytest.fixture
+def read(run_godot, tmp_path):
+    """Have datagrams read, and written again."""
+
+    def start(datagrams, **more):
+        path = tmp_path / "datagrams"
+        path.write_bytes(b"".join(struct.pack("<I", len(datagram)) + datagram for datagram in datagrams))
+        return run_godot("osc_packets.gd", path, **more)
+
+    return start
+
+
+def typed(argument):
+    if argument is None:
+        return ["Nil", None]
+    if isinstance(argument, bool):
+        return ["bool", argument]
+    if isinstance(argument, int):
+        return ["int", str(argument - (argument >> 63 << 64))]
+    if isinstance(argument, bytes):
+        return ["bytes", base64.b64encode(argument).decode()]
+    return ["float" if isinstance(argument, float) else "String", argument]
+
+
+def told(datagram):
+    """Return what the script is to say: what Python's decoder says, without addresses that OSC does not have."""
+    try:
+        messages = decode(datagram)
+    except OscError:
+        return []
+    if not all(message.address.startswith("/") for message in messages):
+        return []
+    return [[message.address, list(map(typed, message.arguments))] for message in messages]
+
+
+MESSAGES = [
+    encode("/a"),
+    encode("/puppetline/dog/joint/head", 1.5, -2.25, 3e-30, 1.0),
+    encode("/texts", "", "abc", "abcd", "Grüße", "猫"),
+    encode("/blobs", b"", b"1", b"1234", b"12345"),
+    encode("/ints", 0, 1, -1, 2**31 - 1, -(2**31)),
+    encode("/mixed", 1, 2.0, "three", 4.0, 5.0, b"six", 7),
+    encode("/controls", np.random.default_rng(1).normal(size=960).astype(np.float32)),
+    b"/t\0\0,TFNhdt\0" + struct.pack(">qdq", -(2**40), math.pi, 5),
+    bundle(),
+    bundle(encode("/a", 1), bundle(encode("/b", 2.0), encode("/c")), encode("/d", "x")),
+]
+
+
+def test_what_comes_is_what_python_reads_and_written_again_what_came(read):
+    for datagram, result in zip(MESSAGES, read(MESSAGES), strict=True):
+        assert result["messages"] == told(datagram), datagram
+        again = [base64.b64decode(text) for text in result["written"]]
+        if datagram.startswith(b"/") and not datagram.startswith(b"/t\0"):  # h, d and t come back as i, f and h
+            assert again == [datagram]
+        elif datagram.startswith(b"#"):
+            assert again == [encode(message.address, *message.arguments) for message in decode(datagram)]
+
+
+def test_what_is_damaged_is_refused_where_python_refuses_it(read):
+    chance = random.Random(5)
+    damaged = [datagram[:length] for datagram in MESSAGES if len(datagram) < 200 for length in range(len(datagram))]
+    small = [datagram for datagram in MESSAGES if len(datagram) < 200]
+    for _ in range(1500):
+        datagram = bytearray(chance.choice(small))
+        for _ in range(chance.randint(1, 3)):
+            datagram[chance.randrange(len(datagram))] = chance.choice([0, 1, 4, 44, 47, 97, 102, 105, 115, 127, 255])
+        damaged.append(bytes(datagram))
+    results = read(damaged, allow=["nicode", "UTF-8"])
+    others = [
+        (datagram, result["messages"], told(datagram))
+        for datagram, result in zip(damaged, results, strict=True)
+        if result["messages"] != told(datagram) and not unprintable(datagram)
+    ]
+    assert others == []
+
+
+def unprintable(datagram):
+    """Tell whether it has texts about which decoders may differ: bytes that are no UTF-8, addresses beyond ASCII."""
+    return any(byte > 126 or (0 < byte < 32) for byte in datagram)
+
+
+def test_bundles_are_read_within_bounds(read):
+    deep = encode("/a")
+    nested = [deep := bundle(deep) for _ in range(6)]
+    wide = [bundle(*[encode("/a")] * count) for count in (1023, 1025, 2000)]
+    results = read(nested + wide + [bundle(*[bundle()] * 1500), b"", bytes(4), b"#bundle\0", b"#bundle\0" + bytes(8)])
+    assert [len(result["messages"]) for result in results] == [1, 1, 1, 1, 0, 0, 1023, 0, 0, 0, 0, 0, 0, 0]
+
+
+@pytest.fixture
+def receive(start_godot):
+    """Start a receiver on a free port; it is ready when this returns."""
+
+    def start(character=""):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        script = start_godot("osc_receive.gd", port, character)
+        script.until(lambda told: told["signal"] == "ready")
+        return script, port
+
+    return start
+
+
+def of(script, name):
+    return [told for told in script.results if told["signal"] == name]
+
+
+def test_what_the_service_sends_becomes_signals(receive, serve, blob_puppet, take):
+    script, port = receive()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as python:
+        python.bind(("127.0.0.1", 0))
+        python.settimeout(60)
+        config = blob_puppet.with_name("osc.toml")
+        send = '["joints", "handles", "controls", "performer"]'
+        targets = "".join(
+            f'[[osc]]\nhost = "127.0.0.1"\nport = {each}\nrate = 30\nsend = {send}\n'
+            for each in (port, python.getsockname()[1])
+        )
+        config.write_text(
+            f'takes = "{blob_puppet.parent / "takes"}"\n[network]\nport = 0\nannounce = false\n'
+            f'[[stage]]\nsource = "replay:{take}?loop"\n[[stage.character]]\npuppet = "{blob_puppet}"\n{targets}'
+        )
+        serve("--config", config)
+        expected = defaultdict(list)
+        while len(expected["joints"]) < 40:
+            for name, values in signals(decode(python.recv(65536))):
+                expected[name].append(values)
+    script.until(lambda _told: all(len(of(script, name)) >= len(expected[name]) for name in expected))
+    script.end()
+    assert set(expected) == {"joints", "handles", "controls", "performer"}
+    names = {"joints": ("names", "places", "confidence"), "handles": ("names", "places")}
+    names |= {"controls": ("numbers",), "performer": ("state", "user")}
+    for name, fields in names.items():
+        assert {told["of"] for told in of(script, name)} == {"blob"}
+        heard = [tuple(told[field] for field in fields) for told in of(script, name)]
+        missing = [values for values in expected[name] if values not in heard]
+        assert missing == [], name
+    assert of(script, "message") == []
+
+
+def signals(messages):
+    """Yield what a datagram of the service is to become."""
+    kinds = defaultdict(list)
+    for message in messages:
+        _, _, _, kind, *name = message.address.split("/")
+        kinds[kind].append((*name, message.arguments))
+    for kind, found in kinds.items():
+        if kind in ("joint", "handle"):
+            names = [name for name, _ in found]
+            places = [list(values[:3]) for _, values in found]
+            yield f"{kind}s", (names, places, *([[values[3] for _, values in found]] if kind == "joint" else []))
+        elif kind == "controls":
+            yield "controls", (list(found[0][0]),)
+        else:
+            yield "performer", found[0][0]
+
+
+def test_one_character_is_picked_out_and_what_has_no_signal_is_passed_on(receive):
+    script, port = receive("dog")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for datagram in (
+            encode("/puppetline/cat/morphs", 1.0),
+            encode("/puppetline/dog/morphs", 0.5, -0.25),
+            bundle(encode("/puppetline/dog/residual", 0.125), encode("/puppetline/dog/root", 1.0, 2.0, 3.0)),
+            encode("/puppetline/dog/controls", 1.0),
+            encode("/puppetline/dog/joint/head", 1.0, 2.0),
+            encode("/puppetline/dog/performer", "waiting"),
+            encode("/puppetline/dog/root", 1, 2, 3),
+            encode("/puppetline", 1.0),
+            encode("/other", 1.0, "x"),
+            b"no osc",
+            random.Random(1).randbytes(512),
+            bundle(
+                encode("/puppetline/dog/handle/left/ear", 1.0, 2.0, 3.0),
+                encode("/puppetline/cat/handle/tail", 1.0, 2.0, 3.0),
+                encode("/puppetline/dog/handle/tail", 4.0, 5.0, 6.0),
+            ),
+            encode("/last"),
+        ):
+            sender.sendto(datagram, ("127.0.0.1", port))
+        script.until(lambda told: told.get("address") == "/last")
+    results = script.end()
+    assert results[1:] == [
+        {"signal": "weights", "of": "dog", "numbers": [0.5, -0.25]},
+        {"signal": "message", "address": "/puppetline/dog/residual", "arguments": [0.125]},
+        {"signal": "root", "of": "dog", "places": [[1, 2, 3]]},
+        {"signal": "message", "address": "/puppetline/dog/controls", "arguments": [1]},
+        {"signal": "message", "address": "/puppetline/dog/joint/head", "arguments": [1, 2]},
+        {"signal": "message", "address": "/puppetline/dog/performer", "arguments": ["waiting"]},
+        {"signal": "message", "address": "/puppetline/dog/root", "arguments": [1, 2, 3]},
+        {"signal": "message", "address": "/puppetline", "arguments": [1]},
+        {"signal": "message", "address": "/other", "arguments": [1, "x"]},
+        {"signal": "handles", "of": "dog", "names": ["left/ear", "tail"], "places": [[1, 2, 3], [4, 5, 6]]},
+        {"signal": "message", "address": "/last", "arguments": []},
+    ]
+
+
+def test_a_port_that_is_taken_is_told_once(start_godot):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        script = start_godot("osc_receive.gd", port, "")
+        script.until(lambda told: told["signal"] == "ready")
+        script.end()
+    warnings = [line for line in script.lines if "cannot listen" in line]
+    assert len(warnings) == 1
+    assert f"UDP port {port} of '127.0.0.1'" in warnings[0]

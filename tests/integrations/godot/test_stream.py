@@ -1,0 +1,385 @@
+"""The addon follows a service: the real one whatever happens to it, and publishers that say what a test wants."""
+
+import hashlib
+import json
+import signal
+import socket
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+import zmq
+
+from engine_bridge.live.wire import Header, Kind, join, split, topic_field, write_json
+
+TOKEN = "a token for tests"
+FRAMES = ("controls", "vertices", "vertices16", "joints", "handles")
+
+
+@pytest.fixture
+def follow(start_godot):
+    """Have Godot follow topics of a service on this machine."""
+
+    def start(port, *topics, token="", script="follow.gd"):
+        arguments = (token,) if script in ("follow.gd", "refused.gd") else ()
+        return start_godot(script, "127.0.0.1", port, *arguments, *topics)
+
+    return start
+
+
+@pytest.fixture
+def token_file(tmp_path):
+    path = tmp_path / "token.txt"
+    path.write_text(TOKEN)
+    path.chmod(0o600)
+    return path
+
+
+@pytest.fixture
+def publisher():
+    """A publisher that stands in for the service, to say at any time what the test wants."""
+    with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
+        publisher.linger = 0
+        publisher.sndhwm = 10_000
+        publisher.port = publisher.bind_to_random_port("tcp://127.0.0.1")
+        yield publisher
+
+
+def message(topic, kind, sequence=1, payload=b"{}", **header):
+    return join(topic_field(topic), Header(kind, len(payload), sequence=sequence, **header), payload)
+
+
+def port_of(service):
+    return int(service.stream.rpartition(":")[2])
+
+
+def told_of(script, topic):
+    return [told for told in script.results if told.get("topic") == topic]
+
+
+def states(script):
+    return [told["state"] for told in script.results if "state" in told]
+
+
+def state(name):
+    return lambda told: told.get("state") == name
+
+
+def topic(name, more=lambda _told: True):
+    return lambda told: told.get("topic") == name and more(told)
+
+
+def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
+    topics = [f"blob/{kind}" for kind in (*FRAMES, "scene/mine", "performer")]
+    script = follow(port_of(service), *topics, "service/characters")
+    script.until(topic("blob/vertices"))
+    python = service.client(*(name for name in topics if name != "blob/scene/mine"), "blob/scene/yours")
+    wanted = {}
+    python.socket.rcvtimeo = 60_000
+    while sum(name == "blob/vertices" for name, _ in wanted) < 30:
+        name, header, payload = split(python.socket.recv())
+        wanted[name, header.sequence] = hashlib.sha256(payload).hexdigest()
+    last = max(sequence for name, sequence in wanted if name == "blob/vertices")
+    script.until(topic("blob/vertices", lambda told: told["sequence"] > last))
+    *_, end = script.end()
+    assert states(script) == ["CONNECTING", "CONNECTED"]
+    for kind in FRAMES:
+        sequences = [told["sequence"] for told in told_of(script, f"blob/{kind}")]
+        assert sequences == list(range(sequences[0], sequences[0] + len(sequences))), kind  # none lost, none twice
+        for told in told_of(script, f"blob/{kind}"):
+            assert wanted.get((told["topic"], told["sequence"]), told["sha256"]) == told["sha256"]
+    [scene] = told_of(script, "blob/scene/mine")
+    [other] = [value for (name, _), value in wanted.items() if name == "blob/scene/yours"]
+    assert scene["sha256"] == other
+    assert {told["revision"] for told in told_of(script, "blob/controls")} == {scene["revision"]}
+    assert len(told_of(script, "service/characters")) == 1
+    assert [stage["name"] for stage in end["status"]["stages"]] == ["stage"]
+    assert 0 <= end["latency"] < 1
+
+
+def test_a_service_that_is_killed_is_followed_again_when_it_is_back(follow, serve, blob_puppet, take, free_port):
+    arguments = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--port", free_port())
+    service = serve(*arguments)
+    script = follow(port_of(service), "blob/controls", "blob/scene/mine")
+    script.until(topic("blob/controls"))
+    service.stop(signal.SIGKILL)
+    script.until(state("OFFLINE"))
+    before = len(told_of(script, "blob/controls"))
+    serve(*arguments)
+    script.until(lambda _told: len(told_of(script, "blob/controls")) > before)
+    script.until(lambda _told: len(told_of(script, "blob/scene/mine")) == 2)
+    script.end()
+    assert states(script) == ["CONNECTING", "CONNECTED", "OFFLINE", "CONNECTED"]
+    first, again = told_of(script, "blob/scene/mine")
+    assert first["sha256"] == again["sha256"]
+    sequences = [told["sequence"] for told in told_of(script, "blob/controls")]
+    assert sequences[before] <= sequences[before - 1]  # the service has begun anew, and the client says so by that
+
+
+def test_a_service_that_comes_later_is_found(follow, serve, blob_puppet, free_port):
+    port = free_port()
+    script = follow(port, "blob/scene/mine")
+    reason = script.until(state("OFFLINE"))["reason"]
+    assert reason == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
+    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
+    script.until(topic("blob/scene/mine"))
+    script.end()
+    assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
+
+
+def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
+    script = follow(port_of(service), "blob/scene/mine", token=TOKEN)
+    script.until(topic("blob/scene/mine"))
+    script.end()
+    assert states(script) == ["CONNECTING", "CONNECTED"]
+
+
+@pytest.mark.parametrize(
+    ("token", "reason"),
+    [
+        ("another one for tests", "The service at 127.0.0.1:{} does not know this token."),
+        ("", "The service at 127.0.0.1:{} wants a token, and none is set."),
+    ],
+)
+def test_who_is_refused_does_not_try_again_by_itself(follow, serve, blob_puppet, token_file, token, reason):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
+    script = follow(port_of(service), token=token, script="refused.gd")
+    told = script.finish()
+    assert [each["reason"] for each in told] == [reason.format(port_of(service))] * 2
+    assert [each["changes"] for each in told] == [2, 5]
+    refused = service.ask("describe", token=TOKEN.encode())["status"]["clients"]["refused"]
+    assert refused == 2
+
+
+def test_a_token_that_nobody_asks_for_does_no_harm(follow, serve, blob_puppet):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    script = follow(port_of(service), "blob/scene/mine", token=TOKEN)
+    script.until(topic("blob/scene/mine"))
+    script.end()
+
+
+def test_the_control_port_is_no_stream(follow, serve, blob_puppet):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    script = follow(int(service.control.rpartition(":")[2]))
+    assert "Is that the right port" in script.until(state("OFFLINE"))["reason"]
+    script.end()
+
+
+class Line:
+    """A line to a port that cuts everything into single bytes, and can be torn."""
+
+    def __init__(self, port):
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._to = port
+        self._open = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        with suppress(OSError):
+            while True:
+                ends = self._listener.accept()[0], socket.create_connection(("127.0.0.1", self._to))
+                self._open += ends
+                for source, sink in (ends, ends[::-1]):
+                    sink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                    threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
+
+    def _pass(self, source, sink):
+        with suppress(OSError):
+            while data := source.recv(1 << 16):
+                for k in range(len(data)):
+                    sink.sendall(data[k : k + 1])
+
+    def tear(self):
+        for each in self._open:
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+        self._open.clear()
+
+    def close(self):
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.tear()
+
+
+@pytest.fixture
+def line():
+    lines = []
+
+    def lay(port):
+        lines.append(Line(port))
+        return lines[-1]
+
+    yield lay
+    for each in lines:
+        each.close()
+
+
+def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_puppet, take, line):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
+    python = service.client("blob/scene/yours")
+    scene = hashlib.sha256(python.socket.recv()[128:]).hexdigest()
+    slow = line(port_of(service))
+    script = follow(slow.port, "blob/scene/mine", "blob/controls")
+    script.until(topic("blob/controls"))
+    script.until(topic("blob/scene/mine"))
+    slow.tear()
+    script.until(lambda _told: len(told_of(script, "blob/scene/mine")) == 2)
+    script.end()
+    assert [told["sha256"] for told in told_of(script, "blob/scene/mine")] == [scene] * 2
+    assert states(script) == ["CONNECTING", "CONNECTED", "OFFLINE", "CONNECTED"]
+
+
+@pytest.mark.slow
+def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, serve, blob_puppet):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    script = follow(port_of(service), "service/status")
+    script.until(state("CONNECTED"))
+    service.process.send_signal(signal.SIGSTOP)
+    try:
+        reason = script.until(state("OFFLINE"))["reason"]
+    finally:
+        service.process.send_signal(signal.SIGCONT)
+    assert reason == f"No message of a Puppetline service has come from 127.0.0.1:{port_of(service)} for 6 s."
+    script.until(lambda _told: states(script)[-1] == "CONNECTED")
+    script.end()
+
+
+@pytest.mark.slow
+def test_another_publisher_on_the_port_is_no_service(follow, publisher):
+    script = follow(publisher.port)
+    for _ in range(20):
+        publisher.send(b"service/status\0" + b"weather")
+        publisher.send(b"service/status\0" + bytes(120))
+        time.sleep(0.1)
+    assert "No message of a Puppetline service" in script.until(state("OFFLINE"))["reason"]
+    script.end()
+    assert states(script) == ["CONNECTING", "OFFLINE"]
+
+
+def garbage(listener):
+    with suppress(OSError):
+        while True:
+            with listener.accept()[0] as line:
+                line.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                line.recv(100)
+
+
+def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port):
+    port = free_port()
+    with socket.create_server(("127.0.0.1", port)) as listener:
+        thread = threading.Thread(target=garbage, args=[listener])
+        thread.start()
+        script = follow(port, "blob/scene/mine")
+        assert "does not speak ZMTP 3" in script.until(state("OFFLINE"))["reason"]
+        listener.shutdown(socket.SHUT_RDWR)
+        thread.join()
+    serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
+    script.until(topic("blob/scene/mine"))
+    script.end()
+    assert states(script) == ["CONNECTING", "OFFLINE", "CONNECTED"]
+
+
+def test_another_version_of_the_protocol_is_refused_in_words(follow, publisher):
+    script = follow(publisher.port)
+    assert publisher.recv() == b"\1service/status\0"
+    publisher.send(message("service/status", Kind.STATUS, major=2, minor=3))
+    assert script.until(state("REFUSED"))["reason"] == (
+        "The service speaks version 2.3 of the protocol, and this addon 1. Update the older one."
+    )
+    script.end()
+
+
+def test_damaged_messages_are_left_out(follow, publisher):
+    script = follow(publisher.port, "dog/controls")
+    subscribed(publisher, "service/status", "dog/controls")
+    good = message("dog/controls", Kind.CONTROLS, 5, bytes(48))
+    for length in range(0, len(good), 7):
+        publisher.send(good[: len(good) - length])
+    publisher.send(b"dog/controls\0" + b"\xff" * 200)
+    publisher.send(message("dog/controls", Kind.CONTROLS, 6))
+    script.until(topic("dog/controls", lambda told: told["sequence"] == 6))
+    script.end()
+    assert [told["sequence"] for told in told_of(script, "dog/controls")] == [5, 6]
+
+
+def subscribed(publisher, *topics, on=True):
+    """Wait until just these topics have been subscribed to."""
+    come = {publisher.recv() for _ in topics}
+    assert come == {bytes([on]) + name.encode() + b"\0" for name in topics}
+
+
+def test_two_who_follow_share_a_connection_and_who_comes_late_is_told(follow, publisher):
+    script = follow(publisher.port, script="share.gd")
+
+    def step(number):
+        publisher.send(message("step", Kind.STATUS, number))
+        script.until(lambda told: told.get("step") == number)
+
+    def perform(number):
+        publisher.send(message("dog/performer", Kind.PERFORMER, number))
+        publisher.send(message("dog/controls", Kind.CONTROLS, number))
+        script.until(topic("dog/controls", lambda told: told["sequence"] == number))
+
+    subscribed(publisher, "service/status", "step", "dog/performer", "dog/controls")
+    perform(1)
+    step(1)
+    script.until(lambda told: told.get("who") == "other")
+    perform(2)
+    step(2)
+    perform(3)
+    assert publisher.poll(200) == 0  # the second one still follows
+    step(3)
+    subscribed(publisher, "dog/performer", "dog/controls", on=False)
+    script.end()
+    heard = [(told["who"], told["topic"], told["sequence"]) for told in script.results if "who" in told]
+    assert heard == [
+        *(("one", name, 1) for name in ("dog/performer", "dog/controls")),
+        ("other", "dog/performer", 1),  # what was said before it came, but no frame of that time
+        *((who, name, 2) for name in ("dog/performer", "dog/controls") for who in ("one", "other")),
+        *(("other", name, 3) for name in ("dog/performer", "dog/controls")),
+    ]
+    assert all(told["same"] for told in script.results if told.get("step", 0) > 1)
+
+
+def test_it_is_asked_once_however_often_one_asks(follow, publisher):
+    script = follow(publisher.port, script="share.gd")
+    subscribed(publisher, "service/status", "step", "dog/performer", "dog/controls")
+    publisher.send(message("step", Kind.STATUS, 4))
+    script.until(lambda told: told.get("step") == 4)
+    assert publisher.recv() == b"\1dog/scene/mine\0"
+    assert publisher.poll(300) == 0
+    script.end()
+
+
+def test_who_looks_away_gets_the_newest_frames_and_the_last_of_all_else(follow, publisher):
+    script = follow(publisher.port, "dog/controls", "dog/handles", "dog/performer", script="late.gd")
+    subscribed(publisher, "service/status", "dog/controls", "dog/handles", "dog/performer")
+    publisher.send(message("service/status", Kind.STATUS))
+    script.until(lambda told: "looks_away" in told)
+    for number in range(300):
+        publisher.send(message("dog/controls", Kind.CONTROLS, number))
+        publisher.send(message("dog/performer", Kind.PERFORMER, number))
+    publisher.send(message("dog/handles", Kind.HANDLES, 7))
+    time.sleep(0.5)  # until all of it is with the system
+    script.end()
+    assert [told["sequence"] for told in told_of(script, "dog/controls")] == list(range(300 - 64, 300))
+    assert [told["sequence"] for told in told_of(script, "dog/performer")] == [299]
+    assert [told["sequence"] for told in told_of(script, "dog/handles")] == [7]
+
+
+def test_the_status_is_kept(follow, publisher):
+    script = follow(publisher.port)
+    assert publisher.recv() == b"\1service/status\0"
+    status = {"stages": [{"name": "stage", "recording": "take1"}]}
+    publisher.send(message("service/status", Kind.STATUS, payload=b"no json"))
+    publisher.send(message("service/status", Kind.STATUS, payload=b"[1]"))
+    script.until(state("CONNECTED"))
+    publisher.send(message("service/status", Kind.STATUS, payload=write_json(status)))
+    time.sleep(0.3)
+    [*_, end] = script.end()
+    assert end["status"] == json.loads(json.dumps(status))

@@ -1,0 +1,474 @@
+"""The addon's ZMTP against libzmq, against a line that is cut to pieces, and against whatever else may be on a port."""
+
+import hashlib
+import itertools
+import random
+import socket
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+import zmq
+
+GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(52, b"\0")
+READY = b"\x04\x19\x05READY\x0bSocket-Type\x00\x00\x00\x03PUB"
+MANY = 256 << 20
+TOKEN = "a token for tests"
+
+
+def sha256(message):
+    return hashlib.sha256(message).hexdigest()
+
+
+def seen(message):
+    return {"size": len(message), "sha256": sha256(message)}
+
+
+def messages(results):
+    return [result for result in results if "sha256" in result]
+
+
+@pytest.fixture
+def connect(start_godot):
+    """Have Godot connect to a port of this machine."""
+
+    def start(port, *topics, host="127.0.0.1", kind="SUB", token="", largest=MANY):
+        return start_godot("connect.gd", host, port, kind, token, largest, *topics)
+
+    return start
+
+
+def fails(script, state="FAILED", allow=()):
+    """Wait for the end of a connection; return why it ended."""
+    reason = script.until(lambda told: told.get("state") == state)["reason"]
+    script.end(allow)
+    return reason
+
+
+@pytest.fixture
+def context():
+    with zmq.Context() as context:
+        yield context
+
+
+@pytest.fixture
+def publisher(context):
+    """A publisher of libzmq, and its port; options are set before it is bound."""
+
+    def make(kind=zmq.XPUB, **options):
+        socket = context.socket(kind)
+        socket.linger = 0
+        for name, value in options.items():
+            setattr(socket, name, value)
+        return socket, socket.bind_to_random_port("tcp://127.0.0.1")
+
+    made = []
+
+    def keep(*arguments, **options):
+        made.append(make(*arguments, **options))
+        return made[-1]
+
+    yield keep
+    for each, _ in made:
+        each.close()
+
+
+@pytest.fixture
+def admit(context):
+    """Let in who has the token, as the service does."""
+    guard = context.socket(zmq.ROUTER)
+    guard.linger = 0
+    guard.bind("inproc://zeromq.zap.01")
+    over = threading.Event()
+
+    def answer():
+        while not over.is_set():
+            if guard.poll(20):
+                origin, _, _, request, _, _, _, _, _, token = guard.recv_multipart()
+                status = b"200" if token == TOKEN.encode() else b"400"
+                guard.send_multipart([origin, b"", b"1.0", request, status, b"", b"", b""])
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    yield
+    over.set()
+    thread.join()
+    guard.close()
+
+
+@pytest.fixture
+def peer():
+    """Somebody who answers connections in a way of his own; returns the port."""
+    listeners, threads = [], []
+
+    def start(answer):
+        listener = socket.create_server(("127.0.0.1", 0))
+        listeners.append(listener)
+
+        def serve():
+            with suppress(OSError), listener.accept()[0] as line:
+                answer(line)
+                line.shutdown(socket.SHUT_WR)
+                line.settimeout(60)
+                while line.recv(1 << 16):
+                    pass
+
+        threads.append(threading.Thread(target=serve))
+        threads[-1].start()
+        return listener.getsockname()[1]
+
+    yield start
+    for listener in listeners:
+        with suppress(OSError):
+            listener.shutdown(socket.SHUT_RDWR)  # wakes who waits for somebody to come
+        listener.close()
+    for thread in threads:
+        thread.join()
+
+
+def shake_hands(line):
+    """Do what a publisher does before its first message; return what else has come."""
+    line.sendall(GREETING + READY)
+    come = b""
+    while len(come) < 64 + 27:
+        come += line.recv(1024)
+    return come[64 + 27 :]
+
+
+class Cut:
+    """A line to a port on which everything arrives byte by byte."""
+
+    def __init__(self, port):
+        self._to = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _serve(self):
+        with suppress(OSError):
+            here, _ = self._listener.accept()
+            there = socket.create_connection(("127.0.0.1", self._to))
+            ways = [threading.Thread(target=self._pass, args=way) for way in ((here, there), (there, here))]
+            for way in ways:
+                way.start()
+            for way in ways:
+                way.join()
+            here.close()
+            there.close()
+
+    def _pass(self, source, sink):
+        sink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        with suppress(OSError):
+            while data := source.recv(4096):
+                for k in range(len(data)):
+                    sink.sendall(data[k : k + 1])
+                    time.sleep(0.0002)
+            sink.shutdown(socket.SHUT_WR)
+
+    def close(self):
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self._thread.join()
+
+
+def subscriptions(publisher, count):
+    return [publisher.recv() for _ in range(count)]
+
+
+def test_topics_are_subscribed_to_and_messages_come_whole(connect, publisher):
+    pub, port = publisher()
+    script = connect(port, "dog/controls", "dog/vertices")
+    assert subscriptions(pub, 2) == [b"\1dog/controls\0", b"\1dog/vertices\0"]
+    sent = [b"dog/controls\0", b"dog/vertices\0" + bytes(range(256)), b"dog/vertices\0" + random.randbytes(3_000_000)]
+    for message in (*sent, b"dog/vertices16\0", b"cat/controls\0", b"dog/controls\0last"):
+        pub.send(message)
+    script.until(lambda told: told == seen(b"dog/controls\0last"))
+    assert messages(script.end()) == [*map(seen, sent), seen(b"dog/controls\0last")]
+
+
+@pytest.mark.parametrize("size", [0, 1, 255, 256, 65_535, 65_536])
+def test_a_message_of_any_size_comes_through(connect, publisher, size):
+    pub, port = publisher()
+    pub.setsockopt(zmq.XPUB_VERBOSE, 1)
+    script = connect(port, "t")
+    subscriptions(pub, 1)
+    message = b"t\0" + random.randbytes(size)
+    pub.send(message)
+    assert script.until(lambda told: "sha256" in told) == seen(message)
+    script.end()
+
+
+def test_many_megabytes_in_small_pieces_are_put_together(connect, peer):
+    body = random.randbytes(20_000_000)
+
+    def answer(line):
+        shake_hands(line)
+        data = b"\2" + len(body).to_bytes(8, "big") + body
+        for k in range(0, len(data), 7001):
+            line.sendall(data[k : k + 7001])
+
+    script = connect(peer(answer))
+    script.until(lambda told: told == seen(body))
+    fails(script)
+    [*_, last] = script.results
+    assert last["memory"] < 200e6
+
+
+def test_a_line_that_delivers_byte_by_byte(connect, publisher, admit):
+    pub, port = publisher(plain_server=True, zap_domain=b"stream")
+    cut = Cut(port)
+    try:
+        script = connect(cut.port, "dog/joints", token=TOKEN)
+        assert subscriptions(pub, 1) == [b"\1dog/joints\0"]
+        sent = [b"dog/joints\0" + random.randbytes(size) for size in (0, 3, 600)]
+        for message in sent:
+            pub.send(message)
+        script.until(lambda told: told == seen(sent[-1]))
+        assert messages(script.end()) == list(map(seen, sent))
+    finally:
+        cut.close()
+
+
+def test_pings_are_answered(connect, publisher):
+    """With these settings libzmq ends a connection on which a ping stays without an answer for half a second."""
+    pub, port = publisher(heartbeat_ivl=100, heartbeat_timeout=500, heartbeat_ttl=600)
+    script = connect(port, "t")
+    subscriptions(pub, 1)
+    for number in range(20):
+        pub.send(b"t\0" + bytes([number]))
+        time.sleep(0.1)
+    script.until(lambda told: told == seen(b"t\0" + bytes([19])))
+    results = script.end()
+    assert messages(results) == [seen(b"t\0" + bytes([number])) for number in range(20)]
+    assert [told["state"] for told in results if "state" in told] == ["CONNECTING", "HANDSHAKE", "READY"]
+
+
+def test_a_ping_gets_its_own_context_back(connect, peer):
+    pongs = []
+
+    def answer(line):
+        shake_hands(line)
+        for context in (b"", b"c", b"0123456789abcdef", b"longer than it may be"):
+            line.sendall(b"\x04" + bytes([7 + len(context)]) + b"\x04PING\0\x10" + context)
+            wanted = b"\x04" + bytes([5 + min(len(context), 16)]) + b"\x04PONG" + context[:16]
+            pongs.append((wanted, line.recv(1024)))
+
+    fails(connect(peer(answer)))
+    assert len(pongs) == 4
+    assert [wanted for wanted, _ in pongs] == [got for _, got in pongs]
+
+
+def test_the_right_token_opens_and_a_wrong_one_is_refused(connect, publisher, admit):
+    pub, port = publisher(plain_server=True, zap_domain=b"stream")
+    script = connect(port, "t", token=TOKEN)
+    assert subscriptions(pub, 1) == [b"\1t\0"]
+    script.end()
+    assert fails(connect(port, token="another one"), "REFUSED") == (
+        f"The service at 127.0.0.1:{port} does not know this token."
+    )
+    assert fails(connect(port), "REFUSED") == f"The service at 127.0.0.1:{port} wants a token, and none is set."
+    assert fails(connect(port, token="x" * 256), "REFUSED") == "The token has 256 bytes; at most 255 are possible."
+
+
+def test_a_service_that_wants_keys_says_so(connect, publisher):
+    if not zmq.has("curve"):
+        pytest.skip("libzmq has no CURVE here")
+    _, secret = zmq.curve_keypair()
+    _, port = publisher(curve_server=True, curve_secretkey=secret)
+    assert "wants CURVE keys" in fails(connect(port, token=TOKEN), "REFUSED")
+
+
+def test_a_token_is_not_told_to_who_does_not_ask_for_it(connect, peer):
+    come = []
+
+    def answer(line):
+        come.append(shake_hands(line))
+        line.sendall(b"\0\0")
+
+    script = connect(peer(answer), token=TOKEN)
+    script.until(lambda told: told.get("size") == 0)
+    fails(script)
+    assert come == [b""]
+
+
+def test_a_request_and_its_reply(connect, context):
+    router = context.socket(zmq.ROUTER)
+    router.linger = 0
+    port = router.bind_to_random_port("tcp://127.0.0.1")
+    with router:
+        script = connect(port, "t", kind="DEALER")
+        origin, request = router.recv_multipart()
+        assert request == b"\1t\0"
+        router.send_multipart([origin, b"reply"])
+        script.until(lambda told: told == seen(b"reply"))
+        script.end()
+
+
+def test_names_are_looked_up_and_the_one_with_four_numbers_is_taken(connect, publisher):
+    pub, port = publisher()
+    script = connect(port, "t", host="localhost")
+    assert subscriptions(pub, 1) == [b"\1t\0"]
+    script.end()
+    reason = fails(connect(port, host="no.such.host.invalid"))
+    assert reason == "Nobody knows the host 'no.such.host.invalid'."
+
+
+def test_a_port_where_nobody_is(connect, free_port):
+    port = free_port()
+    assert fails(connect(port)) == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
+    assert fails(connect(0)) == "There is no port 0: ports are numbers from 1 to 65535."
+    assert fails(connect(65536)) == "There is no port 65536: ports are numbers from 1 to 65535."
+
+
+def command(body, flags=4):
+    return bytes([flags, len(body)]) + body
+
+
+def large(size, flags=2):
+    return bytes([flags]) + size.to_bytes(8, "big")
+
+
+AFTER_THE_HANDSHAKE = {
+    "a size of 2^62": (large(2**62), "announced a frame of 4611686018427387904 bytes"),
+    "a size of 2^64 - 1": (large(2**64 - 1), "announced a frame of -1 bytes"),
+    "more than is taken": (large(MANY + 1), "announced a frame of 268435457 bytes"),
+    "a command of a megabyte": (large(1 << 20, flags=6), "announced a frame of 1048576 bytes; at most 65536"),
+    "several parts": (b"\1\1a\0\1b", "a message of several parts"),
+    "a long message of several parts": (large(2**62, flags=3), "a message of several parts"),
+    "a command of several parts": (b"\5\1a", "flags 5"),
+    "flags that there are not": (b"\x80\1a", "flags 128"),
+    "a command without a name": (command(b""), "a command that is cut short"),
+    "a name of no length": (command(b"\0"), "a command that is cut short"),
+    "a name longer than the command": (command(b"\xffPING"), "a command that is cut short"),
+}
+
+
+@pytest.mark.parametrize("what", AFTER_THE_HANDSHAKE)
+def test_what_zmtp_does_not_have_ends_the_connection(connect, peer, what):
+    sent, reason = AFTER_THE_HANDSHAKE[what]
+
+    def answer(line):
+        shake_hands(line)
+        line.sendall(b"\0\1!" + sent)
+
+    script = connect(peer(answer))
+    assert reason in fails(script)
+    assert messages(script.results) == [seen(b"!")]  # what had come before is not lost
+
+
+def test_commands_that_are_not_known_are_ignored(connect, peer):
+    known_but_late = command(b"\5READY"), command(b"\7WELCOME"), command(b"\5ERROR\x03400"), command(b"\4PING\0")
+
+    def answer(line):
+        shake_hands(line)
+        line.sendall(command(b"\xf0" + b"N" * 240) + command(b"\1?data") + b"".join(known_but_late) + b"\0\1!")
+
+    script = connect(peer(answer))
+    assert "has closed the connection" in fails(script)
+    assert messages(script.results) == [seen(b"!")]
+
+
+def silence(line):
+    with suppress(OSError):
+        line.settimeout(60)
+        while line.recv(100):
+            pass
+
+
+def http(line):
+    line.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n<html>" + b"x" * 10_000)
+
+
+def noise(line):
+    line.sendall(random.Random(7).randbytes(100_000))
+
+
+def greeting_alone(line):
+    line.sendall(GREETING)
+    silence(line)
+
+
+def goodbye(line):
+    line.recv(10)
+
+
+def message_too_early(line):
+    line.sendall(GREETING + b"\0\1a")
+
+
+def version_2(line):
+    line.sendall(b"\xff" + bytes(8) + b"\x7f\x01")
+
+
+def error_with_text(line):
+    line.sendall(GREETING + command(b"\5ERROR\x0bgo away now"))
+
+
+BEFORE = {
+    http: ("FAILED", "does not speak ZMTP 3"),
+    noise: ("FAILED", "does not speak ZMTP 3"),
+    version_2: ("FAILED", "does not speak ZMTP 3"),
+    goodbye: ("FAILED", "closed the connection without a word"),
+    message_too_early: ("FAILED", "a message before the handshake"),
+    error_with_text: ("REFUSED", "refuses the connection (go away now)"),
+}
+
+
+@pytest.mark.parametrize("answer", BEFORE, ids=lambda answer: answer.__name__)
+def test_who_is_no_service_is_found_out(connect, peer, answer):
+    state, reason = BEFORE[answer]
+    assert reason in fails(connect(peer(answer)), state)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("answer", [silence, greeting_alone], ids=lambda answer: answer.__name__)
+def test_who_says_nothing_is_given_up(connect, peer, answer):
+    assert "No answer from 127.0.0.1" in fails(connect(peer(answer)))
+
+
+def test_a_message_without_end_takes_no_more_memory_than_it_may(connect, peer):
+    def answer(line):
+        shake_hands(line)
+        line.sendall(large(1 << 40))
+
+    assert "at most 1000000 are taken" in fails(connect(peer(answer), largest=1_000_000))
+
+    def endless(line):
+        shake_hands(line)
+        line.sendall(large(4_000_000))
+        with suppress(OSError):
+            for _ in range(4):
+                line.sendall(bytes(999_999))
+
+    script = connect(peer(endless), largest=4_000_000)
+    fails(script)
+    assert messages(script.results) == []
+    assert script.results[-1]["memory"] < 100e6
+
+
+def test_tiny_messages_in_their_thousands_are_all_taken(connect, peer):
+    count = 60_000
+
+    def answer(line):
+        shake_hands(line)
+        line.sendall(b"\0\0" * count + b"\0\1!")
+
+    script = connect(peer(answer))
+    script.until(lambda told: told == seen(b"!"))
+    fails(script)
+    assert len(messages(script.results)) == count + 1
+
+
+def test_who_asks_without_reading_the_answers_is_left(connect, peer):
+    """Pings whose answers pile up here."""
+
+    def answer(line):
+        shake_hands(line)
+        with suppress(OSError):
+            for _ in itertools.repeat(None, 4000):
+                line.sendall(command(b"\4PING\0\1" + b"c" * 16) * 1000)
+
+    assert "does not read what it is sent" in fails(connect(peer(answer)))

@@ -1,0 +1,210 @@
+"""The package compiled with Mono, and programs that use it: its plain core alone, or all of it with stand-ins for Unity."""
+
+import base64
+import json
+import shutil
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zmq
+
+from engine_bridge.live.payloads import decode
+
+HERE = Path(__file__).parent
+PACKAGE = HERE.parents[2] / "integrations" / "unity"
+PATIENCE = 60.0
+"""Seconds after which a test gives up."""
+
+STRICT = ["-langversion:7.2", "-warnaserror+", "-warn:4", "-optimize+"]
+"""The newest C# that mcs knows, which is older than that of Unity 2021.3; no warnings."""
+
+
+class Program:
+    """A program that runs, and what it has said: a line of JSON for each thing."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen(
+            list(map(str, command)),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.said = []
+        self.noise = []
+        self._read = threading.Thread(target=self._follow)
+        self._read.start()
+
+    def _follow(self):
+        for line in self.process.stdout:
+            if line.startswith("{"):
+                self.said.append(json.loads(line))
+            else:
+                self.noise.append(line)
+
+    def tell(self, line):
+        self.process.stdin.write(f"{line}\n")
+        self.process.stdin.flush()
+
+    def until(self, wanted, since=0):
+        """Wait for something that satisfies a condition, said after the first `since` things, and return it."""
+        give_up = time.monotonic() + PATIENCE
+        looked = since
+        while True:
+            alive = self._read.is_alive()
+            while looked < len(self.said):
+                looked += 1
+                if wanted(self.said[looked - 1]):
+                    return self.said[looked - 1]
+            if not alive or time.monotonic() > give_up:
+                last = [{name: str(value)[:200] for name, value in each.items()} for each in self.said[-5:]]
+                pytest.fail(f"it has not said what was wanted, but {last} {''.join(self.noise)}", pytrace=False)
+            time.sleep(0.01)
+
+    def finish(self, told=""):
+        """Tell it the last thing and wait for its end; return all that it has said."""
+        if told:
+            self.tell(told)
+        self.process.stdin.close()
+        code = self.process.wait(PATIENCE)
+        self._read.join()
+        assert (code, self.noise) == (0, [])
+        return self.said
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+        self._read.join()
+        self.process.stdin.close()
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="session")
+def built(mono, tmp_path_factory):
+    """Folder of the package and the programs, compiled as Unity's assembly definitions have it."""
+    folder = tmp_path_factory.mktemp("built")
+
+    def compile_(name, sources, *references, target="library", more=()):
+        assert sources
+        libraries = [f"-r:{reference}.dll" for reference in references]
+        output = f"{name}.exe" if target == "exe" else f"{name}.dll"
+        command = [mono[0], *STRICT, f"-target:{target}", f"-out:{output}", *libraries, *more, *map(str, sources)]
+        made = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert (made.returncode, made.stdout + made.stderr) == (0, ""), name
+
+    runtime, programs = PACKAGE / "Runtime", HERE / "programs"
+    unity = ("Puppetline.Core", "Puppetline.Unity", "UnityEngine")
+    compile_("UnityEngine", sorted((HERE / "stand_ins").glob("*.cs")))
+    compile_("Puppetline.Core", sorted((runtime / "Core").glob("*.cs")), more=["-doc:core.xml"])
+    compile_("Puppetline.Unity", sorted(runtime.glob("*.cs")), "Puppetline.Core", "UnityEngine", more=["-doc:unity.xml"])
+    compile_("Sample", sorted((PACKAGE / "Samples~").rglob("*.cs")), *unity)
+    compile_("Core", [programs / "Core.cs", programs / "Said.cs"], "Puppetline.Core", target="exe")
+    compile_("Component", [programs / "Component.cs", programs / "Said.cs"], *unity, "Sample", target="exe")
+    return folder
+
+
+@pytest.fixture
+def start(mono, built):
+    """Start one of the programs with arguments."""
+    started = []
+
+    def run(name, *arguments):
+        started.append(Program([mono[1], built / f"{name}.exe", *arguments]))
+        return started[-1]
+
+    yield run
+    for program in started:
+        program.kill()
+
+
+@pytest.fixture(scope="session")
+def run_core(mono, built):
+    """Run the plain core to its end with arguments and input, and return what it has said."""
+
+    def run(*arguments, told=""):
+        command = [mono[1], built / "Core.exe", *arguments]
+        ended = subprocess.run(list(map(str, command)), input=told, capture_output=True, text=True, check=False)
+        assert not ended.stderr and not ended.returncode, ended.stderr[:2000]
+        return [json.loads(line) for line in ended.stdout.splitlines()]
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def shader(tmp_path_factory):
+    """Run the vertex shader's arithmetic, compiled as C++: shape, rows and streams in, (2, n, 6) out."""
+    compiler = shutil.which("g++")
+    if compiler is None:
+        pytest.skip("g++ is not here to compile the shader's arithmetic with")
+    program = tmp_path_factory.mktemp("shader") / "shader"
+    source = HERE / "programs" / "shader.cpp"
+    command = [compiler, "-O1", "-Wall", "-Werror", f"-I{PACKAGE / 'Runtime' / 'Resources'}", source, "-o", program]
+    subprocess.run(command, check=True)
+
+    def run(shape, rows, moving, ladder):
+        parts = (np.float32([*shape, 0, 0]), rows, np.int32([len(moving)]), moving, ladder)
+        ended = subprocess.run([program], input=b"".join(map(bytes, parts)), capture_output=True, check=True)
+        return np.frombuffer(ended.stdout, np.float32).reshape(-1, 2, 6).transpose(1, 0, 2)
+
+    return run
+
+
+def array(text, kind=np.float32, columns=None):
+    """Return what a program has said in base64."""
+    values = np.frombuffer(base64.b64decode(text), kind)
+    return values if columns is None else values.reshape(-1, columns)
+
+
+class Reference:
+    """Somebody else who follows the service: the newest vertices and scenes, as Python reads them, by sequence number."""
+
+    MOST = 400
+
+    def __init__(self, address, *topics, token=None):
+        self.frames = {}
+        self.scene = None
+        self._ended = False
+        self._arguments = (address, topics, token)
+        self._thread = threading.Thread(target=self._follow)
+        self._thread.start()
+
+    def _follow(self):
+        address, topics, token = self._arguments
+        with zmq.Context() as context, context.socket(zmq.SUB) as socket:
+            socket.linger = 0
+            if token is not None:
+                socket.plain_username, socket.plain_password = b"reference", token.encode()
+            for topic in topics:
+                socket.subscribe(f"{topic}\0".encode())
+            socket.connect(address)
+            while not self._ended:
+                while socket.poll(50):
+                    message = decode(socket.recv())
+                    if "/scene/" in message.topic:
+                        self.scene = message.body
+                    else:
+                        self.frames[message.header.sequence] = message
+                    while len(self.frames) > self.MOST:
+                        del self.frames[min(self.frames)]
+
+    def close(self):
+        self._ended = True
+        self._thread.join()
+
+
+@pytest.fixture
+def reference():
+    """Follow topics with libzmq and Python."""
+    followed = []
+
+    def follow(*arguments, **more):
+        followed.append(Reference(*arguments, **more))
+        return followed[-1]
+
+    yield follow
+    for each in followed:
+        each.close()

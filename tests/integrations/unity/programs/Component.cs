@@ -1,0 +1,203 @@
+using System;
+using System.Collections.Generic;
+using System.Reflection;
+using System.Threading;
+using Puppetline;
+using UnityEngine;
+using UnityEngine.Rendering;
+
+/// <summary>Has a Puppet in a stand-in for Unity, tells it what standard input says, and says what it does.</summary>
+static class Component
+{
+    static readonly GameObject Owner = new GameObject();
+    static readonly Queue<string> Told = new Queue<string>();
+    static Puppet puppet;
+    static Mesh mesh;
+    static int warned;
+
+    static int Main(string[] arguments)
+    {
+        puppet = Owner.AddComponent<Puppet>();
+        var skin = Owner.AddComponent<SkinnedMeshRenderer>();
+        skin.sharedMesh = new Mesh { blendShapes = new[] { "smile", "motion_0", "motion_1", "motion_2" } };
+        puppet.rootNode = Owner.AddComponent<Transform>();
+        puppet.rootNode.localPosition = new Vector3(1, 2, 3);
+        foreach (string argument in arguments)
+        {
+            string[] pair = argument.Split(new[] { '=' }, 2);
+            Set(pair[0], pair[1]);
+        }
+        Listen();
+        Player.Enable(puppet, true);
+        new Thread(Read) { IsBackground = true }.Start();
+        while (Step(skin))
+        {
+            Thread.Sleep(5);
+        }
+        Player.Enable(puppet, false);
+        Complain();
+        Said.Line("ended", mesh == null || mesh.destroyed, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
+        return 0;
+    }
+
+    static void Set(string name, string value)
+    {
+        if (name == "pipeline")
+        {
+            GraphicsSettings.currentRenderPipeline = new RenderPipelineAsset { material = Named(value) };
+        }
+        else if (name == "materials")
+        {
+            puppet.materials = Array.ConvertAll(value.Split(','), Named);
+        }
+        else if (name == "whole")
+        {
+            Owner.components.ForEach(each => { if (each is SkinnedMeshRenderer skin) { skin.sharedMesh.wholeBlendShape = float.Parse(value); } });
+        }
+        else
+        {
+            FieldInfo field = typeof(Puppet).GetField(name);
+            field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType));
+        }
+    }
+
+    static Material Named(string shader)
+    {
+        return new Material(new Shader { name = shader }) { name = shader };
+    }
+
+    static void Listen()
+    {
+        PuppetEvents events = puppet.events;
+        events.connected.AddListener(() => Said.Line("event", "connected"));
+        events.disconnected.AddListener(() => Said.Line("event", "disconnected"));
+        events.refused.AddListener(reason => Said.Line("event", "refused", "value", reason));
+        events.sceneLoaded.AddListener(SayMesh);
+        events.performerFound.AddListener(user => Said.Line("event", "performerFound", "value", user));
+        events.performerCalibrated.AddListener(user => Said.Line("event", "performerCalibrated", "value", user));
+        events.performerLost.AddListener(user => Said.Line("event", "performerLost", "value", user));
+        events.takeStarted.AddListener(take => Said.Line("event", "takeStarted", "value", take));
+        events.takeStopped.AddListener(take => Said.Line("event", "takeStopped", "value", take));
+    }
+
+    static void Read()
+    {
+        for (string line = ""; line != null; line = Console.In.ReadLine())
+        {
+            lock (Told)
+            {
+                Told.Enqueue(line);
+            }
+        }
+        lock (Told)
+        {
+            Told.Enqueue("end");
+        }
+    }
+
+    static bool Step(SkinnedMeshRenderer skin)
+    {
+        string[] told = new[] { "" };
+        lock (Told)
+        {
+            told = Told.Count > 0 ? Told.Dequeue().Split(' ') : told;
+        }
+        switch (told[0])
+        {
+            case "calibrate":
+                puppet.Calibrate();
+                break;
+            case "mirror":
+                puppet.SetMirror(told[1] == "on");
+                break;
+            case "record":
+                puppet.StartRecording(told.Length > 1 ? told[1] : null);
+                break;
+            case "stop":
+                puppet.StopRecording();
+                break;
+            case "ask":
+                puppet.Request(told[1], null, reply => Said.Line("reply", reply));
+                break;
+            case "set":
+                Set(told[1], told[2]);
+                puppet.Reconnect();
+                break;
+            case "end":
+                return false;
+        }
+        Frame before = puppet.Shown;
+        ulong sequence = before == null ? 0 : before.Header.Sequence;
+        double time = before == null ? 0 : before.Header.Time;
+        Player.Call(puppet, "Update");
+        Complain();
+        Frame shown = puppet.Shown;
+        if (shown != null && (shown.Header.Sequence != sequence || shown.Header.Time != time))
+        {
+            SayShown(skin);
+        }
+        return true;
+    }
+
+    static void SayMesh()
+    {
+        if (!puppet.TryGetComponent(out MeshFilter filter))
+        {
+            Said.Line("event", "sceneLoaded");
+            return;
+        }
+        puppet.TryGetComponent(out MeshRenderer renderer);
+        mesh = filter.sharedMesh;
+        Said.Line(
+            "event", "sceneLoaded", "onGraphicsCard", puppet.OnGraphicsCard, "shown", renderer.enabled,
+            "layout", Array.ConvertAll(mesh.layout, each => (object)(each.stream + " " + each.attribute + " " + each.dimension)),
+            "indices", Said.Bytes(mesh.indices), "still", Said.Bytes(mesh.streams[1]), "ladder", Said.Bytes(mesh.streams[2]),
+            "parts", Array.ConvertAll(mesh.subMeshes.ToArray(), part => (object)new object[] { part.indexStart, part.indexCount }),
+            "materials", Array.ConvertAll(renderer.sharedMaterials, each => (object)each.shader.name),
+            "colors", Array.ConvertAll(renderer.sharedMaterials, ColorOf));
+    }
+
+    static object ColorOf(Material material)
+    {
+        return material.properties.TryGetValue("_Color", out object color)
+            ? new object[] { ((Color)color).r, ((Color)color).g, ((Color)color).b }
+            : null;
+    }
+
+    static void SayShown(SkinnedMeshRenderer skin)
+    {
+        Header header = puppet.Shown.Header;
+        if (puppet.mode == PuppetMode.Morphs)
+        {
+            Vector3 at = puppet.rootNode.localPosition;
+            var weights = new List<object>();
+            foreach (KeyValuePair<int, float> pair in skin.weights)
+            {
+                weights.Add(new object[] { pair.Key, pair.Value });
+            }
+            Said.Line("frame", header.Sequence, "weights", weights.ToArray(), "root", new object[] { at.x, at.y, at.z });
+            return;
+        }
+        puppet.TryGetComponent(out MeshRenderer renderer);
+        Vector3 center = mesh.bounds.center, size = mesh.bounds.size;
+        object[] rows = { "", "" };
+        if (puppet.OnGraphicsCard)
+        {
+            rows[0] = Said.Bytes(renderer.block.arrays[Shader.PropertyToID("_PuppetlineTransforms")]);
+            Vector4 shape = renderer.block.vectors[Shader.PropertyToID("_PuppetlineShape")];
+            rows[1] = shape.x + " " + shape.y;
+        }
+        Said.Line(
+            "frame", header.Sequence, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", rows[0], "shape", rows[1],
+            "bounds", new object[] { center.x, center.y, center.z, size.x, size.y, size.z },
+            "enabled", renderer.enabled, "block", renderer.block != null, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
+    }
+
+    static void Complain()
+    {
+        for (; warned < Debug.Warnings.Count; warned++)
+        {
+            Said.Line("warning", Debug.Warnings[warned]);
+        }
+    }
+}

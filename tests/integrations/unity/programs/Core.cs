@@ -1,0 +1,299 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.IO;
+using System.Threading;
+using Puppetline;
+
+/// <summary>Uses the plain core, without any part of Unity, as the tests tell it.</summary>
+static class Core
+{
+    static int Main(string[] arguments)
+    {
+        switch (arguments[0])
+        {
+            case "decode":
+                Array.ForEach(File.ReadAllLines(arguments[1]), Decode);
+                return 0;
+            case "evaluate":
+                Evaluate(arguments[1], arguments[2]);
+                return 0;
+            case "json":
+                ReadJson();
+                return 0;
+            case "playback":
+                Play(Json.Parse(Console.In.ReadToEnd()));
+                return 0;
+            case "follow":
+                Follow(arguments);
+                return 0;
+            case "request":
+                Request(arguments);
+                return 0;
+            case "measure":
+                Measure(arguments[1], arguments[2]);
+                return 0;
+            default:
+                return 1;
+        }
+    }
+
+    static Message Load(string path)
+    {
+        return Message.TryParse(new ArraySegment<byte>(File.ReadAllBytes(path)), out Message message)
+            ? message
+            : throw new FormatException("no message");
+    }
+
+    static void Decode(string path)
+    {
+        if (!Message.TryParse(new ArraySegment<byte>(File.ReadAllBytes(path)), out Message message))
+        {
+            Said.Line("refused", "message", "major", Message.MajorOf(new ArraySegment<byte>(File.ReadAllBytes(path))));
+            return;
+        }
+        Header h = message.Header;
+        var header = new object[] { h.Kind, h.State, h.User, h.Revision, h.Sequence, h.Time, h.Received, h.Published, h.RootX, h.RootY, h.RootZ };
+        try
+        {
+            Say(message, header);
+        }
+        catch (FormatException fault)
+        {
+            Said.Line("refused", fault.Message);
+        }
+    }
+
+    static void Say(Message message, object[] header)
+    {
+        if (message.Header.Kind == Kind.Scene)
+        {
+            Scene s = Scene.Parse(message);
+            Said.Line(
+                "topic", message.Topic, "header", header, "description", s.Description,
+                "counts", new object[] { s.Revision, s.VertexCount, s.TriangleCount, s.FieldCount, s.IsolineCount, s.Parts.Count, s.Morphs.Count },
+                "diagonal", s.Diagonal, "weights", Said.Bytes(s.Weights), "triangles", Said.Bytes(s.Triangles),
+                "positions", Said.Bytes(s.Positions), "normals", Said.Bytes(s.Normals), "ladder", Said.Bytes(s.Ladder),
+                "slopes", Said.Bytes(s.Slopes), "uv", Said.Bytes(s.Uv), "colors", Said.Bytes(s.Colors));
+        }
+        else if (message.Header.Kind >= Kind.Performer)
+        {
+            Said.Line("topic", message.Topic, "header", header, "json", Json.Parse(message.Payload));
+        }
+        else
+        {
+            var frame = new Frame();
+            bool read = frame.Read(message);
+            Said.Line(
+                "topic", message.Topic, "header", header, "read", read, "finite", read && frame.IsFinite(),
+                "values", Said.Bytes(frame.Values, read ? frame.Count : 0));
+        }
+    }
+
+    static void Evaluate(string sceneFile, string controlsFile)
+    {
+        Scene scene = Scene.Parse(Load(sceneFile));
+        var frame = new Frame();
+        frame.Read(Load(controlsFile));
+        var deformation = new Deformation(scene);
+        var vertices = new SurfaceVertex[scene.VertexCount];
+        foreach (NormalsBy normals in new[] { NormalsBy.Slopes, NormalsBy.Cofactors })
+        {
+            foreach (Axes axes in new[] { Axes.File, Axes.Unity })
+            {
+                Box box = deformation.Evaluate(frame.Values, normals, axes, vertices);
+                Box around = new ControlBounds(scene).Of(frame.Values, axes);
+                Said.Line("normals", normals, "axes", axes, "vertices", Said.Bytes(vertices), "box", Said.Of(box), "around", Said.Of(around));
+            }
+        }
+        Said.Line("turned", Said.Bytes(Surface.TurnedOver(scene.Triangles)));
+    }
+
+    static void ReadJson()
+    {
+        for (string line = Console.In.ReadLine(); line != null; line = Console.In.ReadLine())
+        {
+            try
+            {
+                Said.Line("value", Json.Parse(new ArraySegment<byte>(Convert.FromBase64String(line))));
+            }
+            catch (FormatException fault)
+            {
+                Said.Line("refused", fault.Message);
+            }
+        }
+    }
+
+    /// <summary>Steps are [time, arrived, value] of a frame that comes, or a number: when to look.</summary>
+    static void Play(Json told)
+    {
+        var scene = Scene.Parse(Load(told["scene"].Text));
+        var playback = new Playback(told["delay"].Number, new FramePool());
+        for (int i = 0; i < told["steps"].Count; i++)
+        {
+            Json step = told["steps"][i];
+            if (step.Kind == JsonKind.List)
+            {
+                var frame = new Frame { Scene = scene, Arrived = step[1].Number, Values = new[] { (float)step[2].Number }, Count = 1 };
+                frame.Header.Time = step[0].Number;
+                playback.Add(frame);
+                continue;
+            }
+            bool changed = playback.Update(step.Number);
+            Said.Line("changed", changed, "value", playback.Shown == null ? null : (object)playback.Shown.Values[0]);
+        }
+    }
+
+    /// <summary>Follow until standard input ends, and say all that comes.</summary>
+    static void Follow(string[] arguments)
+    {
+        var kind = (Kind)Enum.Parse(typeof(Kind), arguments[5], true);
+        using (var follower = new Follower(arguments[1], int.Parse(arguments[2]), arguments[3], arguments[4], kind))
+        {
+            string said = null;
+            Scene scene = null;
+            Deformation deformation = null;
+            SurfaceVertex[] vertices = null;
+            Thread reading = UntilInputEnds();
+            while (reading.IsAlive)
+            {
+                string state = follower.State + " " + follower.Reason;
+                if (state != said)
+                {
+                    Said.Line("state", follower.State, "reason", follower.Reason);
+                    said = state;
+                }
+                while (follower.TryTake(out Frame frame))
+                {
+                    if (frame.Scene != scene)
+                    {
+                        scene = frame.Scene;
+                        deformation = new Deformation(scene);
+                        vertices = new SurfaceVertex[scene.VertexCount];
+                        Said.Line("scene", scene.Revision, "character", follower.Character, "vertices", scene.VertexCount, "diagonal", scene.Diagonal);
+                    }
+                    SayFrame(kind, frame, deformation, vertices);
+                    follower.Pool.Return(frame);
+                }
+                Thread.Sleep(2);
+            }
+            Said.Line("status", follower.Status);
+        }
+    }
+
+    static void SayFrame(Kind kind, Frame frame, Deformation deformation, SurfaceVertex[] vertices)
+    {
+        string values;
+        if (kind == Kind.Morphs)
+        {
+            values = Said.Bytes(frame.Values, frame.Count);
+        }
+        else
+        {
+            if (kind == Kind.Controls)
+            {
+                deformation.Evaluate(frame.Values, NormalsBy.Slopes, Axes.File, vertices);
+            }
+            else
+            {
+                Surface.Write(frame.Values, frame.Values, 3 * vertices.Length, Axes.File, vertices);
+            }
+            values = Said.Bytes(vertices);
+        }
+        Said.Line("frame", frame.Header.Sequence, "time", frame.Header.Time, "user", frame.Header.User, "values", values);
+    }
+
+    static Thread UntilInputEnds()
+    {
+        var reading = new Thread(() => Console.In.ReadToEnd());
+        reading.Start();
+        return reading;
+    }
+
+    /// <summary>Ask what standard input says, a map in JSON a line, and say the replies.</summary>
+    static void Request(string[] arguments)
+    {
+        using (var client = new ControlClient(arguments[1], int.Parse(arguments[2]), arguments[3]))
+        {
+            for (string line = Console.In.ReadLine(); line != null; line = Console.In.ReadLine())
+            {
+                Json asked = Json.Parse(line);
+                var values = new Dictionary<string, object>();
+                foreach (string name in asked.Names)
+                {
+                    Json value = asked[name];
+                    values[name] = value.Kind == JsonKind.Null ? null
+                        : value.Kind == JsonKind.Number ? value.Number
+                        : value.Kind == JsonKind.Boolean ? value.True
+                        : (object)value.Text;
+                }
+                values.Remove("do");
+                bool answered = false;
+                client.Request(asked["do"].Text, values, reply =>
+                {
+                    Said.Line("reply", reply);
+                    answered = true;
+                });
+                while (!answered)
+                {
+                    client.Poll();
+                    Thread.Sleep(2);
+                }
+            }
+        }
+    }
+
+    /// <summary>Say what a frame costs: milliseconds to evaluate, and bytes that the collector will have to clear away.</summary>
+    static void Measure(string sceneFile, string controlsFile)
+    {
+        const int Frames = 200;
+        Scene scene = Scene.Parse(Load(sceneFile));
+        Message controls = Load(controlsFile);
+        var pool = new FramePool();
+        var playback = new Playback(0.05, pool);
+        var deformation = new Deformation(scene);
+        var bounds = new ControlBounds(scene);
+        var vertices = new SurfaceVertex[scene.VertexCount];
+        foreach (string what in new[] { "nothing", "slopes", "cofactors", "bounds" })
+        {
+            double spent = 0;
+            long before = 0;
+            int collections = 0;
+            for (int i = -20; i < Frames; i++)
+            {
+                if (i == 0)
+                {
+                    GC.Collect();
+                    spent = 0;
+                    before = GC.GetTotalMemory(false);
+                    collections = GC.CollectionCount(0);
+                }
+                Frame frame = pool.Rent();
+                frame.Read(controls);
+                frame.Header.Time = (i + 20) / 30.0;
+                frame.Arrived = 100 + (i + 20) / 30.0;
+                frame.Scene = scene;
+                playback.Add(frame);
+                playback.Update(frame.Arrived + 0.01);
+                long start = Stopwatch.GetTimestamp();
+                switch (what)
+                {
+                    case "slopes":
+                        deformation.Evaluate(playback.Shown.Values, NormalsBy.Slopes, Axes.Unity, vertices);
+                        break;
+                    case "cofactors":
+                        deformation.Evaluate(playback.Shown.Values, NormalsBy.Cofactors, Axes.Unity, vertices);
+                        break;
+                    case "bounds":
+                        bounds.Of(playback.Shown.Values, Axes.Unity);
+                        break;
+                }
+                spent += (Stopwatch.GetTimestamp() - start) / (double)Stopwatch.Frequency;
+            }
+            Said.Line(
+                "what", what, "vertices", scene.VertexCount, "ms", 1000 * spent / Frames,
+                "bytes", (GC.GetTotalMemory(false) - before) / (double)Frames, "collections", GC.CollectionCount(0) - collections);
+            playback.Clear();
+        }
+    }
+}

@@ -1,0 +1,123 @@
+"""Controls evaluated in C#, and by the shader's arithmetic, against the vertices of the same recorded frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_bridge.live.payloads import decode
+
+from .conftest import array
+
+VECTORS = Path(__file__).parents[2] / "vectors"
+UNITY = np.float32([-1, 1, 1])
+
+
+def body(name):
+    return decode((VECTORS / f"{name}.bin").read_bytes()).body
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return body("scene")
+
+
+@pytest.fixture(scope="module", params=range(3))
+def evaluated(request, run_core):
+    """Frame number, and what was made of it: (positions, normals, box, box around) by kind of normals and axes."""
+    *kinds, _ = run_core("evaluate", VECTORS / "scene.bin", VECTORS / f"{request.param}.controls.bin")
+    return request.param, {
+        (each["normals"], each["axes"]): (*np.split(array(each["vertices"], columns=6), 2, axis=1), each["box"], each["around"])
+        for each in kinds
+    }
+
+
+def blended(scene, controls):
+    """(n, 3, 4) matrices, as docs/protocol.md has them, in double precision."""
+    facts, t = scene.facts, scene.arrays["ladder"].astype(float)
+    T = controls.astype(float).reshape(facts["fields"], facts["isolines"], 3, 4)
+    k = np.minimum(np.floor(t), facts["isolines"] - 2).astype(int)
+    fields = np.arange(facts["fields"])
+    steps = T[fields, k + 1] - T[fields, k]
+    return np.einsum("i,vixy->vxy", facts["weights"], T[fields, k] + (t - k)[..., None, None] * steps)
+
+
+def cofactor_normals(scene, controls):
+    linear = blended(scene, controls)[:, :, :3]
+    turned = np.einsum("vji,vj->vi", np.linalg.inv(linear), scene.arrays["normals"]) * np.linalg.det(linear)[:, None]
+    return turned / np.linalg.norm(turned, axis=1, keepdims=True)
+
+
+def test_positions_and_the_surfaces_own_normals_are_those_of_the_service(evaluated, scene):
+    number, made = evaluated
+    positions, normals, *_ = made["Slopes", "File"]
+    expected = body(f"{number}.vertices")
+    assert np.abs(positions - expected.positions).max() <= 1e-6 * scene.facts["diagonal"]
+    assert np.abs(normals - expected.normals).max() <= 1e-5
+
+
+def test_quick_normals_are_those_of_the_cofactor_matrix(evaluated, scene):
+    number, made = evaluated
+    positions, normals, *_ = made["Cofactors", "File"]
+    np.testing.assert_allclose(positions, made["Slopes", "File"][0], rtol=0, atol=1e-6 * scene.facts["diagonal"])
+    np.testing.assert_allclose(normals, cofactor_normals(scene, body(f"{number}.controls")), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("normals", ["Slopes", "Cofactors"])
+def test_in_unitys_axes_x_is_negated_and_nothing_else(evaluated, normals):
+    for ours, unitys in zip(evaluated[1][normals, "File"][:2], evaluated[1][normals, "Unity"][:2], strict=True):
+        np.testing.assert_array_equal(unitys, ours * UNITY)
+
+
+def test_triangles_turned_over_face_outwards_in_unitys_axes(run_core, scene):
+    *_, last = run_core("evaluate", VECTORS / "scene.bin", VECTORS / "0.controls.bin")
+    turned = array(last["turned"], np.int32, 3)
+    corners = (scene.arrays["positions"] * UNITY)[turned]
+    # a left-handed engine looks at clockwise triangles: what the right-hand rule says of them points inwards
+    inwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outwards = (scene.arrays["normals"] * UNITY)[turned].sum(axis=1)
+    assert (np.sum(-inwards * -outwards, axis=1) > 0).all()
+    assert sorted(map(tuple, np.sort(turned))) == sorted(map(tuple, np.sort(scene.arrays["triangles"])))
+
+
+@pytest.mark.parametrize("axes", ["File", "Unity"])
+def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(evaluated, scene, axes):
+    positions, _, box, around = evaluated[1]["Slopes", axes]
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    np.testing.assert_array_equal(np.float32(box), np.concatenate([low, high]))
+    slack = 1e-6 * scene.facts["diagonal"]
+    assert (np.float32(around[:3]) <= low + slack).all()
+    assert (np.float32(around[3:]) >= high - slack).all()
+    assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 3 * np.linalg.norm(high - low)
+
+
+def streams(scene):
+    """Return what the mesh gets once, as docs/unity.md has it: rest pose, ladder coordinates and slopes."""
+    arrays, fields = scene.arrays, scene.facts["fields"]
+    moving = np.hstack([arrays["positions"] * UNITY, arrays["normals"] * UNITY])
+    ladder = np.zeros((len(moving), 24), np.float32)
+    ladder[:, :fields] = arrays["ladder"]
+    ladder[:, 8 : 8 + 2 * fields] = arrays["slopes"].reshape(len(moving), -1)
+    return moving, ladder
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_the_shaders_arithmetic_is_the_services(shader, scene, number):
+    facts = scene.facts
+    controls = body(f"{number}.controls").reshape(facts["fields"], facts["isolines"], 3, 4)
+    rows = np.zeros((240, 4), np.float32)
+    rows[: 3 * facts["fields"] * facts["isolines"]] = (
+        np.float32(facts["weights"])[:, None, None, None] * controls
+    ).reshape(-1, 4)
+    by_slopes, by_cofactors = shader((facts["fields"], facts["isolines"]), rows, *streams(scene))
+    expected = body(f"{number}.vertices")
+    for points in (by_slopes, by_cofactors):
+        assert np.abs(points[:, :3] * UNITY - expected.positions).max() <= 1e-6 * facts["diagonal"]
+    assert np.abs(by_slopes[:, 3:] * UNITY - expected.normals).max() <= 1e-5
+    np.testing.assert_allclose(by_cofactors[:, 3:] * UNITY, cofactor_normals(scene, controls), rtol=0, atol=1e-5)
+
+
+def test_without_transforms_the_shader_leaves_vertices_as_they_are(shader, scene):
+    moving, ladder = streams(scene)
+    for points in shader((0, 0), np.zeros((240, 4), np.float32), moving, ladder):
+        np.testing.assert_array_equal(points, moving)

@@ -23,7 +23,7 @@ import zmq
 from benchmarks.datagrams import bodies
 from engine_bridge.live.wire import BEFORE_PAYLOAD, STATES, TOPIC, Header, subscription
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 """Seconds to wait for what must come."""
 
 PERFORMING = STATES.index("performing")

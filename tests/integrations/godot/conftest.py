@@ -68,7 +68,12 @@ class Script:
         for line in self.process.stdout:
             self.lines.append(line.rstrip("\n"))
             if line.startswith("RESULT "):
-                self.results.append(json.loads(line.removeprefix("RESULT ")))
+                self.results.append(json.loads(line.removeprefix("RESULT "), strict=False))
+
+    @property
+    def said(self):
+        """The last of what it has printed."""
+        return "\n".join(line[:400] for line in self.lines[-60:])
 
     def until(self, wanted, timeout=PATIENCE):
         """Wait for a result that satisfies a condition, and return it."""
@@ -81,7 +86,7 @@ class Script:
                 if wanted(result):
                     return result
             if ended or time.monotonic() > give_up:
-                pytest.fail("it has not said what was wanted:\n" + "\n".join(self.lines[-60:]), pytrace=False)
+                pytest.fail(f"it has not said what was wanted:\n{self.said}", pytrace=False)
             time.sleep(0.02)
 
     def end(self, allow=()):
@@ -95,7 +100,7 @@ class Script:
             code = self.process.wait(timeout)
         except subprocess.TimeoutExpired:
             self.kill()
-            pytest.fail(f"no end after {timeout} s:\n" + "\n".join(self.lines[-60:]), pytrace=False)
+            pytest.fail(f"no end after {timeout} s:\n{self.said}", pytrace=False)
         self._read.join()
         wrong = [
             line
@@ -103,8 +108,7 @@ class Script:
             if WRONG.search(line) and not HARMLESS.search(line) and not any(text in line for text in allow)
         ]
         if code or wrong:
-            said = "\n".join(self.lines[-60:])
-            pytest.fail("\n".join([f"exit code {code}, {len(wrong)} errors:", *wrong, "", said]), pytrace=False)
+            pytest.fail("\n".join([f"exit code {code}, {len(wrong)} errors:", *wrong, "", self.said]), pytrace=False)
         return self.results
 
     def kill(self):

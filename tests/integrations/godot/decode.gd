@@ -12,7 +12,7 @@ func _initialize() -> void:
 		if message == null:
 			tell({"damaged": true})
 		elif message.kind == Message.Kind.SCENE:
-			tell(_header(message).merged(_scene(Scene.parse(message.payload))))
+			tell(_header(message).merged(_scene(Scene.parse(message.payload)), true))
 		else:
 			tell(_header(message).merged({"payload": base64(message.payload), "json": message.json()}))
 	quit()

@@ -55,14 +55,21 @@ func _record_and_play() -> void:
 
 
 func _take_picture(path: String) -> void:
+	# few pixels until everything stands as it should: they may be drawn by the processor
+	root.scaling_3d_scale = 0.15
 	await create_timer(6.0).timeout
-	root.get_texture().get_image().save_png(path)
+	root.scaling_3d_scale = 1.0
+	await _save(path)
 	_live.hide()
-	await process_frame
-	await process_frame
-	root.get_texture().get_image().save_png(path.replace(".png", "_empty.png"))
-	_tell({"picture": path})
+	await _save(path.replace(".png", "_empty.png"))
 	quit()
+
+
+func _save(path: String) -> void:
+	await process_frame
+	await RenderingServer.frame_post_draw
+	root.get_texture().get_image().save_png(path)
+	_tell({"picture": path})
 
 
 func _key(action: StringName) -> InputEventAction:

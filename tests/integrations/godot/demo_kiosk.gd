@@ -34,17 +34,24 @@ func _on_attracting_changed(on: bool) -> void:
 
 
 func _take_picture(path: String) -> void:
+	# few pixels until everything stands as it should: they may be drawn by the processor
+	root.scaling_3d_scale = 0.15
 	while not ["Left", "Right"].all(func(side: String) -> bool: return _kiosk.get_node(side).get(&"taken")):
 		await process_frame
 	await create_timer(5.0).timeout
-	root.get_texture().get_image().save_png(path)
+	root.scaling_3d_scale = 1.0
+	await _save(path)
 	for side: String in ["Left", "Right"]:
 		(_kiosk.get_node(side).get_node(^"Puppet") as Puppet3D).hide()
-	await process_frame
-	await process_frame
-	root.get_texture().get_image().save_png(path.replace(".png", "_empty.png"))
-	_tell({"picture": path})
+	await _save(path.replace(".png", "_empty.png"))
 	quit()
+
+
+func _save(path: String) -> void:
+	await process_frame
+	await RenderingServer.frame_post_draw
+	root.get_texture().get_image().save_png(path)
+	_tell({"picture": path})
 
 
 func _tell(what: Dictionary) -> void:

@@ -1,6 +1,6 @@
 extends "teller.gd"
 ## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
-## "file": where positions are written, 3 floats a vertex}.
+## "file": where positions are written, 3 floats a vertex; in MORPHS, those at rest first}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",
@@ -30,6 +30,7 @@ func _initialize() -> void:
 		_puppet.set(property, load(value) if property == "mesh_source" else value)
 	for happening in SIGNALS:
 		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
+	_puppet.scene_loaded.connect(func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT)
 	root.add_child(_puppet)
 
 

@@ -20,7 +20,7 @@ func arguments() -> PackedStringArray:
 
 
 func base64(bytes: PackedByteArray) -> String:
-	return Marshalls.raw_to_base64(bytes)
+	return "" if bytes.is_empty() else Marshalls.raw_to_base64(bytes)
 
 
 func sha256(bytes: PackedByteArray) -> String:

@@ -243,7 +243,7 @@ def test_pings_are_answered(connect, publisher):
     script.until(lambda told: told == seen(b"t\0" + bytes([19])))
     results = script.end()
     assert messages(results) == [seen(b"t\0" + bytes([number])) for number in range(20)]
-    assert [told["state"] for told in results if "state" in told] == ["CONNECTING", "HANDSHAKE", "READY"]
+    assert [told["state"] for told in results if "state" in told][-1] == "READY"
 
 
 def test_a_ping_gets_its_own_context_back(connect, peer):

@@ -4,6 +4,7 @@ import base64
 import json
 import shutil
 import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -13,6 +14,8 @@ import pytest
 import zmq
 
 from engine_bridge.live.payloads import decode
+
+from ..conftest import live
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parents[2] / "integrations" / "unity"
@@ -61,8 +64,8 @@ class Program:
                 if wanted(self.said[looked - 1]):
                     return self.said[looked - 1]
             if not alive or time.monotonic() > give_up:
-                last = [{name: str(value)[:200] for name, value in each.items()} for each in self.said[-5:]]
-                pytest.fail(f"it has not said what was wanted, but {last} {''.join(self.noise)}", pytrace=False)
+                others = [each for each in self.said[since:] if "frame" not in each]
+                pytest.fail(f"it has not said what was wanted, but {others} {''.join(self.noise)}"[:4000])
             time.sleep(0.01)
 
     def finish(self, told=""):
@@ -208,3 +211,70 @@ def reference():
     yield follow
     for each in followed:
         each.close()
+
+
+@pytest.fixture(scope="session")
+def baked(blob_puppet, take, tmp_path_factory):
+    """The small figure's morph targets."""
+    path = tmp_path_factory.mktemp("baked") / "blob.morphs.glb"
+    command = [sys.executable, "-m", "puppetline", "bake", blob_puppet, "-o", path, "--log", take, "--tolerance", "0.002"]
+    subprocess.run(command, check=True, capture_output=True)
+    return path
+
+
+@pytest.fixture(scope="session")
+def played(blob_puppet, take):
+    """Arguments that have the small figure moved by a take again and again."""
+    return ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+
+
+@pytest.fixture
+def serve_figure(serve, played, free_port):
+    """Serve the small figure, for this test alone."""
+
+    def start(*arguments, port=None):
+        port = port or free_port()
+        service = serve(*played, "--port", port, *arguments)
+        service.port = port
+        return service
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def token_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("token") / "token"
+    path.write_text("correct-horse-battery-staple")
+    path.chmod(0o600)
+    return path
+
+
+def served(folder, *arguments):
+    """Serve for many tests: none of them asks for what others would see."""
+    state = {"XDG_STATE_HOME": str(folder)}
+    service = live.Served(*arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
+    service.port = int(service.stream.rpartition(":")[2])
+    service.control_port = int(service.control.rpartition(":")[2])
+    return service
+
+
+def end(service):
+    service.process.kill()
+    service.ended()
+    service.process.stderr.close()
+
+
+@pytest.fixture(scope="session")
+def figure(own_cache, played, baked, tmp_path_factory):
+    """The small figure, served as long as the tests run, with morph targets."""
+    service = served(tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
+    yield service
+    end(service)
+
+
+@pytest.fixture(scope="session")
+def locked_figure(own_cache, played, token_file, tmp_path_factory):
+    """The same behind a token, without morph targets."""
+    service = served(tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
+    yield service
+    end(service)

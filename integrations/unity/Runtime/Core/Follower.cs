@@ -51,7 +51,7 @@ namespace Puppetline
         readonly Queue<Frame> frames = new Queue<Frame>();
 
         // what the thread tells others; references change whole
-        volatile int state = (int)FollowState.Offline;
+        volatile int state = (int)FollowState.Connecting;
         volatile string reason = "";
         volatile Scene scene;
         volatile Json status = Json.Null;

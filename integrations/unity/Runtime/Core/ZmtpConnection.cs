@@ -33,7 +33,7 @@ namespace Puppetline
     {
         const int ConnectPatience = 2000;
         const int HandshakePatience = 5000;
-        const int Greeting = 64;
+        const int Greeting = 64, Signature = 10;
         const int LargestCommand = 65536;
         const byte More = 1, Long = 2, Command = 4;
 
@@ -204,12 +204,21 @@ namespace Puppetline
 
         void CheckGreeting(int until, string mechanism)
         {
-            while (end - start < Greeting)
+            try
             {
-                if (!Fill(until))
+                while (end - start < Greeting)
                 {
-                    throw new ZmtpException(where + " does not greet as ZMTP does. Is it the port of puppetline serve?");
+                    if (!Fill(until))
+                    {
+                        throw new ZmtpException(where + " does not greet as ZMTP does. Is it the port of puppetline serve?");
+                    }
                 }
+            }
+            catch (ZmtpException) when (end - start >= Signature && buffer[0] == 0xFF)
+            {
+                // as libzmq does on another mechanism; but also, for all that one knows, a service that just ends
+                string token = mechanism == "NULL" ? "Does it want a token?" : "Has it perhaps no token?";
+                throw new ZmtpException(where + " has closed the connection during the handshake. " + token);
             }
             if (buffer[0] != 0xFF || buffer[9] != 0x7F || buffer[10] < 3)
             {

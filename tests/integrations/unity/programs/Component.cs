@@ -12,13 +12,14 @@ static class Component
     static readonly GameObject Owner = new GameObject();
     static readonly Queue<string> Told = new Queue<string>();
     static Puppet puppet;
+    static SkinnedMeshRenderer skin;
     static Mesh mesh;
     static int warned;
 
     static int Main(string[] arguments)
     {
         puppet = Owner.AddComponent<Puppet>();
-        var skin = Owner.AddComponent<SkinnedMeshRenderer>();
+        skin = Owner.AddComponent<SkinnedMeshRenderer>();
         skin.sharedMesh = new Mesh { blendShapes = new[] { "smile", "motion_0", "motion_1", "motion_2" } };
         puppet.rootNode = Owner.AddComponent<Transform>();
         puppet.rootNode.localPosition = new Vector3(1, 2, 3);
@@ -30,7 +31,7 @@ static class Component
         Listen();
         Player.Enable(puppet, true);
         new Thread(Read) { IsBackground = true }.Start();
-        while (Step(skin))
+        while (Step())
         {
             Thread.Sleep(5);
         }
@@ -52,7 +53,11 @@ static class Component
         }
         else if (name == "whole")
         {
-            Owner.components.ForEach(each => { if (each is SkinnedMeshRenderer skin) { skin.sharedMesh.wholeBlendShape = float.Parse(value); } });
+            skin.sharedMesh.wholeBlendShape = float.Parse(value);
+        }
+        else if (name == "shapes")
+        {
+            skin.sharedMesh.blendShapes = value.Split(',');
         }
         else
         {
@@ -95,7 +100,7 @@ static class Component
         }
     }
 
-    static bool Step(SkinnedMeshRenderer skin)
+    static bool Step()
     {
         string[] told = new[] { "" };
         lock (Told)
@@ -134,7 +139,7 @@ static class Component
         Frame shown = puppet.Shown;
         if (shown != null && (shown.Header.Sequence != sequence || shown.Header.Time != time))
         {
-            SayShown(skin);
+            SayShown();
         }
         return true;
     }
@@ -164,7 +169,7 @@ static class Component
             : null;
     }
 
-    static void SayShown(SkinnedMeshRenderer skin)
+    static void SayShown()
     {
         Header header = puppet.Shown.Header;
         if (puppet.mode == PuppetMode.Morphs)

@@ -210,37 +210,59 @@ static class Core
         return reading;
     }
 
-    /// <summary>Ask what standard input says, a map in JSON a line, and say the replies.</summary>
+    /// <summary>Ask what standard input says, a map in JSON a line, all at once, and say the replies.</summary>
     static void Request(string[] arguments)
     {
         using (var client = new ControlClient(arguments[1], int.Parse(arguments[2]), arguments[3]))
         {
-            for (string line = Console.In.ReadLine(); line != null; line = Console.In.ReadLine())
+            int open = 0;
+            Thread reading = null;
+            var asked = new Queue<Json>();
+            reading = new Thread(() =>
             {
-                Json asked = Json.Parse(line);
-                var values = new Dictionary<string, object>();
-                foreach (string name in asked.Names)
+                for (string line = Console.In.ReadLine(); line != null; line = Console.In.ReadLine())
                 {
-                    Json value = asked[name];
-                    values[name] = value.Kind == JsonKind.Null ? null
-                        : value.Kind == JsonKind.Number ? value.Number
-                        : value.Kind == JsonKind.Boolean ? value.True
-                        : (object)value.Text;
+                    lock (asked)
+                    {
+                        asked.Enqueue(Json.Parse(line));
+                    }
                 }
-                values.Remove("do");
-                bool answered = false;
-                client.Request(asked["do"].Text, values, reply =>
+            });
+            reading.Start();
+            while (reading.IsAlive || open > 0 || asked.Count > 0)
+            {
+                lock (asked)
                 {
-                    Said.Line("reply", reply);
-                    answered = true;
-                });
-                while (!answered)
-                {
-                    client.Poll();
-                    Thread.Sleep(2);
+                    while (asked.Count > 0)
+                    {
+                        open++;
+                        Json next = asked.Dequeue();
+                        client.Request(next["do"].Text, Arguments(next), reply =>
+                        {
+                            Said.Line("reply", reply);
+                            open--;
+                        });
+                    }
                 }
+                client.Poll();
+                Thread.Sleep(2);
             }
         }
+    }
+
+    static Dictionary<string, object> Arguments(Json asked)
+    {
+        var values = new Dictionary<string, object>();
+        foreach (string name in asked.Names)
+        {
+            Json value = asked[name];
+            values[name] = value.Kind == JsonKind.Null ? null
+                : value.Kind == JsonKind.Number ? value.Number
+                : value.Kind == JsonKind.Boolean ? value.True
+                : (object)value.Text;
+        }
+        values.Remove("do");
+        return values;
     }
 
     /// <summary>Say what a frame costs: milliseconds to evaluate, and bytes that the collector will have to clear away.</summary>

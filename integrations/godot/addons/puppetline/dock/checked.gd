@@ -2,6 +2,9 @@
 extends RefCounted
 ## Values out of a reply, which may hold anything: what is missing or of another type is empty.
 
+## Items of a list, where nothing else limits it.
+const MOST := 256
+
 
 static func table(from: Variant, key: String) -> Dictionary:
 	var value: Variant = from.get(key) if from is Dictionary else null

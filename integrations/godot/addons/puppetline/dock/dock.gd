@@ -181,6 +181,8 @@ func _show_trouble(text: String) -> void:
 
 
 func _add_to_scene() -> void:
+	if service.chosen == null:
+		return
 	var puppet: Puppet3D = Puppet3DNode.new()
 	puppet.name = service.chosen.character
 	puppet.host = service.host

@@ -19,7 +19,7 @@ const PLACES := {
 	"ankle_left": Vector2(-0.13, 0.92),
 	"foot_left": Vector2(-0.19, 0.97),
 }
-const BONES: Array[PackedStringArray] = [
+const BONES: Array[Array] = [
 	["head", "shoulder_center", "spine", "hip_center"],
 	["shoulder_center", "shoulder_left", "elbow_left", "wrist_left", "hand_left"],
 	["shoulder_center", "shoulder_right", "elbow_right", "wrist_right", "hand_right"],
@@ -71,7 +71,7 @@ func _draw() -> void:
 	var filled := get_theme_color("font_pressed_color", "Button")
 	var ground := get_theme_color("font_color", "Label")
 	var width := maxf(0.012 * size.y, 1.0)
-	for bone in BONES:
+	for bone: Array in BONES:
 		for i in bone.size() - 1:
 			draw_line(place(bone[i]), place(bone[i + 1]), line, width, true)
 	for joint in _joints():

@@ -3,7 +3,6 @@ extends RefCounted
 ## Which joints move which handle of a character, as the service says it (docs/control.md, "Editing a mapping").
 
 const Checked := preload("checked.gd")
-const Mapping := preload("mapping.gd")
 
 ## Rows that a dock has room for.
 const MOST_HANDLES := 256
@@ -30,25 +29,17 @@ class Handle:
 	var gain := 1.0
 
 
-## Read the result of the command `puppet`.
-static func read(result: Variant) -> Mapping:
-	var mapping := Mapping.new()
-	mapping.character = Checked.text(result, "character")
+## [param result] is that of the command `puppet`.
+func _init(result: Variant) -> void:
+	character = Checked.text(result, "character")
 	for each in Checked.tables(result, "handles", MOST_HANDLES):
-		var handle := Handle.new()
-		handle.name = Checked.text(each, "name")
-		handle.joints = Checked.texts(each, "joints", MOST_JOINTS)
-		handle.axes = Checked.text(each, "axes")
-		handle.gain = Checked.number(each, "gain", 1.0)
-		if handle.name not in mapping.handle_names():
-			mapping.handles.append(handle)
+		_add_handle(each)
 	var root := Checked.table(result, "root")
-	mapping.root_joint = Checked.text(root, "joint")
-	mapping.root_axes = Checked.text(root, "axes")
-	mapping.scale = Checked.number(result, "scale", 0.0)
-	mapping.joints = Checked.texts(result, "joints", MOST_JOINTS)
-	mapping.saved = Checked.flag(result, "saved")
-	return mapping
+	root_joint = Checked.text(root, "joint")
+	root_axes = Checked.text(root, "axes")
+	scale = Checked.number(result, "scale", 0.0)
+	joints = Checked.texts(result, "joints", MOST_JOINTS)
+	saved = Checked.flag(result, "saved")
 
 
 func handle_names() -> PackedStringArray:
@@ -56,3 +47,13 @@ func handle_names() -> PackedStringArray:
 	for handle in handles:
 		names.append(handle.name)
 	return names
+
+
+func _add_handle(said: Dictionary) -> void:
+	var handle := Handle.new()
+	handle.name = Checked.text(said, "name")
+	handle.joints = Checked.texts(said, "joints", MOST_JOINTS)
+	handle.axes = Checked.text(said, "axes")
+	handle.gain = Checked.number(said, "gain", 1.0)
+	if handle.name not in handle_names():
+		handles.append(handle)

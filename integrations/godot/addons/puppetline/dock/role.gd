@@ -3,10 +3,8 @@ extends RefCounted
 ## How a character is doing, as the service says it (docs/control.md, `describe`; docs/running.md).
 
 const Checked := preload("checked.gd")
-const Role := preload("role.gd")
 
 const NOBODY := -1
-const MOST_CHARACTERS := 256
 const MOST_USERS := 64
 
 var character := ""
@@ -26,33 +24,23 @@ var latency := -1.0
 var recording := ""
 
 
-## Read the result of the command `describe`: the characters in their order.
-static func read_all(result: Variant) -> Array[Role]:
-	var all: Array[Role] = []
-	var status := Checked.table(result, "status")
-	for each in Checked.tables(result, "characters", MOST_CHARACTERS):
-		var role := Role.new()
-		role.character = Checked.text(each, "name")
-		role.stage = Checked.text(each, "stage")
-		role.state = Checked.text(each, "state")
-		role.user = int(Checked.number(each, "performer", NOBODY))
-		role.mirror = Checked.flag(each, "mirror")
-		var figures := _named(status, "characters", role.character)
-		role.rate = Checked.number(figures, "rate", 0.0)
-		role._read_stage(_named(status, "stages", role.stage))
-		all.append(role)
-	return all
-
-
-func _read_stage(said: Dictionary) -> void:
+## [param described] is what `describe` says of the character, and [param status] what it says of the service.
+func _init(described: Dictionary, status: Dictionary) -> void:
+	character = Checked.text(described, "name")
+	stage = Checked.text(described, "stage")
+	state = Checked.text(described, "state")
+	user = int(Checked.number(described, "performer", NOBODY))
+	mirror = Checked.flag(described, "mirror")
+	rate = Checked.number(_named(status, "characters", character), "rate", 0.0)
+	var said := _named(status, "stages", stage)
 	recording = Checked.text(said, "recording")
 	latency = Checked.number(Checked.table(said, "latency_ms"), "p95", -1.0)
 	for each in Checked.tables(said, "users", MOST_USERS):
 		users.append(int(Checked.number(each, "user", NOBODY)))
 
 
-static func _named(status: Dictionary, key: String, name: String) -> Dictionary:
-	for each in Checked.tables(status, key, MOST_CHARACTERS):
+func _named(status: Dictionary, key: String, name: String) -> Dictionary:
+	for each in Checked.tables(status, key, Checked.MOST):
 		if Checked.text(each, "name") == name:
 			return each
 	return {}

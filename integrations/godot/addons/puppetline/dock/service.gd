@@ -157,7 +157,7 @@ func _take_state(state: Stream.State) -> void:
 
 
 func _forget() -> void:
-	roles = []
+	roles.clear()
 	_looking = 0
 	_edits.clear()
 	_editing = false
@@ -177,11 +177,17 @@ func _take_roles(reply: Dictionary) -> void:
 	_looking -= 1
 	if reply.ok:
 		connection = "Connected with %s:%d." % [host, port]
-		roles = Role.read_all(reply.get("result"))
+		_read_roles(reply.get("result"))
 		_choose()
 	else:
 		connection = "Its stream is there, but nothing can be asked. %s" % _told(reply)
 	changed.emit()
+
+
+func _read_roles(result: Variant) -> void:
+	roles.clear()
+	for each in Checked.tables(result, "characters", Checked.MOST):
+		roles.append(Role.new(each, Checked.table(result, "status")))
 
 
 ## Find the character that is wished for among those who are there, the first one failing that.
@@ -217,7 +223,7 @@ func _take_mapping(reply: Dictionary, edited: int) -> void:
 
 
 func _set_mapping(reply: Dictionary) -> void:
-	var said := Mapping.read(reply.get("result"))
+	var said := Mapping.new(reply.get("result"))
 	if chosen != null and said.character == chosen.character:
 		mapping = said
 		mapping_changed.emit()

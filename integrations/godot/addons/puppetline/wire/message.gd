@@ -44,11 +44,10 @@ var payload := PackedByteArray()
 static func parse(bytes: PackedByteArray) -> Message:
 	if bytes.size() < _BEFORE_PAYLOAD:
 		return null
-	var end := bytes.find(0)
-	if end < 1 or end >= _TOPIC:
-		return null
 	var message := Message.new()
-	message.topic = bytes.slice(0, end).get_string_from_ascii()
+	message.topic = _read_topic(bytes)
+	if message.topic.is_empty():
+		return null
 	message.major = bytes[_TOPIC]
 	message.minor = bytes[_TOPIC + 1]
 	if message.major == MAJOR and not message._read(bytes):
@@ -65,6 +64,17 @@ func is_frame() -> bool:
 func json() -> Variant:
 	var reader := JSON.new()
 	return reader.data if reader.parse(payload.get_string_from_utf8()) == OK else null
+
+
+## Return the printable characters that end with the first of the zeros; nothing if there is anything else.
+static func _read_topic(bytes: PackedByteArray) -> String:
+	var end := bytes.find(0)
+	if end >= _TOPIC or bytes.slice(end, _TOPIC).count(0) < _TOPIC - end:
+		return ""
+	for i in end:
+		if bytes[i] < 0x20 or bytes[i] > 0x7E:
+			return ""
+	return bytes.slice(0, end).get_string_from_ascii()
 
 
 func _read(bytes: PackedByteArray) -> bool:

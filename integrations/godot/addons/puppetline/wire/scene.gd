@@ -159,10 +159,10 @@ func _read_names() -> void:
 	if description.get("morphs") != null:
 		morphs = _list(description, "morphs").map(func(name: Variant) -> String: return str(name))
 	for found: Variant in _list(description, "handles"):
-		var place := _numbers(found.get("position"), 3) if found is Dictionary else []
-		if place.is_empty():
+		if not found is Dictionary or _numbers(found.get("position"), 3).is_empty():
 			_fail("a handle has no position")
 			return
+		var place := _numbers(found.position, 3)
 		handles.append(
 			{
 				"name": str(found.get("name", "")),

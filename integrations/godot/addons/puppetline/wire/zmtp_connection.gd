@@ -55,8 +55,8 @@ func _init(socket_type: String, token := "") -> void:
 
 
 func _notification(what: int) -> void:
-	if what == NOTIFICATION_PREDELETE:
-		_forget_name()
+	if what == NOTIFICATION_PREDELETE and _resolving != IP.RESOLVER_INVALID_ID:
+		IP.erase_resolve_item(_resolving)  # a function of its own cannot be called any more
 
 
 ## Begin to connect. What was open before is closed.

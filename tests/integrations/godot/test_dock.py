@@ -1,0 +1,252 @@
+"""The dock in Godot, used as somebody with a mouse uses it, with the real service; and once in the real editor."""
+
+import itertools
+import json
+import threading
+import tomllib
+
+import numpy as np
+import pytest
+
+from engine_bridge.puppet import load
+
+pytestmark = pytest.mark.slow
+
+TOKEN = "a token for tests"
+
+
+class Dock:
+    """A dock that does what it is told, and what it shows."""
+
+    def __init__(self, start_godot, tmp_path):
+        self._commands = tmp_path / "commands"
+        self._commands.touch()
+        self._count = 0
+        self.script = start_godot("press_dock.gd", self._commands)
+
+    def do(self, *command):
+        """Do something; what it shows after that counts."""
+        self._count += 1
+        with self._commands.open("a") as commands:
+            commands.write(json.dumps(command) + "\n")
+
+    def until(self, wanted):
+        """Wait until it shows what is wanted since it has done all, and return that."""
+        return self.script.until(lambda shown: shown["done"] == self._count and wanted(shown))
+
+    def follow(self, port, token=""):
+        self.do("type", "Token", token)
+        self.do("type", "Address", f"127.0.0.1:{port}")
+        self.do("show")
+
+
+@pytest.fixture
+def dock(start_godot, tmp_path):
+    return Dock(start_godot, tmp_path)
+
+
+@pytest.fixture
+def puppet(blob_puppet):
+    """A puppet file of the test's own."""
+    path = blob_puppet.with_name("dog.toml")
+    path.write_text("# my dog\n" + blob_puppet.read_text())
+    return path
+
+
+@pytest.fixture
+def performer(sender, kung_fu):
+    """Somebody who never stops."""
+    stop = threading.Event()
+    performing = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
+    performing.start()
+    yield sender
+    stop.set()
+    performing.join()
+
+
+@pytest.fixture
+def start(serve, puppet, free_port):
+    """Start a service whose control socket has the port after the stream's, where the dock expects it."""
+
+    def start_it(source, *more):
+        service = serve("--puppet", puppet, "--source", source, "--calibrate", "at_once", *more, "--port", free_port())
+        service.port = int(service.stream.rpartition(":")[2])
+        return service
+
+    return start_it
+
+
+def row(service, name):
+    return next(each for each in service.ask("puppet", character="dog")["handles"] if each["name"] == name)
+
+
+def test_it_shows_how_the_character_is_doing_and_does_what_is_pressed(dock, start, puppet, performer):
+    service = start(performer.uri)
+    dock.follow(service.port)
+    shown = dock.until(lambda shown: "User 1 performs" in shown["facts"] and shown["rows"])
+    assert shown["connection"] == f"Connected with 127.0.0.1:{service.port}."
+    assert (shown["characters"], shown["character"]) == (["dog"], "dog")
+    assert shown["can"] == ["Calibrate", "Mirror", "Record", "AddToScene"]
+    dock.until(lambda shown: "frames a second" in shown["facts"] and "ms from sensor" in shown["facts"])
+    dock.until(lambda shown: shown["performers"] == ["whoever comes", "User 1"] and shown["performer"] == "User 1")
+    dock.do("toggle", "Mirror", True)
+    dock.until(lambda shown: shown["mirror"])
+    assert service.ask("describe")["characters"][0]["mirror"] is True
+    dock.do("press", "Calibrate")
+    dock.do("select", "Performer", "User 1")
+    dock.until(lambda shown: shown["performer"] == "User 1" and not shown["trouble"])
+    dock.do("toggle", "Record", True)
+    shown = dock.until(lambda shown: "Save" not in shown["can"] and shown["recording"] and not shown["trouble"])
+    shown = dock.until(lambda shown: not any(each["editable"] for each in shown["rows"].values()))
+    [stage] = service.ask("describe")["status"]["stages"]
+    assert stage["recording"].startswith(stage["name"])
+    dock.do("toggle", "Record", False)
+    dock.until(lambda shown: not shown["recording"] and all(each["editable"] for each in shown["rows"].values()))
+    assert len(service.ask("list")["takes"]) == 1
+    dock.script.end()
+
+
+def test_a_mapping_is_edited_live_and_saved(dock, start, puppet, performer):
+    service = start(performer.uri)
+    text = puppet.read_text()
+    dock.follow(service.port)
+    shown = dock.until(lambda shown: "performs" in shown["facts"] and shown["rows"])
+    said = service.ask("puppet", character="dog")
+    assert {name: (each["joints"], each["axes"], each["gain"]) for name, each in shown["rows"].items()} == {
+        each["name"]: (", ".join(each["joints"]) or "none", each["axes"], each["gain"]) for each in said["handles"]
+    }
+    assert (shown["root"], shown["scale"]) == (["hip_center", "xz"], 1.3)
+    assert shown["figure"] == ["hand_left"]
+    dock.until(lambda shown: shown["rows"]["left hand"]["moves"] and not shown["rows"]["left foot"]["moves"])
+    dock.do("joint", "left foot", "hand_left")
+    dock.do("gain", "left foot", 2.5)
+    dock.do("axis", "left foot", "z", False)
+    dock.until(lambda shown: "Save" in shown["can"] and shown["rows"]["left foot"]["joints"] == "hand_left")
+    dock.until(lambda shown: shown["rows"]["left foot"]["moves"])
+    foot = [each["name"] for each in said["handles"]].index("left foot")
+    rests = np.array([0.55, -1.65, 0.1])
+    listening = service.client("dog/handles")
+    went = listening.until(lambda m: np.linalg.norm(m.body[foot] - m.header.root - rests) > 0.3, "handles")
+    np.testing.assert_allclose([m.body[foot][2] - m.header.root[2] for m in went], went[0].body[foot][2], atol=1e-5)
+    dock.do("point", "left foot", "head")
+    dock.until(lambda shown: shown["figure"] == ["hand_left", "head"])
+    dock.do("gain", "head", -1.15)
+    dock.do("carry", "spine")
+    dock.do("scale", 0.9)
+    shown = dock.until(
+        lambda shown: (
+            shown["rows"]["left foot"]["joints"] == "hand_left, head"
+            and shown["rows"]["head"]["gain"] == -1.15
+            and shown["root"] == ["spine", "xz"]
+            and shown["scale"] == 0.9
+            and not shown["trouble"]
+        )
+    )
+    assert puppet.read_text() == text
+    dock.do("press", "Save")
+    dock.until(lambda shown: "Save" not in shown["can"] and not shown["trouble"])
+    saved = puppet.read_text()
+    assert saved.startswith("# my dog\n")
+    before, after = tomllib.loads(text), tomllib.loads(saved)
+    before["handle"][2]["gain"] = -1.15
+    before["handle"][3] |= {"joints": ["hand_left", "head"], "gain": 2.5, "axes": "xy"}
+    before["root"]["joint"], before["retarget"]["scale"] = "spine", 0.9
+    assert after == before
+    assert load(puppet).handle[3].driven_by == tuple(row(service, "left foot")["joints"]) == ("hand_left", "head")
+    dock.script.end()
+
+
+def test_edits_can_be_taken_back_and_others_are_seen(dock, start, puppet):
+    service = start("demo:walk?loop")
+    dock.follow(service.port)
+    dock.until(lambda shown: shown["rows"])
+    dock.do("joint", "head", "head")
+    dock.do("carry", "nothing")
+    dock.until(lambda shown: shown["rows"]["head"]["joints"] == "none" and shown["root"] == ["nothing", ""])
+    dock.do("press", "Revert")
+    dock.until(lambda shown: shown["rows"]["head"]["joints"] == "head" and "Revert" not in shown["can"])
+    dock.do("carry", "nothing")
+    dock.do("carry", "head")
+    dock.until(lambda shown: shown["root"] == ["head", "xz"])
+    service.ask("set_handle", character="dog", handle="head", gain=4, axes="y")
+    dock.until(lambda shown: shown["rows"]["head"]["gain"] == 4 and shown["rows"]["head"]["axes"] == "y")
+    puppet.write_text(puppet.read_text() + "\n# and a remark\n")
+    dock.do("press", "Save")
+    shown = dock.until(lambda shown: shown["trouble"])
+    assert "somebody has changed" in shown["trouble"]
+    assert str(puppet) in shown["trouble"]
+    assert shown["rows"]["head"]["gain"] == 4
+    dock.do("press", "TroubleSeen")
+    dock.until(lambda shown: not shown["trouble"])
+    for gain in range(50):  # faster than the service answers
+        dock.do("gain", "right hand", gain / 10)
+    dock.until(lambda shown: shown["rows"]["right hand"]["gain"] == 4.9)
+    dock.do("scale", 2.0)
+    dock.until(lambda shown: shown["scale"] == 2.0 and not shown["trouble"])
+    while row(service, "right hand")["gain"] != 4.9:
+        pass
+    dock.script.end()
+
+
+def test_it_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
+    port = free_port()
+    dock.follow(port)
+    dock.until(lambda shown: "tried again" in shown["connection"] and not shown["characters"])
+    service = serve("--puppet", puppet, "--source", "demo:walk?loop", "--port", port)
+    dock.until(lambda shown: shown["rows"] and shown["can"])
+    dock.do("gain", "head", 3.0)
+    dock.until(lambda shown: "Save" in shown["can"])
+    service.process.kill()
+    shown = dock.until(lambda shown: not shown["characters"])
+    assert "tried again" in shown["connection"]
+    assert not shown["rows"]
+    assert not shown["can"]
+    dock.do("gain", "head", 2.0)  # whatever is still pressed
+    dock.do("press", "Save")
+    dock.do("press", "Calibrate")
+    service.process.wait()
+    serve("--puppet", puppet, "--source", "demo:walk?loop", "--port", port)
+    shown = dock.until(lambda shown: shown["rows"])
+    assert shown["rows"]["head"]["gain"] == 0.8
+    assert "Save" not in shown["can"]
+    dock.script.end()
+
+
+def test_a_token_is_wanted_and_then_given(dock, start, tmp_path):
+    (tmp_path / "token.txt").write_text(TOKEN)
+    (tmp_path / "token.txt").chmod(0o600)
+    service = start("osc:0", "--token-file", tmp_path / "token.txt")
+    dock.follow(service.port)
+    dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
+    dock.follow(service.port, TOKEN[::-1])
+    dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
+    dock.follow(service.port, TOKEN)
+    dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("Nobody performs"))
+    dock.script.end()
+
+
+def test_it_changes_between_characters_and_rests_while_it_is_hidden(dock, start, puppet):
+    other = puppet.with_name("cat.toml")
+    other.write_text(puppet.read_text().replace('name = "head"', 'name = "nose"'))
+    service = start("demo:walk?loop", "--puppet", other)
+    dock.follow(service.port)
+    dock.until(lambda shown: shown["characters"] == ["dog", "cat"] and "head" in shown["rows"])
+    dock.do("select", "Character", "cat")
+    dock.until(lambda shown: shown["character"] == "cat" and "nose" in shown["rows"] and "head" not in shown["rows"])
+    dock.do("hide")
+    dock.until(lambda shown: not shown["characters"])
+    dock.do("show")
+    dock.until(lambda shown: shown["character"] == "cat" and "nose" in shown["rows"])
+    dock.script.end()
+
+
+def test_an_edit_that_is_refused_is_told_and_taken_back(dock, start, puppet, performer):
+    service = start(performer.uri)
+    dock.follow(service.port)
+    dock.until(lambda shown: shown["rows"])
+    service.ask("record_start", name="take")  # before the dock knows
+    dock.do("gain", "head", 3.0)
+    shown = dock.until(lambda shown: shown["trouble"])
+    assert "the take 'take' is being recorded" in shown["trouble"]
+    dock.until(lambda shown: shown["rows"]["head"]["gain"] == 0.8)
+    dock.script.end()

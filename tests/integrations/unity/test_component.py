@@ -1,0 +1,208 @@
+"""The component, compiled and driven with stand-ins for Unity, against the real service: what reaches a mesh."""
+
+import time
+
+import numpy as np
+import pytest
+
+from .conftest import PATIENCE, array
+
+UNITY = np.float32([-1, 1, 1])
+
+
+@pytest.fixture
+def show(start, figure):
+    """Have a Puppet show the small figure; `fields` are its own, and what `Component.cs` has besides."""
+
+    def run(service=figure, **fields):
+        told = {"port": service.port, "character": "blob", "interpolationDelay": 0, **fields}
+        return start("Component", *(f"{name}={value}" for name, value in told.items()))
+
+    return run
+
+
+@pytest.fixture
+def python(reference, figure):
+    return reference(figure.stream, "blob/vertices", "blob/scene/python")
+
+
+def shown(program, reference, wanted=20, since=0):
+    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
+    give_up = time.monotonic() + PATIENCE
+    while time.monotonic() < give_up:
+        theirs = dict(reference.frames)
+        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
+        if len(both) >= wanted:
+            return both
+        time.sleep(0.05)
+    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
+
+
+def mesh(program):
+    return program.until(lambda said: said.get("event") == "sceneLoaded")
+
+
+def assert_shown(vertices, theirs, diagonal):
+    assert np.abs(vertices[:, :3] * UNITY - theirs.positions).max() <= 1e-6 * diagonal
+    off = np.abs(vertices[:, 3:] * UNITY - theirs.normals).max(axis=1)
+    assert off.max() <= 1e-4
+    assert np.mean(off > 1e-5) <= 1e-3
+
+
+def assert_around(said, theirs, diagonal, looseness):
+    bounds = np.float32(said["bounds"])
+    low, high = bounds[:3] - bounds[3:] / 2, bounds[:3] + bounds[3:] / 2
+    positions = theirs.positions * UNITY
+    assert (low <= positions.min(axis=0) + 1e-5 * diagonal).all()
+    assert (high >= positions.max(axis=0) - 1e-5 * diagonal).all()
+    assert np.linalg.norm(high - low) <= looseness * np.linalg.norm(np.ptp(positions, axis=0))
+
+
+@pytest.mark.parametrize("mode", ["Controls", "Vertices", "Vertices16"])
+def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, python, mode):
+    program = show(mode=mode, materials="Any/Shader")
+    assert not mesh(program)["onGraphicsCard"]
+    both = shown(program, python)
+    diagonal = python.scene.facts["diagonal"]
+    for said, theirs in both:
+        vertices = array(said["moving"], columns=6)
+        if mode == "Vertices16":
+            assert np.abs(vertices[:, :3] * UNITY - theirs.positions).max() <= 1e-5 * diagonal
+        else:
+            assert_shown(vertices, theirs, diagonal)
+        assert_around(said, theirs, diagonal, 1.001)
+        assert said["enabled"]
+    assert np.ptp([array(said["moving"])[:600] for said, _ in both], axis=0).max() > 0.005 * diagonal
+    assert program.finish()[-1]["ended"]
+
+
+def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, python):
+    program = show(materials="Any/Shader,Other/Shader")
+    made = mesh(program)
+    shown(program, python, 1)
+    triangles = python.scene.arrays["triangles"].astype(np.int32)
+    np.testing.assert_array_equal(array(made["indices"], np.int32, 3), triangles[:, [0, 2, 1]])
+    assert made["parts"] == [[0, triangles.size]]
+    assert made["materials"] == ["Any/Shader"]
+    assert made["layout"] == ["0 Position 3", "0 Normal 3", "1 Color 4", "1 TexCoord0 2"]
+    assert made["shown"] is False  # before there is a pose
+    np.testing.assert_array_equal(array(made["still"], columns=6), np.tile(np.float32([1, 1, 1, 1, 0, 0]), (len(array(made["still"])) // 6, 1)))
+
+
+def test_the_graphics_card_gets_the_rest_pose_once_and_then_transforms(show, python, shader):
+    program = show()
+    made = mesh(program)
+    assert made["onGraphicsCard"]
+    assert made["materials"] == ["PuppetlineControls"]
+    assert made["layout"][4:] == [f"2 TexCoord{k} 4" for k in range(2, 8)]
+    both = shown(program, python)
+    diagonal = python.scene.facts["diagonal"]
+    ladder = array(made["ladder"], columns=24)
+    assert len({said["moving"] for said, _ in both}) == 1
+    assert {said["uploads"] for said, _ in both} == {3}
+    for said, theirs in both:
+        moving = array(said["moving"], columns=6)
+        by_slopes, by_cofactors = shader(map(float, said["shape"].split()), array(said["rows"], columns=4), moving, ladder)
+        assert_shown(by_slopes, theirs, diagonal)
+        assert np.abs(by_cofactors[:, :3] - by_slopes[:, :3]).max() <= 1e-6 * diagonal
+        assert_around(said, theirs, diagonal, 3)
+    program.finish()
+
+
+def test_without_materials_another_pipelines_own_one_is_used_on_the_processor(show, python):
+    program = show(pipeline="Pipeline/Lit")
+    made = mesh(program)
+    assert (made["materials"], made["onGraphicsCard"]) == (["Pipeline/Lit"], False)
+    said, theirs = shown(program, python, 1)[0]
+    assert_shown(array(said["moving"], columns=6), theirs, python.scene.facts["diagonal"])
+
+
+def test_quick_normals_are_other_normals_at_the_same_places(show, python):
+    program = show(materials="Any/Shader", quickNormals=True)
+    both = shown(program, python)
+    diagonal = python.scene.facts["diagonal"]
+    for said, theirs in both:
+        vertices = array(said["moving"], columns=6)
+        assert np.abs(vertices[:, :3] * UNITY - theirs.positions).max() <= 1e-6 * diagonal
+        cosines = np.sum(vertices[:, 3:] * UNITY * theirs.normals, axis=1)
+        assert np.median(cosines) > 0.999
+        np.testing.assert_allclose(np.linalg.norm(vertices[:, 3:], axis=1), 1, atol=1e-5)
+    program.finish()
+
+
+def test_with_a_delay_there_are_moments_between_those_that_were_sent(show, python):
+    program = show(materials="Any/Shader", interpolationDelay=0.1)
+    shown(program, python)
+    sent = {message.header.time for message in python.frames.values()}
+    times = [said["time"] for said in program.said if "time" in said]
+    assert times == sorted(times)
+    assert len(set(times) - sent) > 10
+
+
+@pytest.mark.parametrize("whole", [100, 1])
+def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference, figure, whole):
+    python = reference(figure.stream, "blob/morphs", "blob/scene/python")
+    program = show(mode="Morphs", whole=whole, shapes=",".join(["smile", *(f"motion_{k}" for k in range(64))]))
+    both = shown(program, python)
+    count = len(python.scene.facts["morphs"])
+    for said, theirs in both:
+        root = python.frames[said["frame"]].header.root
+        assert said["root"] == pytest.approx(np.add([1, 2, 3], root * UNITY), abs=1e-5)
+        expected = {1 + k: whole * weight for k, weight in enumerate(theirs.weights.tolist())}
+        assert dict(map(tuple, said["weights"])) == pytest.approx(expected, rel=1e-6)
+        assert len(expected) == count
+    assert program.finish()[-1]["rest"] == [1, 2]
+
+
+def test_what_happens_is_told_once_each_and_in_order(serve_figure, start):
+    service = serve_figure()
+    program = start("Component", f"port={service.port}", "materials=Any/Shader")
+    program.until(lambda said: said.get("event") == "performerCalibrated")
+    program.tell("record evening")
+    assert program.until(lambda said: said.get("event") == "takeStarted")["value"] == "evening"
+    program.tell("stop")
+    assert program.until(lambda said: said.get("event") == "takeStopped")["value"] == "evening"
+    program.tell("mirror on")
+    program.tell("calibrate")
+    program.tell("ask describe")
+    described = program.until(lambda said: "reply" in said)["reply"]["result"]["characters"]
+    assert [each["mirror"] for each in described] == [True]
+    program.tell("record not/a/name")
+    assert "record_start" not in program.until(lambda said: "warning" in said)["warning"]
+    service.process.kill()
+    service.ended()
+    program.until(lambda said: said.get("event") == "disconnected")
+    serve_figure(port=service.port)
+    since = len(program.said)
+    program.until(lambda said: said.get("event") == "connected", since)
+    program.until(lambda said: said.get("event") == "sceneLoaded", since)
+    program.until(lambda said: "frame" in said, since)
+    events = [said["event"] for said in program.finish() if "event" in said]
+    assert events[:6] == ["connected", "sceneLoaded", "performerFound", "performerCalibrated", "takeStarted", "takeStopped"]
+    assert events.count("disconnected") == 2  # once by the service, once by its own end
+
+
+def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, locked_figure, token_file):
+    program = start("Component", f"port={locked_figure.port}", "token=wrong", "materials=Any/Shader")
+    refused = program.until(lambda said: said.get("event") == "refused")
+    assert "token" in refused["value"]
+    program.tell(f"set token {token_file.read_text()}")
+    program.until(lambda said: "frame" in said)
+    said = program.finish()
+    assert [each["warning"] for each in said if "warning" in each] == [f"Puppetline: {refused['value']}"]
+
+
+def test_another_mode_is_taken_while_it_runs(show, python):
+    program = show()
+    shown(program, python, 2)
+    since = len(program.said)
+    program.tell("set mode Vertices")
+    said, theirs = shown(program, python, 2, since)[-1]
+    assert_shown(array(said["moving"], columns=6), theirs, python.scene.facts["diagonal"])
+    assert said["block"] is False  # transforms of the mode before would move these vertices
+    program.finish()
+
+
+def test_morphs_without_a_mesh_of_the_character_say_what_to_do(start, figure):
+    program = start("Component", f"port={figure.port}", "mode=Morphs", "shapes=smile")
+    assert "puppetline bake" in program.until(lambda said: "warning" in said)["warning"]

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -27,8 +26,8 @@ WRONG = re.compile(
 )
 """What a script that is well never says."""
 
-HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR")
-"""What Godot says of a machine without sound or display."""
+HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR|without fontconfig")
+"""What Godot says of a machine without sound, display or fonts."""
 
 PROJECT = """config_version=5
 
@@ -112,7 +111,7 @@ class Script:
         return self.results
 
     def kill(self):
-        with suppress(ProcessLookupError):
+        if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
         self._read.join()
@@ -165,5 +164,23 @@ def run_godot(start_godot):
 
     def run(script, *arguments, display=False, timeout=PATIENCE, allow=()):
         return start_godot(script, *arguments, display=display).finish(timeout, allow)
+
+    return run
+
+
+@pytest.fixture
+def run_editor(godot, project):
+    """Open the project in the editor with the plugin on, for some frames; return all that was printed."""
+
+    def run(frames=60):
+        plugin = '\n[editor_plugins]\n\nenabled=PackedStringArray("res://addons/puppetline/plugin.cfg")\n'
+        (project / "project.godot").write_text(PROJECT + plugin)
+        command = [godot, "--headless", "--editor", "--path", project, "--quit-after", frames]
+        editor = Script(command, project.parent / "over")
+        try:
+            editor.finish(300)
+        finally:
+            editor.kill()
+        return editor.lines
 
     return run

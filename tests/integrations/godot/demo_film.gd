@@ -33,6 +33,8 @@ func _initialize() -> void:
 
 
 func _record_and_play() -> void:
+	while (_transport.get_node(^"%Record") as Button).disabled:
+		await process_frame
 	_transport.call(&"toggle_recording")
 	await _live.take_started
 	await create_timer(2.0).timeout

@@ -8,6 +8,7 @@ const Dock := preload("res://addons/puppetline/dock/dock.gd")
 var _dock: Dock
 var _done := 0
 var _told := ""
+var _moved: Array[String] = []  # handles that have been seen to move since the last command
 
 
 func _initialize() -> void:
@@ -24,6 +25,7 @@ func _process(_delta: float) -> bool:
 		var command: Array = JSON.parse_string(lines[_done])
 		callv(command[0], command.slice(1))
 		_done += 1
+		_moved.clear()
 	var shown := _shown()
 	if JSON.stringify(shown) != _told:
 		_told = JSON.stringify(shown)
@@ -107,12 +109,13 @@ func _shown() -> Dictionary:
 	var rows := {}
 	for handle: String in table._rows:
 		var row := table.row(handle)
+		if row.activity.value > 0.05 and handle not in _moved:
+			_moved.append(handle)
 		rows[handle] = {
 			"joints": row.joints.text,
 			"axes": row.axes.axes,
-			"gain": row.gain.value,
+			"gain": row.gain.number(),
 			"editable": row.gain.editable,
-			"moves": row.activity.value > 0.05,
 		}
 	return {
 		"done": _done,
@@ -129,9 +132,10 @@ func _shown() -> Dictionary:
 			func(button: String) -> bool: return not _part(button).disabled
 		),
 		"rows": rows if table.visible else {},
+		"moved": _moved,
 		"figure": Array(table.figure.chosen),
 		"root": [table.root_joint.text, table.root_axes.axes],
-		"scale": 0.0 if table.automatic.button_pressed else table.scale_value.value,
+		"scale": 0.0 if table.automatic.button_pressed else table.scale_value.number(),
 		"trouble": _part("TroubleText").text if _part("Trouble").visible else "",
 	}
 

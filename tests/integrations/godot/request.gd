@@ -2,9 +2,9 @@ extends "teller.gd"
 ## Makes requests, all at once, and tells the replies: HOST PORT TOKEN REQUEST... With `--again` before them it makes
 ## them five times a second until the test has seen enough.
 
-const Control := preload("res://addons/puppetline/wire/control.gd")
+const ControlSocket := preload("res://addons/puppetline/wire/control.gd")
 
-var _control: Control
+var _control: ControlSocket
 var _again := arguments()[3] == "--again"
 var _bodies := arguments().slice(4 if _again else 3)
 var _missing := 0
@@ -13,7 +13,7 @@ var _next := 0
 
 func _initialize() -> void:
 	super()
-	_control = Control.new(arguments()[0], int(arguments()[1]), arguments()[2])
+	_control = ControlSocket.new(arguments()[0], int(arguments()[1]), arguments()[2])
 	if not _again:
 		_request()
 

@@ -1,6 +1,6 @@
 extends "teller.gd"
 ## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
-## "file": where positions are written, 3 floats a vertex; in MORPHS, those at rest first}.
+## "apart": frames between two of them at least, "file": where positions are written, 3 floats a vertex; in MORPHS, those at rest first}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",
@@ -17,28 +17,32 @@ const SIGNALS: Array[StringName] = [
 var _puppet := Puppet3D.new()
 var _wanted := 0
 var _file: FileAccess
-var _last := -1
+var _apart := 1
+var _next := 0
 
 
 func _initialize() -> void:
 	super()
 	var asked: Dictionary = JSON.parse_string(arguments()[0])
 	_wanted = asked["samples"]
+	_apart = asked["apart"]
 	_file = FileAccess.open(asked["file"], FileAccess.WRITE)
 	for property: String in asked["settings"]:
 		var value: Variant = asked["settings"][property]
 		_puppet.set(property, load(value) if property == "mesh_source" else value)
 	for happening in SIGNALS:
 		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
-	_puppet.scene_loaded.connect(func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT)
+	_puppet.scene_loaded.connect(
+		func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT
+	)
 	root.add_child(_puppet)
 
 
 ## What nodes show by now, they have shown in the frame before.
 func _process(_delta: float) -> bool:
 	var shown := _puppet.statistics()
-	if shown["calibrated"] and shown["sequence"] > _last:
-		_last = shown["sequence"]
+	if shown["calibrated"] and shown["sequence"] >= _next:
+		_next = shown["sequence"] + _apart
 		_file.store_buffer(_puppet.evaluate().to_byte_array())
 		tell(shown)
 		_wanted -= 1

@@ -57,6 +57,14 @@ def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
     assert set(of[6]["error"]) == TOLD
 
 
+def test_a_hundred_requests_at_once_are_all_answered_in_their_order(request_of, serve, blob_puppet):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    bodies = [{"do": "mirror", "character": "blob", "on": k % 3 == 0} for k in range(100)]
+    results = request_of(port_of(service), *bodies).finish()
+    assert [told["request"] for told in results] == bodies
+    assert [reply["result"]["mirror"] for reply in replies(results)] == [body["on"] for body in bodies]
+
+
 def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet, tmp_path):
     (tmp_path / "token.txt").write_text(TOKEN)
     (tmp_path / "token.txt").chmod(0o600)

@@ -102,9 +102,10 @@ def test_a_take_is_recorded_on_the_film_set_and_played_by_a_second_service(
     serve, take, two, free_port, start_godot, tmp_path
 ):
     puppets = [argument for path in two.values() for argument in ("--puppet", path, "--source", f"replay:{take}?loop")]
-    service = serve(*puppets, "--calibrate", "at_once")
+    first = free_port()  # the control socket's is the next one
+    service = serve(*puppets, "--calibrate", "at_once", "--port", first)
     second = free_port()
-    settings = {"Live": {"character": "cat", "port": port_of(service)}, "Played": {"port": second}}
+    settings = {"Live": {"character": "cat", "port": first}, "Played": {"port": second}}
     film = start_godot("demo_film.gd", json.dumps(settings))
     asked = film.until(lambda said: "command" in said)
     (recorded,) = service.ask("list")["takes"]

@@ -1,6 +1,7 @@
-"""The jitter buffer of the addon, given frames at times that were worked out by hand. What it shows lies 0.05 s back."""
+"""The jitter buffer of the addon, given frames at times that were worked out by hand. It shows what was 0.05 s ago."""
 
 import json
+from itertools import pairwise
 
 import pytest
 
@@ -66,7 +67,7 @@ def test_when_nothing_comes_the_last_frame_stays(play):
 
 
 def test_after_a_pause_of_the_source_it_begins_with_what_comes_then(play):
-    # the frames' own times are 6 s apart, so that nothing lies between them; it is at the pause that clocks are compared
+    # nothing lies between frames whose own times are 6 s apart; then clocks are compared anew
     told = play((0.00, (1, 7.00)), (0.04, (2, 7.04)), (6.10, (3, 13.04)), (6.14, (4, 13.08)), (6.17,))
     assert [shown(each) for each in told[2:]] == [(3, 3, 0.0), (3, 4, 0.0), (3, 4, 0.5)]
     assert told[-1]["lost"] == 0
@@ -102,7 +103,7 @@ def test_a_clock_that_drifts_is_followed_slowly(play):
         for moment, each in zip([*moments, (4.0,)], told, strict=True)
     ]
     assert behind[2:50] == pytest.approx([0.0] * 48, abs=1e-9)  # what is new is late, and no news
-    steps = [later - earlier for earlier, later in zip(behind[2:], behind[3:], strict=False)]
+    steps = [later - earlier for earlier, later in pairwise(behind[2:])]
     assert min(steps) >= -1e-9
     assert max(steps) <= 0.05 * 0.06 + 1e-9
     assert behind[-1] == pytest.approx(0.02, abs=1e-9)

@@ -87,7 +87,7 @@ def test_what_is_cut_short_or_altered_is_refused_where_python_refuses_it(decoded
     assert len(results) == len(altered)
     for message, result in zip(altered, results, strict=True):
         result.pop("json", None)
-        if not result.get("damaged") and result["major"] != 1:  # said with its version, so that somebody can be told
+        if not result.get("damaged") and result["major"] > 1:  # said with its version, so that somebody can be told
             assert result == {**result, "major": message[64], "minor": message[65], "length": 0}
             continue
         assert result == told(message), message[:128]

@@ -1,73 +1,67 @@
 """What a Puppet3D shows, in each of its modes, is what the solver has for the same frames of the real service."""
 
 import json
+import shutil
 import subprocess
 import sys
-from collections import namedtuple
+import threading
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import pygltflib as gltf
 import pytest
 from scipy.spatial import cKDTree
 
 from engine_bridge.demo import CASTING, prepare
-from engine_bridge.gltf.character import load_character
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.payloads import decode
-from engine_bridge.live.wire import Kind
 from engine_bridge.rig import load_rig
 
 CONTROLS, VERTICES, MORPHS = range(3)
 SAMPLES = 20
-Shown = namedtuple("Shown", "told positions")
-Seen = namedtuple("Seen", "header body")
+APART = 6
+"""Frames between two samples, so that the character has moved."""
+ALIKE = 1e-5
+"""Of the diagonal: what positions may differ in f32. What is promised is 1e-4."""
 
 
-@pytest.fixture
-def show(start_godot, tmp_path):
-    """Have Godot show a character of a service until it has told what it shows of some frames."""
+@dataclass
+class Frame:
+    """What a Puppet3D says of a frame that it shows, and the positions of its vertices."""
 
-    def run(service, count, samples=SAMPLES, allow=(), **settings):
-        file = tmp_path / "shown.bin"
-        settings["port"] = int(service.stream.rpartition(":")[2])
-        asked = {"settings": settings, "samples": samples, "file": str(file)}
-        results = start_godot("show_puppet.gd", json.dumps(asked)).finish(120, allow)
-        told = [result for result in results if "sequence" in result]
-        rest, positions = np.split(np.fromfile(file, "<f4").reshape(-1, 3), [-samples * count])
-        return rest, [Shown(*each) for each in zip(told, np.split(positions, samples), strict=True)]
+    sequence: int
+    next_sequence: int
+    share: float
+    positions: np.ndarray
 
-    return run
+    def between(self, values):
+        """Blend what has come with the two frames that this one lies between."""
+        return (1 - self.share) * values[self.sequence] + self.share * values[self.next_sequence]
 
 
-@pytest.fixture
-def listening():
-    """Collect, in the background of a test, what a service says of one kind: header and body by sequence number."""
+class Shown(NamedTuple):
+    """Positions at rest, where a Puppet3D tells them, and what it shows."""
 
-    def collect(client):
-        return {message.header.sequence: Seen(message.header, message.body) for message in client.pending()}
-
-    return collect
+    rest: np.ndarray
+    frames: list[Frame]
 
 
-def blended(shown, seen):
-    """Return what is shown of one kind of message, between two frames."""
-    first, second = (seen[shown.told[which]] for which in ("sequence", "next_sequence"))
-    share = shown.told["share"]
-    return (1 - share) * first.astype(float) + share * second.astype(float)
+class Reference:
+    """A puppet as the solver has it."""
 
+    def __init__(self, puppet):
+        self.rig = load_rig(puppet)
+        self.diagonal = self.rig.mesh.diagonal
+        self.rest = self.rig.character.vertices
+        self._binding = StreamedCharacter(puppet.stem, self.rig, 1).binding
 
-def solved(puppet):
-    """Return what computes the character's positions from controls: the solver's own."""
-    binding = StreamedCharacter("any", load_rig(puppet), 1).binding
-    return lambda controls: binding.vertices_and_normals(controls.astype(np.float32))[0]
+    def positions(self, controls):
+        return self._binding.vertices_and_normals(controls.astype(np.float32))[0]
 
-
-def assert_moves(positions, diagonal):
-    """Make sure that it was worth looking at."""
-    assert np.ptp(np.stack(positions), axis=0).max() > 0.03 * diagonal
-
-
-def diagonal_of(puppet):
-    return load_rig(puppet).mesh.diagonal
+    def assert_moved(self, frames):
+        """Make sure that there was something to see."""
+        assert np.ptp([frame.positions for frame in frames], axis=0).max() > 0.01 * self.diagonal
 
 
 @pytest.fixture
@@ -80,24 +74,224 @@ def playing(serve):
     return start
 
 
-def check_controls_and_vertices(show, puppet, service, **settings):
-    count, diagonal = len(load_rig(puppet).character.vertices), diagonal_of(puppet)
-    client = service.client(f"{puppet.stem}/controls")
-    evaluate = solved(puppet)
-    for mode in (CONTROLS, VERTICES):
-        _, shown = show(service, count, mode=mode, **settings)
-        seen = {number: each.body for number, each in collected(client).items()}
-        for each in shown:
-            told = each.told if mode == CONTROLS else each.told | {"share": 0.0}
-            expected = evaluate(blended(Shown(told, None), seen))
-            assert np.abs(each.positions - expected).max() <= 1e-5 * diagonal
-        assert_moves([each.positions for each in shown], diagonal)
-        assert any(0.1 < each.told["share"] < 0.9 for each in shown)
+@pytest.fixture
+def show(start_godot, tmp_path):
+    """Have Godot show a character of a service until it has told what it shows of some frames."""
+
+    def run(service, vertices, allow=(), **settings):
+        file = tmp_path / "shown.bin"
+        settings["port"] = int(service.stream.rpartition(":")[2])
+        asked = {"settings": settings, "samples": SAMPLES, "apart": APART, "file": str(file)}
+        results = start_godot("show_puppet.gd", json.dumps(asked)).finish(120, allow)
+        told = [result for result in results if "sequence" in result]
+        rest, positions = np.split(np.fromfile(file, "<f4").reshape(-1, 3), [-SAMPLES * vertices])
+        facts = [[each[name] for name in ("sequence", "next_sequence", "share")] for each in told]
+        return Shown(rest, [Frame(*each, p) for each, p in zip(facts, np.split(positions, SAMPLES), strict=True)])
+
+    return run
 
 
-def collected(client):
-    return {message.header.sequence: Seen(message.header, message.body) for message in client.pending()}
+@pytest.fixture
+def add_glb(godot, project):
+    """Import a .glb into the project as a user would."""
+
+    def add(path):
+        shutil.copy(path, project / path.name)
+        subprocess.run([godot, "--headless", "--path", project, "--import"], check=True, capture_output=True)
+        return f"res://{path.name}"
+
+    return add
 
 
-def test_controls_and_vertices(show, playing, blob_puppet, take):
-    check_controls_and_vertices(show, blob_puppet, playing(blob_puppet, take))
+class Listener:
+    """Keeps what a service says of a character while a test looks at it: messages by kind and sequence number."""
+
+    def __init__(self, service, name, *kinds):
+        self._client = service.client(*(f"{name}/{kind}" for kind in kinds))
+        self._heard = {kind: {} for kind in kinds}
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._listen)
+
+    def _listen(self):
+        while not self._over.is_set():
+            if self._client.socket.poll(100):
+                message = decode(self._client.socket.recv())
+                self._heard[message.topic.partition("/")[2]][message.header.sequence] = message
+
+    def __enter__(self):
+        self._thread.start()
+        return tuple(self._heard.values())
+
+    def __exit__(self, *_):
+        self._over.set()
+        self._thread.join()
+
+
+def puppetline(*arguments):
+    subprocess.run([sys.executable, "-m", "puppetline", *map(str, arguments)], check=True, capture_output=True)
+
+
+def check_controls(show, service, puppet, **settings):
+    reference = Reference(puppet)
+    with Listener(service, puppet.stem, "controls") as (heard,):
+        frames = show(service, len(reference.rest), mode=CONTROLS, **settings).frames
+    controls = {number: message.body.astype(float) for number, message in heard.items()}
+    for frame in frames:
+        expected = reference.positions(frame.between(controls))
+        assert np.abs(frame.positions - expected).max() <= ALIKE * reference.diagonal
+    reference.assert_moved(frames)
+    assert any(0.1 < frame.share < 0.9 for frame in frames)
+
+
+def check_vertices(show, service, puppet, mode=VERTICES, **settings):
+    reference = Reference(puppet)
+    with Listener(service, puppet.stem, "controls") as (controls,):
+        frames = show(service, len(reference.rest), mode=mode, **settings).frames
+    for frame in frames:
+        expected = reference.positions(controls[frame.sequence].body)
+        assert np.abs(frame.positions - expected).max() <= ALIKE * reference.diagonal
+    reference.assert_moved(frames)
+
+
+def check_morphs(show, service, puppet, source, **settings):
+    """Compare with the solver, of which morph targets leave as much as the service says."""
+    reference = Reference(puppet)
+    with Listener(service, puppet.stem, "controls", "morphs") as (heard, weights):
+        shown = show(service, len(reference.rest), mode=MORPHS, mesh_source=source, **settings)
+    near, number = cKDTree(reference.rest).query(shown.rest)  # the importer has an order of its own
+    assert near.max() <= ALIKE * reference.diagonal
+    once = np.unique(reference.rig.mesh.of_render[number], return_index=True)[1]
+    controls = {number: message.body.astype(float) for number, message in heard.items()}
+    left = {number: message.body.residual for number, message in weights.items()}
+    for frame in shown.frames:
+        away = frame.positions - reference.positions(frame.between(controls))[number]
+        rms = np.sqrt((away[once] ** 2).sum(axis=1).mean()) / reference.diagonal
+        assert rms <= max(left[frame.sequence], left[frame.next_sequence]) + ALIKE
+    reference.assert_moved(shown.frames)
+
+
+def test_controls(show, playing, blob_puppet, take):
+    check_controls(show, playing(blob_puppet, take), blob_puppet)
+
+
+def test_vertices(show, playing, blob_puppet, take):
+    check_vertices(show, playing(blob_puppet, take), blob_puppet)
+
+
+def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path):
+    puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
+    service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
+    check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
+
+
+def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path):
+    puppetline("ladder", blob_puppet, "-o", tmp_path / "own.glb")
+    check_controls(show, playing(blob_puppet, take), blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
+
+
+def test_a_character_that_stays_in_its_place(show, playing, blob_puppet, take):
+    reference, service = Reference(blob_puppet), playing(blob_puppet, take)
+    for mode in CONTROLS, VERTICES:
+        with Listener(service, "blob", "controls") as (messages,):
+            frames = show(service, len(reference.rest), mode=mode, follow_root=False).frames
+        controls = {number: message.body.astype(float) for number, message in messages.items()}
+        roots = {number: np.array(message.header.root) for number, message in messages.items()}
+        assert np.ptp([*roots.values()], axis=0).max() > 0.05 * reference.diagonal
+        for frame in frames:
+            frame.share *= mode == CONTROLS  # vertices are not blended
+            expected = reference.positions(frame.between(controls)) - frame.between(roots)
+            assert np.abs(frame.positions - expected).max() <= ALIKE * reference.diagonal
+
+
+def test_more_fields_than_a_vertex_has_room_for_come_vertex_by_vertex(show, playing, blob_file, write_puppet, take):
+    more = "[solver]\nfields = 9\nisolines = 6"
+    puppet = write_puppet(blob_file.with_name("many.toml"), blob_file.name, more=more)
+    check_vertices(show, playing(puppet, take), puppet, mode=CONTROLS)
+
+
+def keyframes(path):
+    """Return the times and the vertices (T, n, 3) of what `puppetline convert --as frames` has written."""
+    document = gltf.GLTF2().load(str(path))
+
+    def values(number):
+        accessor = document.accessors[number]
+        view = document.bufferViews[accessor.bufferView]
+        width = {"SCALAR": 1, "VEC3": 3}[accessor.type]
+        blob, start = document.binary_blob(), (view.byteOffset or 0) + (accessor.byteOffset or 0)
+        return np.frombuffer(blob, "<f4", accessor.count * width, start).reshape(accessor.count, width)
+
+    animation, primitive = document.animations[0], document.meshes[0].primitives[0]
+    sampled = {each.target.path: animation.samplers[each.sampler] for each in animation.channels}
+    times = values(sampled["weights"].input)[:, 0]
+    weights = values(sampled["weights"].output).reshape(len(times), -1)
+    targets = np.array([values(target["POSITION"]) for target in primitive.targets])
+    moved = values(primitive.attributes.POSITION) + np.tensordot(weights, targets, 1)
+    return times, moved + values(sampled["translation"].output)[:, None]
+
+
+@pytest.mark.parametrize("mode", [CONTROLS, VERTICES])
+def test_it_is_what_convert_makes_of_the_same_performance(
+    show, serve, blob_puppet, standing, dance, record, tmp_path, mode
+):
+    """Who stands still, as the character does, until everything has settled is the same performer to both."""
+    log = record(tmp_path / "take.log", np.concatenate([np.tile(standing, (90, 1, 1)), dance(400)]))
+    puppetline("convert", log, "--puppet", blob_puppet, "-o", tmp_path / "frames.glb", "--as", "frames")
+    times, vertices = keyframes(tmp_path / "frames.glb")
+    (tmp_path / "service.toml").write_text(
+        f'announce = false\ntakes = "{tmp_path / "takes"}"\n[network]\nport = 0\n'
+        f'[[stage]]\nsource = "replay:{log}"\ntilt = 0.0\nheight = 0.0\n[[stage.character]]\npuppet = "{blob_puppet}"\n'
+    )
+    service = serve("--config", tmp_path / "service.toml")
+    reference = Reference(blob_puppet)
+    with Listener(service, "blob", "controls") as (heard,):
+        frames = show(service, len(reference.rest), mode=mode).frames
+    came_at = {number: message.header.time for number, message in heard.items()}
+    converted = {number: vertices[np.abs(times - time).argmin()] for number, time in came_at.items()}
+    for frame in frames:
+        frame.share *= mode == CONTROLS  # vertices are not blended
+        assert np.abs(frame.positions - frame.between(converted)).max() <= ALIKE * reference.diagonal
+    assert sum(came_at[frame.sequence] > 3.1 for frame in frames) >= SAMPLES // 2
+
+
+@pytest.fixture(scope="module", params=[*CASTING])
+def example(request, own_cache, tmp_path_factory):
+    """One of the five example characters and its performance: puppet, log."""
+    log, puppet = prepare(request.param, tmp_path_factory.mktemp(request.param))
+    return puppet, log
+
+
+@pytest.mark.slow
+def test_example_characters_by_controls_and_vertices(show, playing, example):
+    puppet, log = example
+    service = playing(puppet, log)
+    check_controls(show, service, puppet)
+    check_vertices(show, service, puppet)
+
+
+@pytest.mark.slow
+def test_example_characters_by_imported_meshes(show, playing, add_glb, example, tmp_path):
+    puppet, log = example
+    puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
+    puppetline("ladder", puppet, "-o", tmp_path / "own.glb")
+    service = playing(puppet, log, "--morphs", tmp_path / "baked.glb")
+    check_controls(show, service, puppet, mesh_source=add_glb(tmp_path / "own.glb"))
+    check_morphs(show, service, puppet, add_glb(tmp_path / "baked.glb"))
+
+
+@pytest.fixture(params=["khronos_Fox", "kaykit_Knight"])
+def textured(request, real_data, take, tmp_path):
+    """A textured character: one of loose triangles, one of fifteen parts, some of them on the bones of a skeleton."""
+    puppet = tmp_path / f"{request.param.rpartition('_')[2]}.toml"
+    puppetline("new", real_data / "mesh" / "gltf" / f"{request.param}.glb", "-o", puppet)
+    return puppet
+
+
+@pytest.mark.slow
+def test_textured_characters(show, playing, add_glb, textured, take, tmp_path):
+    puppetline("bake", textured, "-o", tmp_path / "baked.glb", "--log", take)
+    puppetline("ladder", textured, "-o", tmp_path / "own.glb")
+    service = playing(textured, take, "--morphs", tmp_path / "baked.glb")
+    check_controls(show, service, textured)
+    check_vertices(show, service, textured)
+    check_controls(show, service, textured, mesh_source=add_glb(tmp_path / "own.glb"))
+    check_morphs(show, service, textured, add_glb(tmp_path / "baked.glb"))

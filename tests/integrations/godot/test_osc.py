@@ -31,7 +31,7 @@ def typed(argument):
     if isinstance(argument, bool):
         return ["bool", argument]
     if isinstance(argument, int):
-        return ["int", str(argument - (argument >> 63 << 64))]
+        return ["int", str((argument + 2**63) % 2**64 - 2**63)]
     if isinstance(argument, bytes):
         return ["bytes", base64.b64encode(argument).decode()]
     return ["float" if isinstance(argument, float) else "String", argument]
@@ -134,7 +134,7 @@ def test_what_the_service_sends_becomes_signals(receive, serve, blob_puppet, tak
             for each in (port, python.getsockname()[1])
         )
         config.write_text(
-            f'takes = "{blob_puppet.parent / "takes"}"\n[network]\nport = 0\nannounce = false\n'
+            f'takes = "{blob_puppet.parent / "takes"}"\nannounce = false\n[network]\nport = 0\n'
             f'[[stage]]\nsource = "replay:{take}?loop"\n[[stage.character]]\npuppet = "{blob_puppet}"\n{targets}'
         )
         serve("--config", config)

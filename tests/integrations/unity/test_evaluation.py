@@ -26,10 +26,11 @@ def scene():
 def evaluated(request, run_core):
     """Frame number, and what was made of it: (positions, normals, box, box around) by kind of normals and axes."""
     *kinds, _ = run_core("evaluate", VECTORS / "scene.bin", VECTORS / f"{request.param}.controls.bin")
-    return request.param, {
-        (each["normals"], each["axes"]): (*np.split(array(each["vertices"], columns=6), 2, axis=1), each["box"], each["around"])
-        for each in kinds
-    }
+    made = {}
+    for each in kinds:
+        positions, normals = np.split(array(each["vertices"], columns=6), 2, axis=1)
+        made[each["normals"], each["axes"]] = positions, normals, each["box"], each["around"]
+    return request.param, made
 
 
 def blended(scene, controls):

@@ -59,7 +59,14 @@ def test_a_source_that_begins_anew_is_followed_from_its_beginning(play):
 
 def test_a_source_that_has_stood_still_goes_on_at_once(play):
     """Ten seconds without a frame, and the source's clock has stood still as well."""
-    steps = [came(0.0, 1.0), came(0.1, 2.0), [0.2, AHEAD + 10.2, 3.0], AHEAD + 10.25, [0.3, AHEAD + 10.3, 4.0], AHEAD + 10.35]
+    steps = [
+        came(0.0, 1.0),
+        came(0.1, 2.0),
+        [0.2, AHEAD + 10.2, 3.0],
+        AHEAD + 10.25,
+        [0.3, AHEAD + 10.3, 4.0],
+        AHEAD + 10.35,
+    ]
     assert [value for value, _ in play(0.05, *steps)] == pytest.approx([3, 4], abs=0.02)
 
 

@@ -2,11 +2,11 @@ class_name PuppetOscReceiver
 extends Node
 ## Receives what `puppetline serve --osc HOST:PORT` sends, as signals.
 ##
-## Joints, handles and the like, without a mesh: for effects, sounds and characters of your own. [Puppet3D] needs none of
-## this. See docs/osc.md for what the numbers mean.
+## Joints, handles and the like, without a mesh: for effects, sounds and characters of your own. [Puppet3D] needs none
+## of this. See docs/osc.md for what the numbers mean.
 
-## The joints of a performer, those that are known: metres in the sensor's frame. [param confidence] is 1 for a joint that
-## is seen, 0.5 for a guessed, 0 for a lost one.
+## The joints of a performer, those that are known: metres in the sensor's frame. [param confidence] is 1 for a joint
+## that is seen, 0.5 for a guessed, 0 for a lost one.
 signal joints_received(
 	character: String, names: PackedStringArray, positions: PackedVector3Array, confidence: PackedFloat32Array
 )

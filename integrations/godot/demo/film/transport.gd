@@ -26,6 +26,7 @@ func _ready() -> void:
 	_back.pressed.connect(_on_back_pressed)
 	_copy.pressed.connect(func() -> void: DisplayServer.clipboard_set(_told.text))
 	_takes.item_selected.connect(func(_index: int) -> void: _play.disabled = false)
+	_record.disabled = true
 	_tell("")
 	_show_recording(false)
 
@@ -40,14 +41,14 @@ func _process(delta: float) -> void:
 func follow(puppet: Puppet3D) -> void:
 	_puppet = puppet
 	puppet.connected.connect(_ask)
+	puppet.disconnected.connect(func() -> void: _record.disabled = true)
 	puppet.take_started.connect(func(_take: String) -> void: _show_recording(true))
 	puppet.take_stopped.connect(_on_take_stopped)
 
 
 ## Starts to record, or ends it.
 func toggle_recording() -> void:
-	if _puppet == null or _stage.is_empty():
-		_tell("There is no service to record.")
+	if _record.disabled:
 		return
 	_puppet.request({"do": "record_stop" if _recording else "record_start", "stage": _stage}, _on_recorded)
 
@@ -70,6 +71,7 @@ func _on_described(reply: Dictionary) -> void:
 	for character: Dictionary in result.get("characters", []):
 		if _puppet.character in ["", character.get("name")]:
 			_stage = character.get("stage", "")
+			_record.disabled = false
 			return
 
 

@@ -5,7 +5,7 @@ extends MeshInstance3D
 const STEPS_A_FOLD := 12
 const DEPTH := 0.16
 
-@export_range(1.0, 30.0, 0.1, "suffix:m") var radius := 7.0:
+@export_range(1.0, 30.0, 0.1, "suffix:m") var radius := 6.2:
 	set(value):
 		radius = value
 		_hang()
@@ -14,11 +14,11 @@ const DEPTH := 0.16
 		height = value
 		_hang()
 ## How far around the stage it goes.
-@export_range(10.0, 360.0, 1.0, "degrees") var span := 150.0:
+@export_range(10.0, 360.0, 1.0, "degrees") var span := 200.0:
 	set(value):
 		span = value
 		_hang()
-@export_range(1, 200) var folds := 46:
+@export_range(1, 200) var folds := 56:
 	set(value):
 		folds = value
 		_hang()

@@ -4,10 +4,10 @@ extends Node3D
 ## Emitted when somebody has come to perform this character, or has gone.
 signal taken_changed(taken: bool)
 
-const LIT := 9.0
-const DIM := 2.6
-const RIM := 6.0
-const RING := 2.4
+const LIT := 6.5
+const DIM := 2.0
+const RIM := 5.0
+const RING := 0.9
 const FADE := 1.2
 
 ## What the ring and the light from behind have.

@@ -144,9 +144,10 @@ static class Core
         }
     }
 
-    /// <summary>Follow until standard input ends, and say all that comes.</summary>
+    /// <summary>Follow until standard input ends, and say what comes: of frames, those whose number can be divided by something.</summary>
     static void Follow(string[] arguments)
     {
+        ulong every = ulong.Parse(arguments[6]);
         var kind = (Kind)Enum.Parse(typeof(Kind), arguments[5], true);
         using (var follower = new Follower(arguments[1], int.Parse(arguments[2]), arguments[3], arguments[4], kind))
         {
@@ -163,7 +164,7 @@ static class Core
                     Said.Line("state", follower.State, "reason", follower.Reason);
                     said = state;
                 }
-                while (follower.TryTake(out Frame frame))
+                while (reading.IsAlive && follower.TryTake(out Frame frame))
                 {
                     if (frame.Scene != scene)
                     {
@@ -172,7 +173,10 @@ static class Core
                         vertices = new SurfaceVertex[scene.VertexCount];
                         Said.Line("scene", scene.Revision, "character", follower.Character, "vertices", scene.VertexCount, "diagonal", scene.Diagonal);
                     }
-                    SayFrame(kind, frame, deformation, vertices);
+                    if (frame.Header.Sequence % every == 0)
+                    {
+                        SayFrame(kind, frame, deformation, vertices);
+                    }
                     follower.Pool.Return(frame);
                 }
                 Thread.Sleep(2);
@@ -265,7 +269,7 @@ static class Core
         return values;
     }
 
-    /// <summary>Say what a frame costs: milliseconds to evaluate, and bytes that the collector will have to clear away.</summary>
+    /// <summary>Say what a frame costs: milliseconds to evaluate when nothing else has the processor, and bytes that the collector will have to clear away.</summary>
     static void Measure(string sceneFile, string controlsFile)
     {
         const int Frames = 200;
@@ -278,7 +282,7 @@ static class Core
         var vertices = new SurfaceVertex[scene.VertexCount];
         foreach (string what in new[] { "nothing", "slopes", "cofactors", "bounds" })
         {
-            double spent = 0;
+            double best = double.MaxValue;
             long before = 0;
             int collections = 0;
             for (int i = -20; i < Frames; i++)
@@ -286,7 +290,7 @@ static class Core
                 if (i == 0)
                 {
                     GC.Collect();
-                    spent = 0;
+                    best = double.MaxValue;
                     before = GC.GetTotalMemory(false);
                     collections = GC.CollectionCount(0);
                 }
@@ -310,10 +314,10 @@ static class Core
                         bounds.Of(playback.Shown.Values, Axes.Unity);
                         break;
                 }
-                spent += (Stopwatch.GetTimestamp() - start) / (double)Stopwatch.Frequency;
+                best = Math.Min(best, (Stopwatch.GetTimestamp() - start) / (double)Stopwatch.Frequency);
             }
             Said.Line(
-                "what", what, "vertices", scene.VertexCount, "ms", 1000 * spent / Frames,
+                "what", what, "vertices", scene.VertexCount, "ms", 1000 * best,
                 "bytes", (GC.GetTotalMemory(false) - before) / (double)Frames, "collections", GC.CollectionCount(0) - collections);
             playback.Clear();
         }

@@ -31,8 +31,11 @@ var _mapping := MappingTable.new()
 @onready var _character: OptionButton = %Character
 @onready var _facts: Label = %Facts
 @onready var _performer: OptionButton = %Performer
+@onready var _add_to_scene: Button = %AddToScene
+@onready var _calibrate: Button = %Calibrate
 @onready var _mirror: Button = %Mirror
 @onready var _record: Button = %Record
+@onready var _no_mapping: Label = %NoMapping
 @onready var _save: Button = %Save
 @onready var _revert: Button = %Revert
 @onready var _trouble: Control = %Trouble
@@ -47,9 +50,9 @@ func _ready() -> void:
 	%Connect.pressed.connect(connect_to_service)
 	_found.get_popup().index_pressed.connect(_choose_found)
 	_character.item_selected.connect(func(i: int) -> void: service.choose(_character.get_item_text(i)))
-	%AddToScene.pressed.connect(_add_to_scene)
+	_add_to_scene.pressed.connect(_add_character)
 	_performer.item_selected.connect(func(i: int) -> void: service.choose_user(_performer.get_item_metadata(i)))
-	%Calibrate.pressed.connect(service.calibrate)
+	_calibrate.pressed.connect(service.calibrate)
 	_mirror.toggled.connect(service.set_mirror)
 	_record.toggled.connect(service.set_recording)
 	_mapping.handle_edited.connect(service.set_handle)
@@ -65,6 +68,12 @@ func _ready() -> void:
 	visibility_changed.connect(_follow_visibility)
 	_show_found()
 	_follow_visibility()
+
+
+## A dock is moved to another place by being taken out of the tree and put into it again.
+func _enter_tree() -> void:
+	if is_node_ready():
+		_follow_visibility()
 
 
 func _exit_tree() -> void:
@@ -135,7 +144,7 @@ func _show() -> void:
 	var role := service.chosen
 	var names := service.roles.map(func(each: Role) -> String: return each.character)
 	_set_items(_character, names, names)
-	for each: BaseButton in [_character, _performer, _mirror, _record, %Calibrate, %AddToScene]:
+	for each: BaseButton in [_character, _performer, _mirror, _record, _calibrate, _add_to_scene]:
 		each.disabled = role == null
 	_record.disabled = _record.disabled or role.stage.is_empty()
 	_facts.visible = role != null
@@ -167,7 +176,7 @@ func _told(role: Role) -> String:
 func _show_mapping() -> void:
 	var mapping := service.mapping
 	_mapping.show_mapping(mapping)
-	%NoMapping.visible = mapping == null
+	_no_mapping.visible = mapping == null
 	var recording := service.chosen != null and not service.chosen.recording.is_empty()
 	_mapping.set_disabled(recording)
 	_save.disabled = mapping == null or mapping.saved
@@ -180,7 +189,7 @@ func _show_trouble(text: String) -> void:
 	_show()
 
 
-func _add_to_scene() -> void:
+func _add_character() -> void:
 	if service.chosen == null:
 		return
 	var puppet: Puppet3D = Puppet3DNode.new()

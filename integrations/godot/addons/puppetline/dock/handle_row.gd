@@ -5,6 +5,7 @@ extends RefCounted
 signal edited(changes: Dictionary)
 
 const AxisToggles := preload("axis_toggles.gd")
+const NumberBox := preload("number_box.gd")
 const Mapping := preload("mapping.gd")
 
 const LARGEST_GAIN := 10.0
@@ -18,7 +19,7 @@ var title := Button.new()
 var activity := ProgressBar.new()
 var joints := MenuButton.new()
 var axes := AxisToggles.new()
-var gain := SpinBox.new()
+var gain := NumberBox.new()
 
 
 func _init(all_joints: PackedStringArray, scale: float) -> void:
@@ -48,8 +49,6 @@ func _init(all_joints: PackedStringArray, scale: float) -> void:
 	gain.max_value = LARGEST_GAIN
 	gain.allow_greater = true
 	gain.allow_lesser = true
-	gain.step = 0.001
-	gain.custom_arrow_step = 0.1
 	gain.tooltip_text = "How far the handle goes for what its joints go; below 0 the other way"
 	var menu := joints.get_popup()
 	menu.hide_on_checkable_item_selection = false
@@ -57,7 +56,7 @@ func _init(all_joints: PackedStringArray, scale: float) -> void:
 		menu.add_check_item(joint)
 	menu.index_pressed.connect(func(index: int) -> void: toggle_joint(menu.get_item_text(index)))
 	axes.edited.connect(func(chosen: String) -> void: edited.emit({"axes": chosen}))
-	gain.value_changed.connect(func(value: float) -> void: edited.emit({"gain": snappedf(value, gain.step)}))
+	gain.edited.connect(func(number: float) -> void: edited.emit({"gain": number}))
 
 
 ## Show a handle as it is.
@@ -72,8 +71,7 @@ func show_handle(shown: Mapping.Handle) -> void:
 		menu.set_item_checked(i, menu.get_item_text(i) in handle.joints)
 	if axes.axes != handle.axes:
 		axes.axes = handle.axes
-	if gain.value != snappedf(handle.gain, gain.step):
-		gain.set_value_no_signal(handle.gain)
+	gain.show_number(handle.gain)
 
 
 ## Have a joint move the handle, or no more.

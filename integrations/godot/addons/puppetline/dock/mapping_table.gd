@@ -8,6 +8,7 @@ signal scale_edited(scale: float)
 
 const Mapping := preload("mapping.gd")
 const HandleRow := preload("handle_row.gd")
+const NumberBox := preload("number_box.gd")
 const AxisToggles := preload("axis_toggles.gd")
 const JointFigure := preload("joint_figure.gd")
 const Editor := preload("editor.gd")
@@ -18,7 +19,7 @@ const USUAL_ROOT_AXES := "xz"
 var root_joint := OptionButton.new()
 var root_axes := AxisToggles.new()
 var automatic := CheckBox.new()
-var scale_value := SpinBox.new()
+var scale_value := NumberBox.new()
 var figure := JointFigure.new()
 
 var _grid := GridContainer.new()
@@ -58,8 +59,8 @@ func show_mapping(mapping: Mapping) -> void:
 	root_axes.disabled = mapping.root_joint.is_empty()
 	automatic.set_pressed_no_signal(mapping.scale == 0.0)
 	scale_value.editable = mapping.scale > 0.0
-	if mapping.scale > 0.0 and scale_value.value != snappedf(mapping.scale, scale_value.step):
-		scale_value.set_value_no_signal(mapping.scale)
+	if mapping.scale > 0.0:
+		scale_value.show_number(mapping.scale)
 	_show_joints()
 
 
@@ -98,16 +99,14 @@ func _add_scale() -> void:
 	line.add_child(_label("Scale"))
 	automatic.text = "found out"
 	automatic.tooltip_text = "A limb that is stretched out takes its handle as far as it goes"
-	automatic.toggled.connect(func(on: bool) -> void: scale_edited.emit(0.0 if on else scale_value.value))
+	automatic.toggled.connect(func(on: bool) -> void: scale_edited.emit(0.0 if on else scale_value.number()))
 	scale_value.size_flags_horizontal = Control.SIZE_EXPAND_FILL
 	scale_value.min_value = 0.001
 	scale_value.max_value = 100.0
 	scale_value.allow_greater = true
-	scale_value.step = 0.001
-	scale_value.custom_arrow_step = 0.1
 	scale_value.value = 1.0
 	scale_value.tooltip_text = "How many of the character's metres for one of the performer's"
-	scale_value.value_changed.connect(func(value: float) -> void: scale_edited.emit(snappedf(value, scale_value.step)))
+	scale_value.edited.connect(scale_edited.emit)
 	line.add_child(automatic)
 	line.add_child(scale_value)
 	add_child(line)

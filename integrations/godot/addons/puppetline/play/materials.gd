@@ -107,6 +107,7 @@ static func prepare(material: ShaderMaterial, shared: SharedScene) -> void:
 	material.set_shader_parameter(
 		&"puppet_rest_rows", shared.rest_texture.get_height() / (2 if scene.colors.is_empty() else 3)
 	)
+	material.set_shader_parameter(&"puppet_slopes", shared.slopes_texture)
 	material.set_shader_parameter(&"puppet_fields", scene.field_count)
 	material.set_shader_parameter(&"puppet_isolines", scene.isoline_count)
 	material.set_shader_parameter(&"puppet_weights_0", Vector4(weights[0], weights[1], weights[2], weights[3]))

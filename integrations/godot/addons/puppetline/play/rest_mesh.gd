@@ -33,12 +33,13 @@ static func build(scene: Scene, flags := 0) -> ArrayMesh:
 		arrays.resize(Mesh.ARRAY_MAX)
 		arrays[Mesh.ARRAY_VERTEX] = scene.positions.slice(first, end)
 		arrays[Mesh.ARRAY_NORMAL] = scene.normals.slice(first, end)
+		arrays[Mesh.ARRAY_INDEX] = _clockwise(scene, part)
 		if not scene.uv.is_empty():
 			arrays[Mesh.ARRAY_TEX_UV] = scene.uv.slice(first, end)
+			arrays[Mesh.ARRAY_TANGENT] = _tangents(arrays)
 		arrays[Mesh.ARRAY_CUSTOM0] = ladder_0.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM1] = ladder_1.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM2] = numbers.slice(first, end)
-		arrays[Mesh.ARRAY_INDEX] = _clockwise(scene, part)
 		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT | flags)
 		mesh.surface_set_name(mesh.get_surface_count() - 1, part["name"])
 	return mesh
@@ -122,3 +123,11 @@ static func _clockwise(scene: Scene, part: Dictionary) -> PackedInt32Array:
 		indices[corner + 1] = clampi(indices[corner + 2] - first_vertex, 0, last_vertex)
 		indices[corner + 2] = clampi(second - first_vertex, 0, last_vertex)
 	return indices
+
+
+## Return the tangents that normal maps want, of a user's own materials.
+static func _tangents(arrays: Array) -> PackedFloat32Array:
+	var tool := SurfaceTool.new()
+	tool.create_from_arrays(arrays)
+	tool.generate_tangents()
+	return tool.commit_to_arrays()[Mesh.ARRAY_TANGENT]

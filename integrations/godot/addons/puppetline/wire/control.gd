@@ -6,7 +6,7 @@ const Connection := preload("zmtp_connection.gd")
 
 ## Seconds that a reply may take.
 const PATIENCE := 5.0
-## The service reads no more than this before it has answered; more are refused here.
+## Requests that may be on their way; more wait here until there are replies.
 const MOST_WAITING := 16
 const LARGEST_REPLY := 1 << 24
 
@@ -14,7 +14,7 @@ var host: String
 var port: int
 
 var _connection: Connection
-var _waiting: Dictionary = {}  # id: _Request, in the order of the requests
+var _waiting: Dictionary = {}  # id: _Request
 var _next_id := 1
 
 
@@ -68,7 +68,7 @@ func close() -> void:
 
 
 func _send() -> void:
-	for id: int in _waiting:
+	for id: int in _waiting.keys().slice(0, MOST_WAITING):  # which is the order of the requests
 		var each: _Request = _waiting[id]
 		if not each.sent:
 			each.sent = true

@@ -50,7 +50,7 @@ static func parse(bytes: PackedByteArray) -> Message:
 		return null
 	message.major = bytes[_TOPIC]
 	message.minor = bytes[_TOPIC + 1]
-	if message.major == MAJOR and not message._read(bytes):
+	if message.major == 0 or (message.major == MAJOR and not message._read(bytes)):
 		return null
 	return message
 

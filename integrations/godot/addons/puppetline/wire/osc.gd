@@ -11,15 +11,15 @@ const LONGEST_ADDRESS := 255
 const _BUNDLE := "#bundle"
 
 
-## Read a datagram: an array of [address, arguments] a message, those of bundles in their order. It is empty if anything
-## about the datagram is wrong.
+## Read a datagram: an array of [address, arguments] a message, those of bundles in their order. It is empty if
+## anything about the datagram is wrong.
 static func parse(packet: PackedByteArray) -> Array:
 	var messages: Array = []
 	return messages if _read_packet(packet, 0, messages) else []
 
 
-## Write a message: int as i (h beyond 32 bits), float as f, String as s, PackedByteArray as b, PackedFloat32Array as an f
-## each, true, false and null as T, F and N.
+## Write a message: int as i (h beyond 32 bits), float as f, String as s, PackedByteArray as b, true, false and null as
+## T, F and N, PackedFloat32Array as an f a number.
 static func encode(address: String, arguments: Array) -> PackedByteArray:
 	var tags := ","
 	var data := StreamPeerBuffer.new()
@@ -144,36 +144,33 @@ class _Reader:
 		var numbers := Array(bytes.to_float32_array())
 		numbers.reverse()
 		for number: float in numbers:
-			_check(number)
+			if not is_finite(number):
+				_failed = true
 		return numbers
 
 	func _argument(tag: String) -> Variant:
+		var read: Variant = null
 		match tag:
 			"i":
-				return _reversed(4).decode_s32(0)
+				read = _reversed(4).decode_s32(0)
 			"h", "t":
-				return _reversed(8).decode_s64(0)
+				read = _reversed(8).decode_s64(0)
 			"d":
-				return _check(_reversed(8).decode_double(0))
+				read = _reversed(8).decode_double(0)
+				_failed = _failed or not is_finite(read)
 			"s", "S":
-				return text()
+				read = text()
 			"b":
 				var size := _reversed(4).decode_u32(0)
-				var blob := _take(size)
+				read = _take(size)
 				_take(-size & 3)
-				return blob
-			"T":
-				return true
-			"F":
-				return false
+			"T", "F":
+				read = tag == "T"
 			"N":
-				return null
-		_failed = true
-		return null
-
-	func _check(number: float) -> float:
-		_failed = _failed or not is_finite(number)
-		return number
+				pass
+			_:
+				_failed = true
+		return read
 
 	func _reversed(count: int) -> PackedByteArray:
 		var bytes := _take(count)

@@ -22,7 +22,8 @@ var triangles := PackedInt32Array()
 ## The rest pose.
 var positions := PackedVector3Array()
 var normals := PackedVector3Array()
-## Ladder coordinates, [member field_count] a vertex. They are not checked: keep what is made of them within the isolines.
+## Ladder coordinates, [member field_count] a vertex. They are not checked: who looks up isolines by them keeps within
+## those that there are.
 var ladder := PackedFloat32Array()
 ## Two a ladder coordinate.
 var slopes := PackedFloat32Array()

@@ -129,9 +129,9 @@ func poll() -> void:
 			_refuse(_connection.reason)
 
 
-## Return how old the last frame was when it came, in seconds; below zero if none has come. That is the time it took the
-## service, and how much longer the way took than that of the quickest frame lately. The clocks of two processes start
-## at different times, so that what every frame needs for its way cannot be seen; on one machine that is next to nothing.
+## Return how old the last frame was when it came, in seconds; below zero if none has come. That is the time it took
+## the service, and how much longer its way was than that of the quickest frame lately. What every frame needs for its
+## way cannot be seen, because the clocks of two processes do not start together; on one machine it is next to nothing.
 func same_machine_latency() -> float:
 	return _latency
 

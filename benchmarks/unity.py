@@ -1,0 +1,69 @@
+"""What a frame costs in the Unity package's plain core, under Mono: python -m benchmarks.unity MESH
+
+MESH is any character file; it gets a puppet by `puppetline new`, and a pose. Mono and its compiler (mono, mcs) must be
+there. Unity's own runtimes are others and were not measured.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from engine_bridge import puppet as puppet_file
+from engine_bridge.live.frame import Frame, StreamedCharacter
+from engine_bridge.live.payloads import encode
+from engine_bridge.live.wire import Header, Kind, join, topic
+from engine_bridge.proposal import new_puppet
+from engine_bridge.rig import load_rig
+from solver.deformer import Deformer
+
+ROOT = Path(__file__).parents[1]
+CORE = ROOT / "integrations" / "unity" / "Runtime" / "Core"
+PROGRAMS = ROOT / "tests" / "integrations" / "unity" / "programs"
+COLUMNS = ("what", "vertices", "ms", "bytes", "collections")
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_messages(Path(sys.argv[1]), folder)
+        sources = [*CORE.glob("*.cs"), PROGRAMS / "Core.cs", PROGRAMS / "Said.cs"]
+        subprocess.run(["mcs", "-langversion:7.2", "-optimize+", f"-out:{folder / 'core.exe'}", *sources], check=True)
+        command = ["mono", folder / "core.exe", "measure", folder / "scene", folder / "controls"]
+        print("| a frame | vertices | ms | bytes | collections in 200 |\n| --- | --- | --- | --- | --- |")
+        for line in subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines():
+            row = json.loads(line)
+            print("|", " | ".join(f"{row[key]:.3g}" if key == "ms" else f"{row[key]}" for key in COLUMNS), "|")
+
+
+def write_messages(mesh: Path, folder: Path) -> None:
+    """Write a scene and a frame of controls."""
+    puppet = folder / "puppet.toml"
+    puppet_file.dump(new_puppet(mesh, puppet).puppet, puppet)
+    rig = load_rig(puppet)
+    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    pose = deformer.solve(deformer.handles + 0.1 * rig.model.diagonal)
+    character = StreamedCharacter("measured", rig, 1)
+    frame = Frame(
+        character=character,
+        sequence=1,
+        time=0.0,
+        received=0,
+        state="performing",
+        user=1,
+        R=pose,
+        root=deformer.handles[0] * 0,
+        targets=deformer.handles,
+        joints=None,
+        confidence=None,
+    )
+    scene = Header(kind=Kind.SCENE, length=len(character.scene), revision=1)
+    (folder / "scene").write_bytes(join(topic("measured", Kind.SCENE), scene, character.scene))
+    controls = encode(Kind.CONTROLS, frame, 0)
+    assert controls is not None
+    (folder / "controls").write_bytes(controls)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,61 @@
+extends "teller.gd"
+## Has the graphics card move the character of the test vectors, and writes down what it computes: FOLDER FILE.
+
+const Stream := preload("res://addons/puppetline/wire/stream.gd")
+const Message := preload("res://addons/puppetline/wire/message.gd")
+const SharedScene := preload("res://addons/puppetline/play/shared_scene.gd")
+const Body := preload("res://addons/puppetline/play/body.gd")
+const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
+const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
+const GpuReader := preload("gpu_reader.gd")
+
+## Two frames, and how far it is from one to the other.
+const MOMENTS: Array[Array] = [
+	[0, 0, 0.0], [0, 1, 0.0], [0, 1, 0.25], [1, 1, 0.0], [1, 2, 0.75], [2, 2, 0.0], [0, 2, 0.5]
+]
+
+var _shared: SharedScene
+var _file: FileAccess
+
+
+func _initialize() -> void:
+	super()
+	_file = FileAccess.open(arguments()[1], FileAccess.WRITE)
+	_shared = SharedScene.shared(Stream.new("nowhere", 1), "worm")
+	_shared._take(_message("scene"))
+	await _show(ControlsBody.new(_shared, null))
+	await _show(VerticesBody.new(_shared))
+	_shared = null
+	quit()
+
+
+func _show(body: Body) -> void:
+	root.add_child(body)
+	body.dress([])
+	var box := _shared.scene.bounds.grow(_shared.scene.diagonal)
+	for moment in MOMENTS:
+		body.show_frames(_frame(body, moment[0]), _frame(body, moment[1]), moment[2])
+		var reader := GpuReader.new(root, body, box)
+		_file.store_buffer(await reader.read())
+		reader.free_pictures()
+		var bounds := (body.find_children("*", "MeshInstance3D", true, false)[0] as MeshInstance3D).custom_aabb
+		var corners := [bounds.position, bounds.end].map(
+			func(corner: Vector3) -> Array: return [corner.x, corner.y, corner.z]
+		)
+		tell(
+			{
+				"mode": body.word(),
+				"moment": moment,
+				"bounds": corners,
+				"box": [[box.position.x, box.position.y, box.position.z], [box.size.x, box.size.y, box.size.z]]
+			}
+		)
+	body.free()
+
+
+func _frame(body: Body, number: int) -> Message:
+	return _message("%d.%s" % [number, body.word()])
+
+
+func _message(name: String) -> Message:
+	return Message.parse(FileAccess.get_file_as_bytes("%s/%s.bin" % [arguments()[0], name]))

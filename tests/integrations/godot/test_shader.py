@@ -1,0 +1,108 @@
+"""What the graphics card computes for the test vectors, read back from it: the real shader on a real renderer."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[3]
+VECTORS = ROOT / "tests" / "vectors"
+SIDE, NUMBERS = 256, 9
+ALIKE = 2e-6
+"""Of the diagonal, and for normals and tangents: what numbers of f32, read in 24 bits, may differ."""
+
+ROUNDED = 3e-4
+"""What tangents may differ: in a mesh, Godot rounds them to 16 bits."""
+
+
+@pytest.fixture(scope="module")
+def follow():
+    """The example client, which has the formulas of docs/protocol.md."""
+    spec = spec_from_file_location("follow", ROOT / "examples" / "clients" / "follow.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def scene(follow):
+    return follow.read_scene(payload("scene").tobytes())
+
+
+def payload(name, kind="u1"):
+    return np.frombuffer((VECTORS / f"{name}.bin").read_bytes()[128:], kind)
+
+
+def numbers(pixels):
+    """Turn pictures (19, SIDE², 3), a ramp of 16 steps and twice 12 bits a number, into (9, SIDE²) from 0 to 1."""
+    ramp = pixels[0, :16, 0].astype(int)
+    assert (np.diff(ramp) > 0).all()
+    steps = np.abs(pixels[1:, ..., None].astype(int) - ramp).argmin(axis=-1)
+    twelve = steps @ [256, 16, 1]
+    return (4096 * twelve[0::2] + twelve[1::2]) / (2**24 - 1)
+
+
+@pytest.fixture
+def shaded(run_godot, scene, tmp_path):
+    """Return what has been told of each moment, and its positions, normals and tangents."""
+    results = run_godot("shade_vectors.gd", VECTORS, tmp_path / "pixels.bin", display=True, timeout=300)
+    pixels = np.fromfile(tmp_path / "pixels.bin", "u1").reshape(len(results), 1 + 2 * NUMBERS, SIDE**2, 3)
+    shaded = []
+    for told, pictures in zip(results, pixels, strict=True):
+        low, size = np.array(told["box"])
+        values = numbers(pictures[:, : scene["vertices"]])
+        directions = (values[3:] - 0.5) * 4
+        shaded.append((told, values[:3].T * size + low, directions[:3].T, directions[3:].T))
+    return shaded
+
+
+def expected(follow, scene, told):
+    """Return positions and normals as NumPy has them."""
+    first, second, share = told["moment"]
+    if told["mode"] == "vertices":  # shown is the frame before now
+        return payload(f"{int(first)}.vertices", "<f4").reshape(2, -1, 3)
+    before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
+    return follow.vertices("controls", scene, (0, 0, 0), ((1 - share) * before + share * after).astype(np.float32))
+
+
+def test_positions_and_normals_are_those_of_the_protocol_and_bounds_hold_them(shaded, follow, scene):
+    for told, positions, normals, _ in shaded:
+        where, turned = expected(follow, scene, told)
+        assert np.abs(positions - where).max() <= ALIKE * scene["diagonal"]
+        assert np.abs(normals - turned).max() <= ALIKE
+        low, high = np.array(told["bounds"])
+        assert (low - positions.min(axis=0)).max() <= ALIKE * scene["diagonal"]
+        assert (positions.max(axis=0) - high).max() <= ALIKE * scene["diagonal"]
+    assert {told["mode"] for told, *_ in shaded} == {"controls", "vertices"}
+
+
+def test_tangents_move_with_the_surface(shaded, follow, scene):
+    """They are what has become of a little step along the surface."""
+    normals = scene["normals"].astype(float)
+    tangents = follow.unit(np.cross([0.3, -0.5, 0.8], normals))
+    a = follow.unit(np.cross(np.eye(3)[np.abs(scene["normals"]).argmin(axis=1)], normals))
+    b = np.cross(normals, a)
+    for told, _, turned, moved in shaded:
+        if told["mode"] == "vertices":
+            expected = tangents - turned * (turned * tangents).sum(axis=1, keepdims=True)
+        else:
+            along = along_slopes(scene, told, a, b)
+            within = np.stack([(tangents * a).sum(axis=1), (tangents * b).sum(axis=1)], axis=1)
+            expected = np.einsum("vxa,va->vx", along, within)
+        assert np.abs(moved - follow.unit(expected)).max() <= ROUNDED
+
+
+def along_slopes(scene, told, a, b):
+    """Return A and C of docs/protocol.md, (n, 3, 2)."""
+    first, second, share = told["moment"]
+    before, after = (payload(f"{int(number)}.controls", "<f4").astype(float) for number in (first, second))
+    weights = np.array(scene["weights"])
+    transforms = ((1 - share) * before + share * after).reshape(len(weights), -1, 3, 4)
+    fields, ladder = np.arange(len(weights)), scene["ladder"].astype(float)
+    isoline = np.minimum(ladder, scene["isolines"] - 2).astype(int)
+    step = transforms[fields, isoline + 1] - transforms[fields, isoline]
+    blend = transforms[fields, isoline] + (ladder - isoline)[..., None, None] * step
+    x = np.pad(scene["positions"], [(0, 0), (0, 1)], constant_values=1)
+    along = np.einsum("i,vixy,vya->vxa", weights, blend[..., :3], np.stack([a, b], axis=2))
+    return along + np.einsum("i,vixy,vy,via->vxa", weights, step, x, scene["slopes"])

@@ -1,0 +1,86 @@
+"""The package is one that Unity's package manager takes, and its files refer to each other rightly."""
+
+import json
+import re
+import shutil
+import subprocess
+import tomllib
+
+import pytest
+
+from .conftest import PACKAGE
+
+GUID = re.compile(r"guid: ([0-9a-f]{32})\b")
+FILES = [path for path in PACKAGE.rglob("*") if "Documentation~" not in path.parts and path.suffix != ".meta"]
+IMPORTED = [path for path in FILES if not path.name.endswith("~")]
+"""What gets a .meta file: without one, Unity leaves out the files of a package that it may not write to."""
+
+
+def guid(path):
+    return GUID.search(path.with_name(f"{path.name}.meta").read_text())[1]
+
+
+def test_everything_compiles_without_a_warning_and_is_documented(built):
+    for name in ("core", "unity"):
+        assert (built / f"{name}.xml").stat().st_size > 5000
+
+
+def test_the_core_needs_nothing_of_the_engine(built):
+    """The fixture compiles it without; Unity is told to as well."""
+    core = json.loads((PACKAGE / "Runtime/Core/Puppetline.Core.asmdef").read_text())
+    assert (core["noEngineReferences"], core["references"]) == (True, [])
+    unity = json.loads((PACKAGE / "Runtime/Puppetline.Unity.asmdef").read_text())
+    assert unity["references"] == [core["name"]]
+
+
+def test_the_package_says_what_it_is():
+    package = json.loads((PACKAGE / "package.json").read_text())
+    project = tomllib.loads((PACKAGE.parents[1] / "pyproject.toml").read_text())["project"]
+    assert (package["name"], package["version"]) == ("com.puppetline.unity", project["version"])
+    assert package["license"] == project["license"]
+    assert (PACKAGE / "LICENSE.md").read_text() == (PACKAGE.parents[1] / "LICENSE").read_text()
+    for sample in package["samples"]:
+        assert list((PACKAGE / sample["path"]).glob("*.unity"))
+
+
+def test_every_file_and_folder_has_an_identity_of_its_own():
+    guids = [guid(path) for path in IMPORTED]
+    assert len(set(guids)) == len(guids)
+    metas = {path.with_name(path.name.removesuffix(".meta")) for path in PACKAGE.rglob("*.meta")}
+    assert metas == set(IMPORTED)
+
+
+def test_the_sample_scene_refers_to_what_there_is():
+    (scene,) = PACKAGE.rglob("*.unity")
+    text = scene.read_text()
+    assert set(GUID.findall(text)) == {guid(PACKAGE / "Runtime/Puppet.cs"), guid(scene.with_suffix(".cs"))}
+    anchors = re.findall(r"^--- !u!\d+ &(\d+)$", text, re.MULTILINE)
+    assert len(set(anchors)) == len(anchors)
+    assert set(re.findall(r"{fileID: (\d+)}", text)) <= {*anchors, "0"}
+    fields = re.findall(r"^        public \S+ (\w+)(?: =|;)", (PACKAGE / "Runtime/Puppet.cs").read_text(), re.MULTILINE)
+    puppet = text.split("--- !u!114 &302")[1].split("---")[0]
+    named = re.findall(r"^  (?!m_)(\w+):", puppet, re.MULTILINE)
+    assert set(named) <= set(fields)
+
+
+@pytest.mark.parametrize("name", ["Puppetline.hlsl", "PuppetlineGraph.hlsl"])
+def test_the_shaders_include_is_hlsl(name, tmp_path):
+    compiler = shutil.which("glslangValidator")
+    if compiler is None:
+        pytest.skip("glslangValidator is not here to read HLSL with (Debian: glslang-tools)")
+    folder = PACKAGE / "Runtime/Resources"
+    source = tmp_path / "shader.hlsl"
+    functions = {
+        "Puppetline.hlsl": "PuppetlinePoint p = PuppetlineBySlopes(rest); a = p.position; b = p.normal;",
+        "PuppetlineGraph.hlsl": "PuppetlineBlend_float(x, x, rest.ladder[0], rest.ladder[1], a, b);",
+    }
+    source.write_text(
+        f'#include "{name}"\n'
+        "float4 main(float3 x : POSITION, float4 t : TEXCOORD2) : SV_Position\n"
+        "{ PuppetlineRest rest; rest.position = x; rest.normal = x; rest.ladder[0] = t; rest.ladder[1] = t;\n"
+        "  for (int i = 0; i < 4; i++) rest.slopes[i] = t;\n"
+        f"  float3 a; float3 b; {functions[name]} return float4(a + b, 1); }}\n"
+    )
+    command = [compiler, "-D", "-V", "-S", "vert", "-e", "main", f"-I{folder}", "-o", tmp_path / "out.spv", source]
+    read = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert read.returncode == 0, read.stdout

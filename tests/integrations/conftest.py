@@ -15,7 +15,7 @@ def load(path: Path) -> ModuleType:
 
 
 figure = load(BRIDGE / "conftest.py")
-own_cache = figure.own_cache
+own_cache, new_glb = figure.own_cache, figure.new_glb
 make_shape, blob, blob_file, write_puppet, blob_puppet = (
     figure.make_shape,
     figure.blob,

@@ -14,6 +14,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 HERE = Path(__file__).parent
@@ -28,6 +29,9 @@ WRONG = re.compile(
 
 HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR|without fontconfig")
 """What Godot says of a machine without sound, display or fonts."""
+
+GPU_NUMBERS = 9
+"""Numbers that gpu_reader.gd reads of each vertex: a position, a normal and a tangent."""
 
 PROJECT = """config_version=5
 
@@ -184,3 +188,51 @@ def run_editor(godot, project):
         return editor.lines
 
     return run
+
+
+@pytest.fixture
+def add_glb(godot, project):
+    """Import a .glb into the project, as a user would; return what the project calls it."""
+
+    def add(path):
+        shutil.copy(path, project / path.name)
+        Script([godot, "--headless", "--path", project, "--import"], project / "over").finish(120)
+        return f"res://{path.name}"
+
+    return add
+
+
+@pytest.fixture
+def playing(serve):
+    """Start the service with a puppet that somebody plays over and over."""
+
+    def start(puppet, log, *more):
+        return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def read_pixels():
+    """Turn what gpu_reader.gd has written for a number of moments into positions, normals and tangents (3, n, 3)."""
+
+    def read(file, moments, vertices, box):
+        pictures = np.fromfile(file, "u1").reshape(moments, 1 + 2 * GPU_NUMBERS, -1, 3)[:, :, :vertices].astype(int)
+        low, size = np.array(box)
+        return [_directed(_decoded(each), low, size) for each in pictures]
+
+    return read
+
+
+def _decoded(pictures):
+    """Return numbers from 0 to 1, (9, n), of a picture of a ramp of 16 steps and two of 12 bits for each number."""
+    ramp = pictures[0, :16, 0]
+    assert (np.diff(ramp) > 0).all()
+    steps = np.abs(pictures[1:, ..., None] - ramp).argmin(axis=-1)
+    twelve = steps @ [256, 16, 1]
+    return (4096 * twelve[0::2] + twelve[1::2]) / (2**24 - 1)
+
+
+def _directed(numbers, low, size):
+    positions, normals, tangents = numbers.reshape(3, 3, -1).transpose(0, 2, 1)
+    return np.stack([positions * size + low, (normals - 0.5) * 4, (tangents - 0.5) * 4])

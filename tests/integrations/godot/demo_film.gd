@@ -33,16 +33,8 @@ func _initialize() -> void:
 
 
 func _record_and_play() -> void:
-	while (_transport.get_node(^"%Record") as Button).disabled:
-		await process_frame
-	_transport.call(&"toggle_recording")
-	await _live.take_started
-	await create_timer(2.0).timeout
-	_transport.call(&"toggle_recording")
-	await _live.take_stopped
+	await _record()
 	var takes: ItemList = _transport.get_node(^"%Takes")
-	while takes.item_count == 0:
-		await process_frame
 	takes.select(0)
 	takes.item_selected.emit(0)
 	(_transport.get_node(^"%Play") as Button).pressed.emit()
@@ -56,12 +48,30 @@ func _record_and_play() -> void:
 	quit()
 
 
+func _record() -> void:
+	while (_transport.get_node(^"%Record") as Button).disabled:
+		await process_frame
+	_transport.call(&"toggle_recording")
+	await _live.take_started
+	await create_timer(2.0).timeout
+	_transport.call(&"toggle_recording")
+	await _live.take_stopped
+	var takes: ItemList = _transport.get_node(^"%Takes")
+	while takes.item_count == 0:
+		await process_frame
+
+
 func _take_picture(path: String) -> void:
 	# few pixels until everything stands as it should: they may be drawn by the processor
 	root.scaling_3d_scale = 0.15
-	await create_timer(6.0).timeout
+	await _record()
+	_transport.call(&"toggle_recording")
+	await _live.take_started
+	await create_timer(3.0).timeout
 	root.scaling_3d_scale = 1.0
 	await _save(path)
+	_transport.call(&"toggle_recording")
+	await _live.take_stopped
 	_live.hide()
 	await _save(path.replace(".png", "_empty.png"))
 	quit()

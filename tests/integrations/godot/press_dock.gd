@@ -109,7 +109,7 @@ func _shown() -> Dictionary:
 	var rows := {}
 	for handle: String in table._rows:
 		var row := table.row(handle)
-		if row.activity.value > 0.05 and handle not in _moved:
+		if row.activity.share > 0.05 and handle not in _moved:
 			_moved.append(handle)
 		rows[handle] = {
 			"joints": row.joints.text,

@@ -17,7 +17,6 @@ SETTINGS = {
     "no shadow meshes": {"meshes/create_shadow_meshes": "false"},
     "no compression": {"meshes/force_disable_compression": "true"},
     "no tangents": {"meshes/ensure_tangents": "false"},
-    "static lightmaps": {"meshes/light_baking": "2"},
 }
 
 

@@ -1,7 +1,6 @@
 """What a Puppet3D shows, in each of its modes, is what the solver has for the same frames of the real service."""
 
 import json
-import shutil
 import subprocess
 import sys
 import threading
@@ -56,22 +55,15 @@ class Reference:
         self.rest = self.rig.character.vertices
         self._binding = StreamedCharacter(puppet.stem, self.rig, 1).binding
 
+    def vertices_and_normals(self, controls):
+        return self._binding.vertices_and_normals(controls.astype(np.float32))
+
     def positions(self, controls):
-        return self._binding.vertices_and_normals(controls.astype(np.float32))[0]
+        return self.vertices_and_normals(controls)[0]
 
     def assert_moved(self, frames):
         """Make sure that there was something to see."""
         assert np.ptp([frame.positions for frame in frames], axis=0).max() > 0.01 * self.diagonal
-
-
-@pytest.fixture
-def playing(serve):
-    """Start the service with a puppet that somebody plays over and over."""
-
-    def start(puppet, log, *more):
-        return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
-
-    return start
 
 
 @pytest.fixture
@@ -92,15 +84,19 @@ def show(start_godot, tmp_path):
 
 
 @pytest.fixture
-def add_glb(godot, project):
-    """Import a .glb into the project as a user would."""
+def shade(start_godot, read_pixels, tmp_path):
+    """Have the graphics card show a character of a service, and read back what it computes."""
 
-    def add(path):
-        shutil.copy(path, project / path.name)
-        subprocess.run([godot, "--headless", "--path", project, "--import"], check=True, capture_output=True)
-        return f"res://{path.name}"
+    def run(service, reference, samples, **settings):
+        settings["port"] = int(service.stream.rpartition(":")[2])
+        low, size = reference.rest.min(axis=0), np.ptp(reference.rest, axis=0)
+        box = [(low - reference.diagonal).tolist(), (size + 2 * reference.diagonal).tolist()]
+        asked = {"settings": settings, "samples": samples, "apart": 20, "box": box, "file": str(tmp_path / "pixels")}
+        told = start_godot("shade_puppet.gd", json.dumps(asked), display=True).finish(300)
+        told = [result for result in told if "sequence" in result]
+        return list(zip(told, read_pixels(tmp_path / "pixels", samples, len(reference.rest), box), strict=True))
 
-    return add
+    return run
 
 
 class Listener:
@@ -125,6 +121,23 @@ class Listener:
     def __exit__(self, *_):
         self._over.set()
         self._thread.join()
+
+
+def check_shader(shade, service, puppet, samples=2, **settings):
+    """Compare positions, normals and bounds of what is drawn."""
+    reference = Reference(puppet)
+    with Listener(service, puppet.stem, "controls") as (heard,):
+        shown = shade(service, reference, samples, **settings)
+    for told, (positions, normals, _) in shown:
+        first, second = (heard[told[which]].body.astype(float) for which in ("sequence", "next_sequence"))
+        where, turned = reference.vertices_and_normals((1 - told["share"]) * first + told["share"] * second)
+        assert np.abs(positions - where).max() <= ALIKE * reference.diagonal
+        some = np.linalg.norm(turned, axis=1) > 0.5  # where there is no direction, the shader has to make one up
+        assert np.abs(normals - turned)[some].max() <= 1e-4
+        low, high = np.array(told["bounds"])
+        assert (low - where.min(axis=0)).max() <= ALIKE * reference.diagonal
+        assert (where.max(axis=0) - high).max() <= ALIKE * reference.diagonal
+        assert np.prod(high - low) <= 6 * np.prod(np.ptp(where, axis=0))  # and not much more than what they hold
 
 
 def puppetline(*arguments):
@@ -172,6 +185,13 @@ def check_morphs(show, service, puppet, source, **settings):
 
 def test_controls(show, playing, blob_puppet, take):
     check_controls(show, playing(blob_puppet, take), blob_puppet)
+
+
+def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, take, tmp_path):
+    puppetline("ladder", blob_puppet, "-o", tmp_path / "own.glb")
+    service = playing(blob_puppet, take)
+    check_shader(shade, service, blob_puppet)
+    check_shader(shade, service, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
 def test_vertices(show, playing, blob_puppet, take):
@@ -269,6 +289,12 @@ def test_example_characters_by_controls_and_vertices(show, playing, example):
 
 
 @pytest.mark.slow
+def test_example_characters_on_the_graphics_card(shade, playing, example):
+    puppet, log = example
+    check_shader(shade, playing(puppet, log), puppet)
+
+
+@pytest.mark.slow
 def test_example_characters_by_imported_meshes(show, playing, add_glb, example, tmp_path):
     puppet, log = example
     puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
@@ -287,7 +313,7 @@ def textured(request, real_data, take, tmp_path):
 
 
 @pytest.mark.slow
-def test_textured_characters(show, playing, add_glb, textured, take, tmp_path):
+def test_textured_characters(show, shade, playing, add_glb, textured, take, tmp_path):
     puppetline("bake", textured, "-o", tmp_path / "baked.glb", "--log", take)
     puppetline("ladder", textured, "-o", tmp_path / "own.glb")
     service = playing(textured, take, "--morphs", tmp_path / "baked.glb")
@@ -295,3 +321,4 @@ def test_textured_characters(show, playing, add_glb, textured, take, tmp_path):
     check_vertices(show, service, textured)
     check_controls(show, service, textured, mesh_source=add_glb(tmp_path / "own.glb"))
     check_morphs(show, service, textured, add_glb(tmp_path / "baked.glb"))
+    check_shader(shade, service, textured, mesh_source=add_glb(tmp_path / "own.glb"))

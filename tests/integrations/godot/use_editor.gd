@@ -13,6 +13,8 @@ var _next := 0
 func _process(_delta: float) -> void:
 	if _dock == null:
 		_find_dock()
+	elif not _dock.is_visible_in_tree():
+		_bring_to_front()
 	elif Time.get_ticks_msec() >= _next:
 		_use()
 
@@ -20,15 +22,17 @@ func _process(_delta: float) -> void:
 func _find_dock() -> void:
 	for each in EditorInterface.get_base_control().find_children("Puppetline", "MarginContainer", true, false):
 		_dock = each as Dock
-	if _dock == null:
-		return
+	if _dock != null:
+		_dock.get_node("%Address").text = OS.get_environment("ADDRESS")
+		_dock.get_node("%Connect").pressed.emit()
+
+
+func _bring_to_front() -> void:
 	var shown: Node = _dock
 	while not shown.get_parent() is TabContainer:
 		shown = shown.get_parent()
 	var tabs: TabContainer = shown.get_parent()
 	tabs.current_tab = tabs.get_tab_idx_from_control(shown)
-	_dock.get_node("%Address").text = OS.get_environment("ADDRESS")
-	_dock.get_node("%Connect").pressed.emit()
 
 
 func _use() -> void:
@@ -36,26 +40,26 @@ func _use() -> void:
 	if _dock.service.mapping == null or scene == null:
 		return
 	var history := get_undo_redo().get_object_history_id(scene)
+	_step += 1  # before anything that lets frames go by, as saving does
 	match _step:
-		0:
+		1:
 			_tell("before")
 			_dock.get_node("%AddToScene").pressed.emit()
-		1:
+		2:
 			_tell("added")
 			get_undo_redo().get_history_undo_redo(history).undo()
-		2:
+		3:
 			_tell("undone")
 			get_undo_redo().get_history_undo_redo(history).redo()
 			EditorInterface.set_main_screen_editor("3D")
 			_next = Time.get_ticks_msec() + 5000  # in which the character comes
-		3:
+		4:
 			_tell("redone")
 			var picture := EditorInterface.get_base_control().get_viewport().get_texture().get_image()
 			picture.save_png(OS.get_environment("PICTURE"))
 			EditorInterface.save_scene()
-		4:
+		5:
 			get_tree().quit()
-	_step += 1
 
 
 func _tell(when: String) -> void:
@@ -64,6 +68,5 @@ func _tell(when: String) -> void:
 	for each in scene.find_children("*", "Puppet3D", true, false):
 		nodes.append([each.name, each.owner == scene, each.character, each.host, each.port])
 	var selected := EditorInterface.get_selection().get_selected_nodes()
-	print(
-		"RESULT ", JSON.stringify({when: nodes, "selected": selected.map(func(node: Node) -> String: return node.name)})
-	)
+	var told := {when: nodes, "selected": selected.map(func(node: Node) -> String: return node.name)}
+	print("RESULT ", JSON.stringify(told))

@@ -17,8 +17,8 @@ from engine_bridge import demo
 from .conftest import PATIENCE, array
 
 FRAMES = 20
-EVERY = 4
-"""Of large characters, every so manieth frame is looked at: what tests say to each other is longer than what is sent."""
+EVERY = 15
+"""One in so many frames of a large character is looked at: what tests tell each other is longer than what is sent."""
 
 
 @pytest.fixture

@@ -73,3 +73,11 @@ def test_a_source_that_has_stood_still_goes_on_at_once(play):
 def test_frames_that_nobody_looks_at_do_not_pile_up(play):
     steps = [came(number / 30, float(number)) for number in range(1000)]
     assert play(10.0, *steps, AHEAD + 40) == [(936, True)]
+
+
+def test_frames_cost_the_garbage_collector_nothing(run_core):
+    """Read, kept, mixed and evaluated, in whichever way."""
+    measured = run_core("measure", SCENE, SCENE.with_name("1.controls.bin"))
+    assert {each["what"]: each["bytes"] for each in measured} == dict.fromkeys(
+        ("nothing", "slopes", "cofactors", "bounds"), 0
+    )

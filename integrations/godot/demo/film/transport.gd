@@ -6,6 +6,9 @@ signal play_asked(take: String)
 ## Emitted when the live performance is to be seen again.
 signal live_asked
 
+## Seconds until a service that has not answered is asked again.
+const PAUSE := 2.0
+
 var _puppet: Puppet3D
 var _stage := ""
 var _recording := false
@@ -66,7 +69,9 @@ func _ask() -> void:
 
 func _on_described(reply: Dictionary) -> void:
 	if not _is_well(reply):
+		get_tree().create_timer(PAUSE).timeout.connect(_ask)
 		return
+	_tell("")
 	var result: Dictionary = reply["result"]
 	for character: Dictionary in result.get("characters", []):
 		if _puppet.character in ["", character.get("name")]:
@@ -116,7 +121,7 @@ func _show_recording(on: bool) -> void:
 	if on and not _recording:
 		_seconds = 0.0
 	_recording = on
-	_record.text = "■  Stop" if on else "●  Record"
+	_record.text = "Stop" if on else "Record"
 	_clock.visible = on
 
 

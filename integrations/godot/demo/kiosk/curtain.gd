@@ -14,11 +14,11 @@ const DEPTH := 0.16
 		height = value
 		_hang()
 ## How far around the stage it goes.
-@export_range(10.0, 360.0, 1.0, "degrees") var span := 200.0:
+@export_range(10.0, 360.0, 1.0, "degrees") var span := 260.0:
 	set(value):
 		span = value
 		_hang()
-@export_range(1, 200) var folds := 56:
+@export_range(1, 200) var folds := 72:
 	set(value):
 		folds = value
 		_hang()

@@ -6,6 +6,9 @@ extends Node3D
 ## Emitted when attract mode begins or ends.
 signal attracting_changed(attracting: bool)
 
+## How far the camera goes to either side.
+const SWAY := 0.4
+
 const Place := preload("res://demo/kiosk/place.gd")
 
 ## Seconds without a performer after which attract mode begins.
@@ -29,9 +32,9 @@ func _ready() -> void:
 	for place: Place in _places:
 		place.taken_changed.connect(_on_taken_changed)
 		place.puppet.connected.connect(_connection.hide)
-		place.puppet.disconnected.connect(_tell.bind(place.puppet, "is not reached: puppetline demo --live starts one"))
-		place.puppet.refused.connect(_on_refused.bind(place.puppet))
-		_tell(place.puppet, "is looked for")
+		place.puppet.disconnected.connect(_tell_missing.bind(place.puppet))
+		place.puppet.refused.connect(_on_refused)
+		_tell_missing(place.puppet)
 
 
 func _process(delta: float) -> void:
@@ -41,7 +44,7 @@ func _process(delta: float) -> void:
 		_attract(true)
 	var sway := 0.0
 	if attracting:
-		sway = 0.55 * sin(TAU * _time / sway_seconds)
+		sway = SWAY * sin(TAU * _time / sway_seconds)
 		_prompt.modulate.a = 0.65 + 0.35 * sin(TAU * _time / 3.5)
 	var share := 1.0 - exp(-1.4 * delta)
 	_orbit.rotation.y = lerp_angle(_orbit.rotation.y, sway, share)
@@ -74,10 +77,11 @@ func _attract(on: bool) -> void:
 	attracting_changed.emit(on)
 
 
-func _on_refused(reason: String, puppet: Puppet3D) -> void:
-	_tell(puppet, "refuses: " + reason)
+func _on_refused(reason: String) -> void:
+	_connection.text = reason
+	_connection.show()
 
 
-func _tell(puppet: Puppet3D, what: String) -> void:
-	_connection.text = "The service at %s:%d %s" % [puppet.host, puppet.port, what]
+func _tell_missing(puppet: Puppet3D) -> void:
+	_connection.text = "Nothing comes from %s:%d. puppetline demo --live starts a service." % [puppet.host, puppet.port]
 	_connection.show()

@@ -4,7 +4,7 @@ extends Node3D
 ## Emitted when somebody has come to perform this character, or has gone.
 signal taken_changed(taken: bool)
 
-const LIT := 6.5
+const LIT := 5.6
 const DIM := 2.0
 const RIM := 5.0
 const RING := 0.9

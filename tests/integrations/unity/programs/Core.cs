@@ -284,15 +284,12 @@ static class Core
         {
             double best = double.MaxValue;
             long before = 0;
-            int collections = 0;
             for (int i = -20; i < Frames; i++)
             {
                 if (i == 0)
                 {
-                    GC.Collect();
                     best = double.MaxValue;
-                    before = GC.GetTotalMemory(false);
-                    collections = GC.CollectionCount(0);
+                    before = GC.GetAllocatedBytesForCurrentThread();
                 }
                 Frame frame = pool.Rent();
                 frame.Read(controls);
@@ -318,7 +315,7 @@ static class Core
             }
             Said.Line(
                 "what", what, "vertices", scene.VertexCount, "ms", 1000 * best,
-                "bytes", (GC.GetTotalMemory(false) - before) / (double)Frames, "collections", GC.CollectionCount(0) - collections);
+                "bytes", (GC.GetAllocatedBytesForCurrentThread() - before) / (double)Frames);
             playback.Clear();
         }
     }

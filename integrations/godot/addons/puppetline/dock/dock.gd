@@ -21,7 +21,7 @@ const STATES := {
 
 var service := Service.new()
 
-var _discovery: Discovery
+var _discovery := Discovery.new()
 var _mapping := MappingTable.new()
 
 @onready var _address: LineEdit = %Address
@@ -61,6 +61,7 @@ func _ready() -> void:
 	_save.pressed.connect(service.save)
 	_revert.pressed.connect(service.revert)
 	%TroubleSeen.pressed.connect(_trouble.hide)
+	_discovery.changed.connect(_show_found)
 	service.changed.connect(_show)
 	service.mapping_changed.connect(_show_mapping)
 	service.refused.connect(_show_trouble)
@@ -107,10 +108,7 @@ func _open(host: String, port: int, control_port: int) -> void:
 func _follow_visibility() -> void:
 	if not is_visible_in_tree():
 		service.close()
-		_discovery = null
 	elif not service.is_open():
-		_discovery = Discovery.new()
-		_discovery.changed.connect(_show_found)
 		connect_to_service()
 	set_process(is_visible_in_tree())
 
@@ -118,7 +116,7 @@ func _follow_visibility() -> void:
 func _show_found() -> void:
 	var menu := _found.get_popup()
 	menu.clear()
-	for each: Dictionary in _discovery.services if _discovery != null else []:
+	for each: Dictionary in _discovery.services:
 		menu.add_item("%s: %s" % [each.name, ", ".join(each.characters)])
 		if each.mechanism == "CURVE":
 			menu.set_item_disabled(-1, true)

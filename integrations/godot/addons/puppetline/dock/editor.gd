@@ -10,6 +10,13 @@ static func scale() -> float:
 	return EditorInterface.get_editor_scale() if Engine.is_editor_hint() else 1.0
 
 
+## The colour of what is switched on.
+static func accent(control: Control) -> Color:
+	if control.has_theme_color("accent_color", "Editor"):
+		return control.get_theme_color("accent_color", "Editor")
+	return control.get_theme_color("font_pressed_color", "Button")
+
+
 ## Keep something for this project and user, outside the project's files.
 static func remember(key: String, value: Variant) -> void:
 	if Engine.is_editor_hint():

@@ -4,6 +4,7 @@ extends RefCounted
 
 signal edited(changes: Dictionary)
 
+const ActivityBar := preload("activity_bar.gd")
 const AxisToggles := preload("axis_toggles.gd")
 const NumberBox := preload("number_box.gd")
 const Mapping := preload("mapping.gd")
@@ -12,49 +13,29 @@ const LARGEST_GAIN := 10.0
 
 ## What it shows.
 var handle: Mapping.Handle
-## The cells, from left to right.
-var cells: Array[Control] = []
+## The cells, from left to right: which handle, and what moves it.
+var cells: Array[Control] = [VBoxContainer.new(), VBoxContainer.new()]
 ## Pressed while the figure shows the handle's joints.
 var title := Button.new()
-var activity := ProgressBar.new()
+var activity := ActivityBar.new()
 var joints := MenuButton.new()
 var axes := AxisToggles.new()
 var gain := NumberBox.new()
 
 
 func _init(all_joints: PackedStringArray, scale: float) -> void:
-	cells = [VBoxContainer.new(), joints, axes, gain]
-	cells[0].add_theme_constant_override("separation", 0)
-	cells[0].size_flags_horizontal = Control.SIZE_EXPAND_FILL
-	cells[0].add_child(title)
-	cells[0].add_child(activity)
-	title.toggle_mode = true
-	title.flat = true
-	title.alignment = HORIZONTAL_ALIGNMENT_LEFT
-	title.clip_text = true
-	title.text_overrun_behavior = TextServer.OVERRUN_TRIM_ELLIPSIS
-	title.custom_minimum_size.x = 56.0 * scale
-	activity.show_percentage = false
-	activity.max_value = 1.0
-	activity.step = 0.0
-	activity.custom_minimum_size.y = 4.0 * scale
-	activity.tooltip_text = "How much the handle moves just now"
-	joints.flat = false
-	joints.clip_text = true
-	joints.text_overrun_behavior = TextServer.OVERRUN_TRIM_ELLIPSIS
-	joints.alignment = HORIZONTAL_ALIGNMENT_LEFT
-	joints.size_flags_horizontal = Control.SIZE_EXPAND_FILL
-	joints.custom_minimum_size.x = 64.0 * scale
-	gain.min_value = -LARGEST_GAIN
-	gain.max_value = LARGEST_GAIN
-	gain.allow_greater = true
-	gain.allow_lesser = true
-	gain.tooltip_text = "How far the handle goes for what its joints go; below 0 the other way"
+	_lay_out(scale)
 	var menu := joints.get_popup()
 	menu.hide_on_checkable_item_selection = false
 	for joint in all_joints:
 		menu.add_check_item(joint)
 	menu.index_pressed.connect(func(index: int) -> void: toggle_joint(menu.get_item_text(index)))
+	gain.prefix = "×"
+	gain.min_value = -LARGEST_GAIN
+	gain.max_value = LARGEST_GAIN
+	gain.allow_greater = true
+	gain.allow_lesser = true
+	gain.tooltip_text = "How far the handle goes for what its joints go; below 0 the other way"
 	axes.edited.connect(func(chosen: String) -> void: edited.emit({"axes": chosen}))
 	gain.edited.connect(func(number: float) -> void: edited.emit({"gain": number}))
 
@@ -90,3 +71,26 @@ func set_disabled(disabled: bool) -> void:
 	joints.disabled = disabled
 	axes.disabled = disabled
 	gain.editable = not disabled
+
+
+func _lay_out(scale: float) -> void:
+	for cell in cells:
+		cell.size_flags_horizontal = Control.SIZE_EXPAND_FILL
+	for button: Button in [title, joints]:
+		button.alignment = HORIZONTAL_ALIGNMENT_LEFT
+		button.text_overrun_behavior = TextServer.OVERRUN_TRIM_ELLIPSIS
+		button.clip_text = true
+	title.toggle_mode = true
+	title.size_flags_vertical = Control.SIZE_EXPAND_FILL
+	joints.flat = false
+	joints.icon_alignment = HORIZONTAL_ALIGNMENT_RIGHT
+	activity.custom_minimum_size.y = 3.0 * scale
+	activity.tooltip_text = "How much the handle moves just now"
+	gain.size_flags_horizontal = Control.SIZE_EXPAND_FILL
+	cells[0].add_child(title)
+	cells[0].add_child(activity)
+	cells[1].add_child(joints)
+	var line := HBoxContainer.new()
+	line.add_child(axes)
+	line.add_child(gain)
+	cells[1].add_child(line)

@@ -4,6 +4,8 @@ extends Control
 
 signal joint_pressed(joint: String)
 
+const Editor := preload("editor.gd")
+
 ## Where the joints are shown, from the left and the top, in heights of the figure.
 const PLACES := {
 	"head": Vector2(0.0, 0.05),
@@ -68,7 +70,7 @@ func _notification(what: int) -> void:
 
 func _draw() -> void:
 	var line := get_theme_color("font_disabled_color", "Button")
-	var filled := get_theme_color("font_pressed_color", "Button")
+	var filled := Editor.accent(self)
 	var ground := get_theme_color("font_color", "Label")
 	var width := maxf(0.012 * size.y, 1.0)
 	for bone: Array in BONES:

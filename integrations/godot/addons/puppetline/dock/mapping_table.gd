@@ -30,14 +30,14 @@ var _shown := ""  # the handle whose joints the figure shows
 
 
 func _init() -> void:
-	_grid.columns = 4
+	add_child(figure)
+	figure.custom_minimum_size.y = 170.0 * Editor.scale()
+	figure.tooltip_text = " "  # without one, none is asked for
+	figure.joint_pressed.connect(_press_joint)
+	_grid.columns = 2
 	add_child(_grid)
 	_add_root()
 	_add_scale()
-	add_child(figure)
-	figure.custom_minimum_size.y = 180.0 * Editor.scale()
-	figure.tooltip_text = " "
-	figure.joint_pressed.connect(_press_joint)
 
 
 ## The row of a handle, null if there is none.
@@ -68,7 +68,7 @@ func show_mapping(mapping: Mapping) -> void:
 func show_activity(shares: PackedFloat32Array) -> void:
 	var rows := _rows.values()
 	for i in rows.size():
-		rows[i].activity.value = shares[i] if i < shares.size() else 0.0
+		rows[i].activity.share = shares[i] if i < shares.size() else 0.0
 
 
 func set_disabled(disabled: bool) -> void:
@@ -97,7 +97,7 @@ func _add_root() -> void:
 func _add_scale() -> void:
 	var line := HBoxContainer.new()
 	line.add_child(_label("Scale"))
-	automatic.text = "found out"
+	automatic.text = "automatic"
 	automatic.tooltip_text = "A limb that is stretched out takes its handle as far as it goes"
 	automatic.toggled.connect(func(on: bool) -> void: scale_edited.emit(0.0 if on else scale_value.number()))
 	scale_value.size_flags_horizontal = Control.SIZE_EXPAND_FILL
@@ -122,7 +122,7 @@ func _make_rows(mapping: Mapping) -> void:
 	root_joint.add_item(NO_ROOT)
 	for joint in _joints:
 		root_joint.add_item(joint)
-	for text: String in ["Handle", "Joints", "Axes", "Gain"]:
+	for text: String in ["Handle", "Moved by"]:
 		_grid.add_child(_label(text))
 	for handle in mapping.handles:
 		_add_row(handle.name)
@@ -140,6 +140,7 @@ func _add_row(handle: String) -> void:
 	_rows[handle] = made
 	for cell in made.cells:
 		_grid.add_child(cell)
+	made.joints.icon = get_theme_icon("arrow", "OptionButton")
 
 
 func _show_handle(handle: String, on: bool) -> void:

@@ -94,9 +94,9 @@ func unfollow(topic: String, receiver: Callable) -> void:
 		_connection.unsubscribe(topic)
 
 
-## Ask for a topic anew, at most once a second: what comes more often is ignored.
+## Ask anew for a topic that is followed, at most once a second: what comes more often is ignored.
 func ask(topic: String) -> void:
-	if Time.get_ticks_msec() >= _asked.get(topic, 0) + int(1000 * ASK_INTERVAL):
+	if topic in _followers and Time.get_ticks_msec() >= _asked.get(topic, 0) + int(1000 * ASK_INTERVAL):
 		_connection.unsubscribe(topic)
 		_subscribe(topic)
 

@@ -1,0 +1,244 @@
+extends "teller.gd"
+## Draws a character twice in each of many materials, by Godot's own material and by what the addon makes of it:
+## FOLDER of scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and bent, the vertices of
+## the latter), which pictures are written to as well.
+
+const Stream := preload("res://addons/puppetline/wire/stream.gd")
+const Message := preload("res://addons/puppetline/wire/message.gd")
+const Scene := preload("res://addons/puppetline/wire/scene.gd")
+const SharedScene := preload("res://addons/puppetline/play/shared_scene.gd")
+const RestMesh := preload("res://addons/puppetline/play/rest_mesh.gd")
+const Body := preload("res://addons/puppetline/play/body.gd")
+const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
+const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
+
+const TEXTURES: Array[StringName] = [
+	&"albedo_texture",
+	&"metallic_texture",
+	&"roughness_texture",
+	&"normal_texture",
+	&"ao_texture",
+	&"emission_texture",
+	&"orm_texture",
+	&"rim_texture",
+	&"clearcoat_texture",
+	&"backlight_texture",
+	&"anisotropy_flowmap",
+]
+## Property names and values; textures are named by what is in them.
+const CASES: Dictionary = {
+	"plain": {},
+	"color": {"albedo_color": Color(0.8, 0.3, 0.1), "metallic": 0.4, "roughness": 0.35, "metallic_specular": 0.8},
+	"texture": {"albedo_texture": "picture"},
+	"nearest": {"albedo_texture": "picture", "texture_filter": BaseMaterial3D.TEXTURE_FILTER_NEAREST},
+	"mapping":
+	{
+		"albedo_texture": "picture",
+		"uv1_scale": Vector3(7, 5, 1),
+		"uv1_offset": Vector3(0.3, -0.2, 0),
+		"texture_filter": BaseMaterial3D.TEXTURE_FILTER_LINEAR_WITH_MIPMAPS_ANISOTROPIC,
+	},
+	"clamped": {"albedo_texture": "picture", "uv1_scale": Vector3(4, 4, 1), "texture_repeat": false},
+	"metal":
+	{
+		"metallic": 0.9,
+		"metallic_texture": "picture",
+		"metallic_texture_channel": BaseMaterial3D.TEXTURE_CHANNEL_BLUE,
+		"roughness": 0.8,
+		"roughness_texture": "picture",
+		"roughness_texture_channel": BaseMaterial3D.TEXTURE_CHANNEL_GREEN,
+	},
+	"gray": {"roughness_texture": "picture", "roughness_texture_channel": BaseMaterial3D.TEXTURE_CHANNEL_GRAYSCALE},
+	"normal": {"normal_enabled": true, "normal_texture": "bumps", "normal_scale": 1.5, "uv1_scale": Vector3(5, 5, 1)},
+	"occlusion":
+	{
+		"ao_enabled": true,
+		"ao_texture": "picture",
+		"ao_light_affect": 0.7,
+		"ao_texture_channel": BaseMaterial3D.TEXTURE_CHANNEL_GREEN,
+	},
+	"emission": {"emission_enabled": true, "emission": Color(0.1, 0.3, 0.2), "emission_texture": "picture"},
+	"glow":
+	{
+		"emission_enabled": true,
+		"emission": Color(0.5, 0.9, 0.2),
+		"emission_energy_multiplier": 2.0,
+		"emission_texture": "picture",
+		"emission_operator": BaseMaterial3D.EMISSION_OP_MULTIPLY,
+	},
+	"scissor":
+	{
+		"albedo_texture": "picture",
+		"transparency": BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR,
+		"alpha_scissor_threshold": 0.6,
+		"cull_mode": BaseMaterial3D.CULL_DISABLED,
+	},
+	"blend":
+	{
+		"albedo_texture": "picture",
+		"albedo_color": Color(1, 1, 1, 0.7),
+		"transparency": BaseMaterial3D.TRANSPARENCY_ALPHA,
+	},
+	"prepass": {"albedo_texture": "picture", "transparency": BaseMaterial3D.TRANSPARENCY_ALPHA_DEPTH_PRE_PASS},
+	"added":
+	{
+		"albedo_texture": "picture",
+		"transparency": BaseMaterial3D.TRANSPARENCY_ALPHA,
+		"blend_mode": BaseMaterial3D.BLEND_MODE_ADD,
+	},
+	"inside": {"cull_mode": BaseMaterial3D.CULL_FRONT, "albedo_color": Color(0.5, 0.6, 1.0)},
+	"unshaded": {"albedo_texture": "picture", "shading_mode": BaseMaterial3D.SHADING_MODE_UNSHADED},
+	"per vertex": {"albedo_texture": "picture", "shading_mode": BaseMaterial3D.SHADING_MODE_PER_VERTEX},
+	"toon":
+	{
+		"diffuse_mode": BaseMaterial3D.DIFFUSE_TOON,
+		"specular_mode": BaseMaterial3D.SPECULAR_TOON,
+		"disable_receive_shadows": true,
+	},
+	"dark": {"disable_ambient_light": true, "specular_mode": BaseMaterial3D.SPECULAR_DISABLED},
+	"rim": {"rim_enabled": true, "rim": 0.9, "rim_tint": 0.3, "rim_texture": "picture"},
+	"coat": {"clearcoat_enabled": true, "clearcoat": 0.9, "clearcoat_roughness": 0.2, "clearcoat_texture": "picture"},
+	"backlight": {"backlight_enabled": true, "backlight": Color(0.4, 0.1, 0.1), "backlight_texture": "picture"},
+	"anisotropy": {"anisotropy_enabled": true, "anisotropy": 0.8, "roughness": 0.3, "anisotropy_flowmap": "picture"},
+	"grown": {"grow": true, "grow_amount": 0.1},
+	"orm": {"orm_texture": "picture", "ao_enabled": true, "ao_light_affect": 0.5, "albedo_color": Color(0.9, 0.8, 0.3)},
+	"colors": {"vertex_color_use_as_albedo": true},
+}
+
+var _folder := ""
+var _shared: SharedScene
+var _textures: Dictionary = {}
+
+
+func _initialize() -> void:
+	super()
+	_folder = arguments()[0]
+	_shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
+	_shared._take(_message("scene"))
+	_textures = {"picture": _picture(), "bumps": _bumps()}
+	_make_stage()
+	for case: String in CASES:
+		await _draw(case)
+	await _draw_bent()
+	_shared = null
+	quit()
+
+
+func _draw(case: String) -> void:
+	var material := _material(CASES[case], case == "orm")
+	var own := MeshInstance3D.new()
+	own.mesh = _mesh(_shared.scene.positions, _shared.scene.normals)
+	own.material_override = material
+	await _photograph(own, "%s own" % case)
+	await _photograph(_shown(ControlsBody.new(_shared, null), "rest", material), "%s made" % case)
+	tell({"case": case})
+
+
+func _draw_bent() -> void:
+	var material := _material(CASES["normal"], false)
+	var vertices := _message("vertices").payload
+	var own := MeshInstance3D.new()
+	own.mesh = _mesh(_vectors(vertices.slice(0, vertices.size() / 2)), _vectors(vertices.slice(vertices.size() / 2)))
+	own.material_override = _material(CASES["mapping"], false)
+	await _photograph(own, "bent own")
+	material = _material(CASES["mapping"], false)
+	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
+	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
+	tell({"case": "bent"})
+
+
+func _shown(body: Body, frame: String, material: Material) -> Body:
+	body.dress([material])
+	body.show_frames(_message(frame), _message(frame), 0.0)
+	return body
+
+
+func _photograph(what: Node3D, name: String) -> void:
+	root.add_child(what)
+	for _frame in 3:
+		await RenderingServer.frame_post_draw
+	root.get_texture().get_image().save_png("%s/%s.png" % [_folder, name])
+	what.free()
+
+
+func _make_stage() -> void:
+	root.size = Vector2i(400, 400)
+	root.own_world_3d = true
+	var box := _shared.scene.bounds
+	var camera := Camera3D.new()
+	root.add_child(camera)
+	camera.fov = 45.0
+	camera.look_at_from_position(box.get_center() + Vector3(0.5, 0.4, 1.3) * box.size.length(), box.get_center())
+	camera.environment = Environment.new()
+	camera.environment.background_mode = Environment.BG_COLOR
+	camera.environment.background_color = Color(0.35, 0.4, 0.5)
+	camera.environment.ambient_light_source = Environment.AMBIENT_SOURCE_COLOR
+	camera.environment.ambient_light_color = Color(0.6, 0.7, 0.8)
+	camera.environment.ambient_light_energy = 0.4
+	var light := DirectionalLight3D.new()
+	light.rotation_degrees = Vector3(-50, 35, 0)
+	light.shadow_enabled = true
+	root.add_child(light)
+	var floor_plane := MeshInstance3D.new()
+	floor_plane.mesh = PlaneMesh.new()
+	floor_plane.mesh.size = 4.0 * Vector2(box.size.length(), box.size.length())
+	floor_plane.position.y = box.position.y - 0.3
+	root.add_child(floor_plane)
+
+
+func _material(properties: Dictionary, orm: bool) -> BaseMaterial3D:
+	var material: BaseMaterial3D = ORMMaterial3D.new() if orm else StandardMaterial3D.new()
+	for property: StringName in properties:
+		var value: Variant = properties[property]
+		material.set(property, _textures[value] if property in TEXTURES else value)
+	return material
+
+
+func _mesh(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayMesh:
+	var scene := _shared.scene
+	var arrays := RestMesh.build(scene).surface_get_arrays(0)
+	var colors := PackedColorArray()
+	for i in scene.vertex_count:
+		colors.append(Color(scene.colors[3 * i], scene.colors[3 * i + 1], scene.colors[3 * i + 2]))
+	arrays[Mesh.ARRAY_VERTEX] = positions
+	arrays[Mesh.ARRAY_NORMAL] = normals
+	arrays[Mesh.ARRAY_COLOR] = colors
+	for custom in 3:
+		arrays[Mesh.ARRAY_CUSTOM0 + custom] = null
+	var mesh := ArrayMesh.new()
+	mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays)
+	return mesh
+
+
+## A picture whose channels differ, and with holes.
+func _picture() -> ImageTexture:
+	var image := Image.create(64, 64, false, Image.FORMAT_RGBA8)
+	for x in 64:
+		for y in 64:
+			image.set_pixel(x, y, Color(x / 63.0, y / 63.0, 0.5 + 0.5 * sin(x * 0.7), 0.5 + 0.5 * cos(y * 0.4)))
+	image.generate_mipmaps()
+	return ImageTexture.create_from_image(image)
+
+
+func _bumps() -> ImageTexture:
+	var image := Image.create(64, 64, false, Image.FORMAT_RGB8)
+	for x in 64:
+		for y in 64:
+			var normal := Vector3(0.6 * sin(x * TAU / 16), 0.6 * cos(y * TAU / 32), 1.0).normalized()
+			image.set_pixel(x, y, Color(0.5 * normal.x + 0.5, 0.5 * normal.y + 0.5, 0.5 * normal.z + 0.5))
+	image.generate_mipmaps()
+	return ImageTexture.create_from_image(image)
+
+
+func _message(name: String) -> Message:
+	var message := Message.new()
+	message.payload = FileAccess.get_file_as_bytes("%s/%s.bin" % [_folder, name])
+	return message
+
+
+func _vectors(bytes: PackedByteArray) -> PackedVector3Array:
+	var numbers := bytes.to_float32_array()
+	var vectors := PackedVector3Array()
+	for i in range(0, numbers.size(), 3):
+		vectors.append(Vector3(numbers[i], numbers[i + 1], numbers[i + 2]))
+	return vectors

@@ -196,7 +196,8 @@ def add_glb(godot, project):
 
     def add(path):
         shutil.copy(path, project / path.name)
-        Script([godot, "--headless", "--path", project, "--import"], project / "over").finish(120)
+        command = [godot, "--headless", "--path", project, "--import"]
+        Script(command, project / "over").finish(300, ["UVs are required"])  # it says so of targets without them
         return f"res://{path.name}"
 
     return add

@@ -68,6 +68,7 @@ func _take_picture(path: String) -> void:
 	_transport.call(&"toggle_recording")
 	await _live.take_started
 	await create_timer(3.0).timeout
+	_film.get_node(^"Camera").call(&"cut_to", 1)
 	root.scaling_3d_scale = 1.0
 	await _save(path)
 	_transport.call(&"toggle_recording")

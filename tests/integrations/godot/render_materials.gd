@@ -1,7 +1,8 @@
 extends "teller.gd"
 ## Draws a character twice in each of many materials, by Godot's own material and by what the addon makes of it:
 ## FOLDER of scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and bent, the vertices of
-## the latter), which pictures are written to as well.
+## the latter), which pictures are written to as well. With the path of an imported scene after it, that is drawn as it is
+## and by the addon, and nothing else.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -86,7 +87,8 @@ const CASES: Dictionary = {
 		"transparency": BaseMaterial3D.TRANSPARENCY_ALPHA,
 		"blend_mode": BaseMaterial3D.BLEND_MODE_ADD,
 	},
-	"inside": {"cull_mode": BaseMaterial3D.CULL_FRONT, "albedo_color": Color(0.5, 0.6, 1.0)},
+	"inside":
+	{"cull_mode": BaseMaterial3D.CULL_FRONT, "disable_receive_shadows": true, "albedo_color": Color(0.5, 0.6, 1.0)},
 	"unshaded": {"albedo_texture": "picture", "shading_mode": BaseMaterial3D.SHADING_MODE_UNSHADED},
 	"per vertex": {"albedo_texture": "picture", "shading_mode": BaseMaterial3D.SHADING_MODE_PER_VERTEX},
 	"toon":
@@ -106,6 +108,7 @@ const CASES: Dictionary = {
 }
 
 var _folder := ""
+var _stage := SubViewport.new()
 var _shared: SharedScene
 var _textures: Dictionary = {}
 
@@ -117,9 +120,12 @@ func _initialize() -> void:
 	_shared._take(_message("scene"))
 	_textures = {"picture": _picture(), "bumps": _bumps()}
 	_make_stage()
-	for case: String in CASES:
-		await _draw(case)
-	await _draw_bent()
+	if arguments().size() > 1:
+		await _draw_imported(load(arguments()[1]))
+	else:
+		for case: String in CASES:
+			await _draw(case)
+		await _draw_bent()
 	_shared = null
 	quit()
 
@@ -135,16 +141,21 @@ func _draw(case: String) -> void:
 
 
 func _draw_bent() -> void:
-	var material := _material(CASES["normal"], false)
+	var material := _material(CASES["mapping"], false)
 	var vertices := _message("vertices").payload
 	var own := MeshInstance3D.new()
 	own.mesh = _mesh(_vectors(vertices.slice(0, vertices.size() / 2)), _vectors(vertices.slice(vertices.size() / 2)))
-	own.material_override = _material(CASES["mapping"], false)
+	own.material_override = material
 	await _photograph(own, "bent own")
-	material = _material(CASES["mapping"], false)
 	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
 	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
 	tell({"case": "bent"})
+
+
+func _draw_imported(scene: PackedScene) -> void:
+	await _photograph(scene.instantiate(), "imported own")
+	await _photograph(_shown(ControlsBody.new(_shared, scene.instantiate()), "rest", null), "imported made")
+	tell({"case": "imported"})
 
 
 func _shown(body: Body, frame: String, material: Material) -> Body:
@@ -154,20 +165,22 @@ func _shown(body: Body, frame: String, material: Material) -> Body:
 
 
 func _photograph(what: Node3D, name: String) -> void:
-	root.add_child(what)
-	for _frame in 3:
+	_stage.add_child(what)
+	for _frame in 2:
 		await RenderingServer.frame_post_draw
-	root.get_texture().get_image().save_png("%s/%s.png" % [_folder, name])
+	_stage.get_texture().get_image().save_png("%s/%s.png" % [_folder, name])
 	what.free()
 
 
 func _make_stage() -> void:
-	root.size = Vector2i(400, 400)
-	root.own_world_3d = true
+	_stage.size = Vector2i(300, 300)
+	_stage.own_world_3d = true
+	_stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
+	root.add_child(_stage)
 	var box := _shared.scene.bounds
 	var camera := Camera3D.new()
-	root.add_child(camera)
-	camera.fov = 45.0
+	_stage.add_child(camera)
+	camera.fov = 34.0
 	camera.look_at_from_position(box.get_center() + Vector3(0.5, 0.4, 1.3) * box.size.length(), box.get_center())
 	camera.environment = Environment.new()
 	camera.environment.background_mode = Environment.BG_COLOR
@@ -178,12 +191,13 @@ func _make_stage() -> void:
 	var light := DirectionalLight3D.new()
 	light.rotation_degrees = Vector3(-50, 35, 0)
 	light.shadow_enabled = true
-	root.add_child(light)
+	light.light_energy = 0.6
+	_stage.add_child(light)
 	var floor_plane := MeshInstance3D.new()
 	floor_plane.mesh = PlaneMesh.new()
 	floor_plane.mesh.size = 4.0 * Vector2(box.size.length(), box.size.length())
 	floor_plane.position.y = box.position.y - 0.3
-	root.add_child(floor_plane)
+	_stage.add_child(floor_plane)
 
 
 func _material(properties: Dictionary, orm: bool) -> BaseMaterial3D:

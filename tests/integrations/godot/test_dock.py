@@ -10,13 +10,15 @@ import tomllib
 
 import numpy as np
 import pytest
+import zmq
 from PIL import Image
 
+from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
 from engine_bridge.puppet import load
 
 pytestmark = pytest.mark.slow
 
-TOKEN = "a token for tests"
+TOKEN = "a_token_for_tests"
 
 
 class Dock:
@@ -292,3 +294,67 @@ def test_it_is_in_the_editor_and_puts_a_character_into_the_scene(godot, project,
     assert "puppet_3d.gd" in scene
     assert "ArrayMesh" not in scene  # what it shows is not saved with the scene
     assert Image.open(tmp_path / "editor.png").size == (1600, 1000)
+
+
+NONSENSE = [
+    None,
+    [],
+    "characters",
+    {},
+    {"characters": 5, "status": []},
+    {"characters": [None, 1, "dog", {}, {"name": 7, "stage": [], "performer": {}, "mirror": "yes"}]},
+    {"characters": [{"name": "dog", "performer": 1e300}] * 10_000, "status": {"stages": {"users": 1}}},
+    {"characters": [{"name": "dog", "stage": "s"}], "status": {"stages": [{"name": "s", "users": [1, {"user": "1"}]}]}},
+]
+"""What is no answer to `describe`, and lastly one of a character."""
+
+NO_MAPPINGS = [
+    None,
+    {"character": "dog"},
+    {"character": "dog", "handles": [None, {}, {"name": []}, {"name": "a", "joints": "head", "axes": 1, "gain": "2"}]},
+    {"character": "dog", "handles": [{"name": str(k)} for k in range(9_999)], "joints": [1, None, "head"] * 999},
+    {"character": "dog", "root": "head", "scale": -1e308, "joints": {}, "saved": 1, "handles": {"name": "a"}},
+    {
+        "character": "dog",
+        "handles": [{"name": "fine", "joints": ["head"], "axes": "xyz", "gain": 2.5}],
+        "joints": ["head"],
+    },
+]
+
+
+@pytest.fixture
+def impostor(free_port):
+    """Something that speaks the protocol and says what makes no sense, in place of a service."""
+    port, over = free_port(), threading.Event()
+    status = write_json({"service": None})
+    message = join(topic_field("service/status"), Header(Kind.STATUS, len(status)), status)
+
+    def answer():
+        asked = {"describe": itertools.chain(NONSENSE, itertools.repeat(NONSENSE[-1]))}
+        asked["puppet"] = itertools.chain(NO_MAPPINGS, itertools.repeat(NO_MAPPINGS[-1]))
+        while not over.is_set():
+            while control.poll(20):
+                sender, body = control.recv_multipart()
+                request = json.loads(body)
+                result = next(asked.get(request["do"], iter([None])))
+                reply = {"id": request["id"], "ok": True, "result": result}
+                control.send_multipart([sender, json.dumps(reply).encode()])
+            stream.send(message)
+
+    with zmq.Context() as context, context.socket(zmq.XPUB) as stream, context.socket(zmq.ROUTER) as control:
+        stream.linger = control.linger = 0
+        stream.bind(f"tcp://127.0.0.1:{port}")
+        control.bind(f"tcp://127.0.0.1:{port + 1}")
+        answering = threading.Thread(target=answer)
+        answering.start()
+        yield port
+        over.set()
+        answering.join()
+
+
+def test_answers_that_make_no_sense_do_no_harm(dock, impostor):
+    dock.follow(impostor)
+    dock.until(lambda shown: shown["rows"].get("fine", {}).get("gain") == 2.5)
+    dock.do("gain", "fine", 1.0)
+    dock.until(lambda shown: shown["rows"]["fine"]["gain"] == 2.5)
+    dock.script.end()

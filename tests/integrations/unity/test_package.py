@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from .conftest import PACKAGE
+from .conftest import PACKAGE, STRICT
 
 GUID = re.compile(r"guid: ([0-9a-f]{32})\b")
 FILES = [path for path in PACKAGE.rglob("*") if "Documentation~" not in path.parts and path.suffix != ".meta"]
@@ -84,3 +84,20 @@ def test_the_shaders_include_is_hlsl(name, tmp_path):
     command = [compiler, "-D", "-V", "-S", "vert", "-e", "main", f"-I{folder}", "-o", tmp_path / "out.spv", source]
     read = subprocess.run(command, capture_output=True, text=True, check=False)
     assert read.returncode == 0, read.stdout
+
+
+GUIDE = PACKAGE.parents[1] / "docs" / "unity.md"
+EXAMPLES = re.findall(r"^```csharp\n(.*?)^```$", GUIDE.read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(EXAMPLES)))
+def test_examples_of_the_guide_compile(mono, built, tmp_path, number):
+    text = EXAMPLES[number]
+    source = tmp_path / "Example.cs"
+    source.write_text(text)
+    unity = [f"-r:{built / name}.dll" for name in ("Puppetline.Unity", "UnityEngine") if "UnityEngine" in text]
+    kind = "exe" if "static void Main" in text else "library"
+    references = [f"-r:{built / 'Puppetline.Core.dll'}", *unity]
+    command = [mono[0], *STRICT, f"-target:{kind}", f"-out:{tmp_path / 'example'}", *references, source]
+    made = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (made.returncode, made.stdout + made.stderr) == (0, "")

@@ -52,6 +52,9 @@ namespace UnityEngine
     public sealed class GameObject : Object
     {
         public readonly List<Component> components = new List<Component>();
+        public bool active = true;
+
+        public void SetActive(bool value) => active = value;
 
         public T AddComponent<T>()
             where T : Component
@@ -71,6 +74,10 @@ namespace UnityEngine
     public static class Debug
     {
         public static readonly List<string> Warnings = new List<string>();
+
+        public static void Log(object message)
+        {
+        }
 
         public static void LogWarning(object message, Object context) => Warnings.Add(message.ToString());
     }
@@ -139,11 +146,6 @@ namespace UnityEngine
 
     public static class GUILayout
     {
-        /// <summary>Which button is pressed.</summary>
-        public static string Pressed;
-
-        public static readonly List<string> Labels = new List<string>();
-
         public static void BeginArea(Rect screenRect)
         {
         }
@@ -152,9 +154,11 @@ namespace UnityEngine
         {
         }
 
-        public static void Label(string text, params GUILayoutOption[] options) => Labels.Add(text);
+        public static void Label(string text, params GUILayoutOption[] options)
+        {
+        }
 
-        public static bool Button(string text, params GUILayoutOption[] options) => text == Pressed;
+        public static bool Button(string text, params GUILayoutOption[] options) => false;
     }
 }
 

@@ -68,6 +68,7 @@ func _ready() -> void:
 	service.done.connect(_trouble.hide)
 	visibility_changed.connect(_follow_visibility)
 	_show_found()
+	_show()
 	_follow_visibility()
 
 

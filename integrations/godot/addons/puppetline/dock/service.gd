@@ -67,7 +67,9 @@ func close() -> void:
 	_stream = null
 	_requests.close()
 	_requests = null
+	connection = "Not connected."
 	_forget()
+	changed.emit()
 
 
 func is_open() -> bool:

@@ -167,6 +167,7 @@ class Role:
         self._manner, self._executor = manner, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._idle_log = idle
+        self._idle: Idle | None = None
         self._idle = self.make_idle()
         self.next_part: Part | None = None
         self._part: Part | None = None
@@ -246,11 +247,16 @@ class Role:
 
     def make_idle(self) -> Idle | None:
         """Work out what the character does by itself under its mapping as it is, which may take a second."""
-        return None if self._idle_log is None else Idle(self._idle_log, self.character.rig, self._deformer)
+        rig = self.character.rig
+        if self._idle_log is None or (self._idle is not None and self._idle.puppet is rig.puppet):
+            return self._idle
+        return Idle(self._idle_log, rig, self._deformer)
 
     def take_idle(self, idle: Idle | None, time: float) -> None:
         """Go over to what the character does by itself, unless its mapping has changed since that was worked out."""
-        if idle is not None and idle.puppet is self.character.rig.puppet:
+        if self._idle is None or idle is None or idle.puppet is self._idle.puppet:
+            return  # several edits in a row are worked out once, and eased over to once
+        if idle.puppet is self.character.rig.puppet:
             self._idle = idle
             if self._part is None:
                 self._ease(time)

@@ -133,6 +133,25 @@ def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stag
     assert np.ptp(went, axis=0)[2] < 1e-9 < np.ptp([frame.targets[head] - frame.root for frame in before], axis=0)[2]
 
 
+def test_quick_edits_are_worked_out_and_eased_over_to_once(make_stage, take, blob_rig):
+    stages = make_stage(idle=take), make_stage(idle=take)
+    puppet = crossed(blob_rig.puppet)
+    for stage in stages:
+        play(stage, ticks(0.0, 1.0))
+        stage.roles[0].remap(puppet, 1.0)
+    role = stages[0].roles[0]
+    jobs = role.make_idle(), role.make_idle()  # of two edits, the later one under way before the earlier one is taken
+    for stage in stages:
+        stage.roles[0].take_idle(jobs[0], 1.0)
+    play(stages[0], ticks(1.0, 0.2))
+    role.take_idle(jobs[1], 1.2)
+    assert role.make_idle() is jobs[0]
+    role.take_idle(role.make_idle(), 1.2)
+    play(stages[1], ticks(1.0, 0.2))
+    for one, other in zip(*(play(stage, ticks(1.2, 1.0)) for stage in stages), strict=True):
+        np.testing.assert_array_equal(one.targets, other.targets)
+
+
 def test_a_take_does_not_go_on_where_another_mapping_was(make_stage, blob_rig):
     first, second = make_stage(), make_stage()
     first.roles[0].remap(crossed(blob_rig.puppet), 0.0)

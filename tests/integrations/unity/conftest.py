@@ -44,7 +44,7 @@ class Program:
 
     def _follow(self):
         for line in self.process.stdout:
-            if line.startswith("{"):
+            if line.startswith("{") and line.endswith("}\n"):
                 self.said.append(json.loads(line))
             else:
                 self.noise.append(line)

@@ -157,6 +157,7 @@ def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference
     assert program.finish()[-1]["rest"] == [1, 2]
 
 
+@pytest.mark.slow
 def test_what_happens_is_told_once_each_and_in_order(serve_figure, start):
     service = serve_figure()
     program = start("Component", f"port={service.port}", "materials=Any/Shader")

@@ -138,6 +138,7 @@ def test_a_character_that_is_not_there_is_named_with_those_that_are(figure, foll
     assert "blob" in reason
 
 
+@pytest.mark.slow
 def test_a_service_that_was_killed_is_followed_again_when_it_is_back(serve_figure, follow, reference):
     service = serve_figure()
     program = follow(service.port, "blob")
@@ -156,6 +157,7 @@ def test_a_service_that_was_killed_is_followed_again_when_it_is_back(serve_figur
     program.finish()
 
 
+@pytest.mark.slow
 def test_a_reload_brings_another_scene(serve, blob_puppet, take, follow, free_port, tmp_path):
     puppet = tmp_path / "blob.toml"
     text = blob_puppet.read_text().replace("blob.glb", str(blob_puppet.with_name("blob.glb")))

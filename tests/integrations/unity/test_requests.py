@@ -66,6 +66,7 @@ def test_another_token_is_an_error_that_says_so(locked_figure, ask, token_file, 
     assert reply["result"] == "pong"
 
 
+@pytest.mark.slow
 def test_requests_of_a_service_that_is_gone_fail_and_later_ones_succeed(serve_figure, start):
     service = serve_figure()
     program = start("Core", "request", "127.0.0.1", service.port + 1, "")

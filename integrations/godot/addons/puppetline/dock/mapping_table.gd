@@ -84,6 +84,7 @@ func set_disabled(disabled: bool) -> void:
 func _add_root() -> void:
 	var line := HBoxContainer.new()
 	line.add_child(_label("Carried by"))
+	root_joint.add_item(NO_ROOT)
 	root_joint.size_flags_horizontal = Control.SIZE_EXPAND_FILL
 	root_joint.clip_text = true
 	root_joint.tooltip_text = "The joint whose motion moves the whole character"

@@ -65,10 +65,9 @@ func close() -> void:
 	_follow("")
 	_stream.state_changed.disconnect(_take_state)
 	_stream = null
-	_requests.close()
-	_requests = null
 	connection = "Not connected."
 	_forget()
+	_requests = null
 	changed.emit()
 
 
@@ -158,7 +157,9 @@ func _take_state(state: Stream.State) -> void:
 	changed.emit()
 
 
+## What has been asked for is given up: whoever answers later is another service.
 func _forget() -> void:
+	_requests.close()
 	roles.clear()
 	_looking = 0
 	_edits.clear()

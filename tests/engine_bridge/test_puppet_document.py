@@ -3,7 +3,7 @@ import os
 import stat
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.skeleton import JOINTS
@@ -133,6 +133,7 @@ mappings = st.tuples(
 roots = st.none() | st.builds(RootTable, joint=st.sampled_from(JOINTS), axes=st.sampled_from(["x", "xz", "xyz"]))
 
 
+@settings(deadline=None)
 @given(st.sampled_from([TEXT, INLINE]), st.lists(st.tuples(st.integers(0, 1), mappings), max_size=4), roots)
 def test_whatever_is_edited_is_what_is_read_again(text, edits, root):
     before: Puppet = loads(text, "dog.toml")

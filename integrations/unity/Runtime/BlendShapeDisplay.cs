@@ -17,6 +17,10 @@ namespace Puppetline
             string first = scene.Morphs.Count == 0 ? "" : scene.Morphs[0];
             foreach (SkinnedMeshRenderer renderer in puppet.skins.Length > 0 ? puppet.skins : puppet.GetComponentsInChildren<SkinnedMeshRenderer>())
             {
+                if (renderer == null || renderer.sharedMesh == null)
+                {
+                    continue;
+                }
                 int index = renderer.sharedMesh.GetBlendShapeIndex(first);
                 if (index >= 0 && index + scene.Morphs.Count <= renderer.sharedMesh.blendShapeCount)
                 {

@@ -47,15 +47,20 @@ namespace Puppetline
         /// <summary>Show it with these bounds; what looks at them does not know what moves vertices.</summary>
         protected void SetBounds(Box box)
         {
-            var low = new Vector3(box.LowX, box.LowY, box.LowZ);
-            var high = new Vector3(box.HighX, box.HighY, box.HighZ);
-            Mesh.bounds = new Bounds(0.5f * (low + high), high - low);
+            Mesh.bounds = BoundsOf(box);
             Renderer.enabled = true;
         }
 
         protected void SetMoving(SurfaceVertex[] vertices)
         {
             Mesh.SetVertexBufferData(vertices, 0, 0, vertices.Length, Moving, Unchecked);
+        }
+
+        static Bounds BoundsOf(Box box)
+        {
+            var low = new Vector3(box.LowX, box.LowY, box.LowZ);
+            var high = new Vector3(box.HighX, box.HighY, box.HighZ);
+            return new Bounds(0.5f * (low + high), high - low);
         }
 
         static T Component<T>(Puppet puppet)
@@ -95,14 +100,36 @@ namespace Puppetline
             int[] indices = Surface.TurnedOver(Scene.Triangles);
             Mesh.SetIndexBufferParams(indices.Length, IndexFormat.UInt32);
             Mesh.SetIndexBufferData(indices, 0, 0, indices.Length, Unchecked);
+            Bounds atRest = BoundsOf(BoxAtRest());
             Mesh.subMeshCount = look.Materials.Length;
             for (int i = 0; i < look.Materials.Length; i++)
             {
                 SubMeshDescriptor part = Scene.Parts.Count == 0
-                    ? new SubMeshDescriptor(0, indices.Length)
-                    : new SubMeshDescriptor(3 * Scene.Parts[i].FirstTriangle, 3 * Scene.Parts[i].TriangleCount);
+                    ? new SubMeshDescriptor(0, indices.Length) { vertexCount = Scene.VertexCount }
+                    : Descriptor(Scene.Parts[i]);
+                part.bounds = atRest;
                 Mesh.SetSubMesh(i, part, Unchecked);
             }
+        }
+
+        /// <summary>All that Unity would otherwise look up in the indices.</summary>
+        static SubMeshDescriptor Descriptor(Part part)
+        {
+            return new SubMeshDescriptor(3 * part.FirstTriangle, 3 * part.TriangleCount)
+            {
+                firstVertex = part.FirstVertex,
+                vertexCount = part.VertexCount,
+            };
+        }
+
+        Box BoxAtRest()
+        {
+            Box box = Box.Nothing;
+            for (int at = 0; at < Scene.Positions.Length; at += 3)
+            {
+                box.Add(-Scene.Positions[at], Scene.Positions[at + 1], Scene.Positions[at + 2]);
+            }
+            return box;
         }
 
         struct StillVertex

@@ -137,9 +137,17 @@ namespace Puppetline
         /// <summary>Ask the service for something (docs/control.md).</summary>
         /// <param name="command">What is to be done.</param>
         /// <param name="arguments">What the command takes: texts, numbers, booleans, null.</param>
-        /// <param name="done">Gets the reply in an <c>Update</c>; without it, an error becomes a warning.</param>
+        /// <param name="done">
+        /// Gets the reply in an <c>Update</c>, or an error at once where the component is disabled, now or before there is a
+        /// reply; without it, an error becomes a warning.
+        /// </param>
         public void Request(string command, IDictionary<string, object> arguments = null, Action<Json> done = null)
         {
+            if (follower == null)
+            {
+                (done ?? Complain)(ControlClient.Failure(command, "a disabled Puppet", "an enabled one", "Enable it before asking."));
+                return;
+            }
             if (control == null)
             {
                 control = new ControlClient(host, port + 1, token);
@@ -156,15 +164,17 @@ namespace Puppetline
 
         void OnDisable()
         {
+            ControlClient asked = control;
             follower.Dispose();
-            control?.Dispose();
             display?.Dispose();
-            watch.Ended();
             follower = null;
             control = null;
             playback = null;
             scene = null;
             display = null;
+            // both call others, who find it disabled
+            watch.Ended();
+            asked?.Dispose();
         }
 
         void Update()
@@ -188,7 +198,7 @@ namespace Puppetline
             playback.Delay = interpolationDelay;
             if (playback.Update(Clock.Now))
             {
-                display.Show(playback.Shown);
+                display?.Show(playback.Shown);
                 watch.Performer(playback.Shown.Header);
             }
             control?.Poll();
@@ -199,6 +209,7 @@ namespace Puppetline
             scene = loaded;
             playback.Clear();
             display?.Dispose();
+            display = null;
             display = Display.Make(this, scene);
             events.sceneLoaded.Invoke();
         }

@@ -25,13 +25,13 @@ namespace Puppetline
         /// <summary>The performer moves the character from now on.</summary>
         public UnityEvent<int> performerCalibrated = new UnityEvent<int>();
 
-        /// <summary>The performer has left.</summary>
+        /// <summary>The performer has left, or the service is gone.</summary>
         public UnityEvent<int> performerLost = new UnityEvent<int>();
 
         /// <summary>A take is being recorded, with its name.</summary>
         public UnityEvent<string> takeStarted = new UnityEvent<string>();
 
-        /// <summary>A take is not recorded any more.</summary>
+        /// <summary>A take is not recorded any more, as far as is known here: the service may be gone.</summary>
         public UnityEvent<string> takeStopped = new UnityEvent<string>();
     }
 }

@@ -7,7 +7,7 @@ namespace Puppetline
     sealed class Watch
     {
         readonly Puppet puppet;
-        readonly List<string> takes = new List<string>();
+        List<string> takes = new List<string>();
         FollowState state = FollowState.Offline;
         string reason = "";
         Json status = Json.Null;
@@ -22,7 +22,7 @@ namespace Puppetline
         public void Connection(Follower follower)
         {
             Become(follower.State, follower.Reason);
-            if (follower.Status != status)
+            if (state == FollowState.Connected && follower.Status != status)
             {
                 status = follower.Status;
                 Takes(status["stages"]);
@@ -31,11 +31,16 @@ namespace Puppetline
 
         public void Performer(Header header)
         {
+            if (state != FollowState.Connected)
+            {
+                // what is still shown came before the connection ended
+                return;
+            }
             bool performing = header.State == PerformerState.Performing;
             int now = performing || header.State == PerformerState.Calibrating ? header.User : Header.Nobody;
-            if (now != performer && performer != Header.Nobody)
+            if (now != performer)
             {
-                puppet.events.performerLost.Invoke(performer);
+                Lose();
             }
             if (now != performer && now != Header.Nobody)
             {
@@ -70,11 +75,24 @@ namespace Puppetline
             }
             if (now != FollowState.Connected && before == FollowState.Connected)
             {
+                Lose();
+                Takes(Json.Null);
                 puppet.events.disconnected.Invoke();
             }
             if (now == FollowState.Refused && before != FollowState.Refused)
             {
                 puppet.events.refused.Invoke(why);
+            }
+        }
+
+        void Lose()
+        {
+            int lost = performer;
+            performer = Header.Nobody;
+            calibrated = false;
+            if (lost != Header.Nobody)
+            {
+                puppet.events.performerLost.Invoke(lost);
             }
         }
 
@@ -89,7 +107,9 @@ namespace Puppetline
                     now.Add(take);
                 }
             }
-            foreach (string take in takes)
+            List<string> before = takes;
+            takes = now;
+            foreach (string take in before)
             {
                 if (!now.Contains(take))
                 {
@@ -98,13 +118,11 @@ namespace Puppetline
             }
             foreach (string take in now)
             {
-                if (!takes.Contains(take))
+                if (!before.Contains(take))
                 {
                     puppet.events.takeStarted.Invoke(take);
                 }
             }
-            takes.Clear();
-            takes.AddRange(now);
         }
     }
 }

@@ -23,6 +23,8 @@ func _initialize() -> void:
 	_film.get_node(^"Camera").connect(&"cut", func(shot: String) -> void: _tell({"cut": shot}))
 	_live.take_started.connect(func(take: String) -> void: _tell({"started": take}))
 	_live.take_stopped.connect(func(take: String) -> void: _tell({"stopped": take}))
+	# few pixels until everything stands as it should: they may be drawn by the processor
+	root.scaling_3d_scale = 0.15 if arguments.size() > 1 else 1.0
 	root.add_child(_film)
 	await _live.performer_calibrated
 	_tell({"performing": true})
@@ -62,8 +64,6 @@ func _record() -> void:
 
 
 func _take_picture(path: String) -> void:
-	# few pixels until everything stands as it should: they may be drawn by the processor
-	root.scaling_3d_scale = 0.15
 	await _record()
 	_transport.call(&"toggle_recording")
 	await _live.take_started

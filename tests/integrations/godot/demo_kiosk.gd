@@ -5,6 +5,7 @@ extends SceneTree
 ## argument, it waits for both characters instead, and saves a picture there.
 
 var _kiosk: Node
+var _for_picture := false
 
 
 func _initialize() -> void:
@@ -21,24 +22,25 @@ func _initialize() -> void:
 		var puppet: Puppet3D = place.get_node(^"Puppet")
 		puppet.scene_loaded.connect(func() -> void: _tell({"loaded": side}))
 		puppet.performer_calibrated.connect(func(user: int) -> void: _tell({"calibrated": side, "user": user}))
+	_for_picture = arguments.size() > 1
+	# few pixels until everything stands as it should: they may be drawn by the processor
+	root.scaling_3d_scale = 0.15 if _for_picture else 1.0
 	root.add_child(_kiosk)
 	_tell({"attracting": _kiosk.get(&"attracting")})
-	if arguments.size() > 1:
+	if _for_picture:
 		_take_picture(arguments[1])
 
 
 func _on_attracting_changed(on: bool) -> void:
 	_tell({"attracting": on, "prompt": (_kiosk.get_node(^"Screen/Prompt") as Label).visible})
-	if on:
+	if on and not _for_picture:
 		quit()
 
 
 func _take_picture(path: String) -> void:
-	# few pixels until everything stands as it should: they may be drawn by the processor
-	root.scaling_3d_scale = 0.15
 	while not ["Left", "Right"].all(func(side: String) -> bool: return _kiosk.get_node(side).get(&"taken")):
 		await process_frame
-	await create_timer(5.0).timeout
+	await create_timer(2.0).timeout
 	root.scaling_3d_scale = 1.0
 	await _save(path)
 	for side: String in ["Left", "Right"]:

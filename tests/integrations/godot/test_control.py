@@ -135,6 +135,22 @@ def test_replies_find_their_requests_in_any_order_and_others_are_ignored(request
     assert [(told["request"]["do"], told["reply"]["result"]) for told in results] == [("b", "b"), ("a", "a")]
 
 
+@pytest.mark.parametrize("how", ["close", "late", "give_up", "drop"])
+def test_whoever_is_answered_may_end_it_for_all(start_godot, free_port, how):
+    port = free_port()
+    *told, end = start_godot("leave_control.gd", port, how).finish()
+    nobody, late = f"Nobody answers at 127.0.0.1:{port}. Is the service running?", "no reply within 5 s"
+    over = "It is over."
+    assert [(each["number"], each["found"]) for each in told] == {
+        "close": [(0, nobody)],
+        "late": [(0, late)],
+        "give_up": [(0, nobody), (1, over), (2, over)],
+        "drop": [(0, over), (1, over), (2, over)],
+    }[how]
+    assert not any(each["ok"] for each in told)
+    assert end["waiting"] == 0
+
+
 @pytest.mark.slow
 def test_a_reply_that_does_not_come_is_given_up(request_of, router):
     script = request_of(port_at(router), {"do": "ping"})

@@ -124,7 +124,7 @@ def test_a_take_is_recorded_on_the_film_set_and_played_by_a_second_service(
     assert said[-1] == {"cut": "Close"}
 
 
-def taken(port):
+def answers(port):
     with closing(socket.socket()) as one:
         return one.connect_ex(("127.0.0.1", port)) == 0
 
@@ -132,20 +132,26 @@ def taken(port):
 @pytest.fixture(scope="module")
 def demo_live(tmp_path_factory, own_cache):
     """Run `puppetline demo --live` as the documentation says, until the tests of this module are done."""
-    if any(map(taken, PORTS)):
+    if any(map(answers, PORTS)):
         pytest.skip(f"another program listens on {PORTS[0]} or {PORTS[1]}, which puppetline demo --live uses")
-    folder = tmp_path_factory.mktemp("live")
     command = [sys.executable, "-m", "puppetline", "demo", "--live"]
-    with subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL) as process:
-        yield folder
+    folder = tmp_path_factory.mktemp("live")
+    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+        for line in process.stderr:
+            if "serving" in line:
+                break
+        rest = threading.Thread(target=process.stderr.read)
+        rest.start()
+        yield
         process.terminate()
+        rest.join()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("script", "scene"), [("demo_kiosk.gd", "kiosk"), ("demo_film.gd", "film")])
 def test_a_scene_shows_the_example_characters_as_it_is(script, scene, demo_live, start_godot, tmp_path):
     """A picture with the characters and one without differ in a good part of the pixels."""
-    start_godot(script, "{}", tmp_path / f"{scene}.png", display=True).finish(300)
+    start_godot(script, "{}", tmp_path / f"{scene}.png", display=True).finish(600)
     pictures = (tmp_path / f"{scene}.png", tmp_path / f"{scene}_empty.png")
     shown, empty = (np.asarray(Image.open(path).convert("RGB"), np.int16) for path in pictures)
     assert shown.shape == (720, 1280, 3)

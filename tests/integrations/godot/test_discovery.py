@@ -102,13 +102,15 @@ def info(name="Puppetline on stage", port=7400, addresses=("10.0.0.7", "192.168.
 
 
 @pytest.fixture
-def read(run_godot, tmp_path):
-    """Have packets read; return the records of each, and the question that is asked."""
+def read(start_godot, tmp_path):
+    """Have packets read, without a complaint; return the records of each, and the question that is asked."""
 
-    def start(packets, **more):
+    def start(packets):
         path = tmp_path / "packets"
         path.write_bytes(b"".join(struct.pack("<I", len(packet)) + packet for packet in packets))
-        *results, last = run_godot("dns_packets.gd", path, **more)
+        script = start_godot("dns_packets.gd", path)
+        *results, last = script.finish()
+        assert [line for line in script.lines if "nicode" in line] == []
         return [result["records"] for result in results], base64.b64decode(last["question"])
 
     return start
@@ -159,9 +161,40 @@ def test_what_is_damaged_ends_what_is_read(read):
         struct.pack(">6H", 0, 0x0000, 0, 1, 0, 0) + b"\0" + record,  # a question is no answer
         random.Random(2).randbytes(9000),
     ]
-    records, _ = read(damaged, allow=["nicode", "UTF-8"])
+    records, _ = read(damaged)
     whole_records, _ = read([whole])
     for length in range(len(whole)):
         assert records[length] == whole_records[0][: len(records[length])]  # what was whole, in its order
     assert [records[-7], records[-6], records[-5], records[-4], records[-2]] == [[]] * 5
     assert len(records[-3]) <= 512
+
+
+def test_texts_that_are_no_utf_8_are_left_out_without_a_word(read):
+    good = answer(info(version="0.1.0", characters="dog"))
+    [records], _ = read([good.replace(b"version=0.1.0", b"version=0\xff\xfe00")])
+    [texts] = [each["data"] for each in records if each["type"] == 16]
+    assert texts == ["", "characters=dog"]
+    names = [f"Zürich {number}" for number in range(3)]
+    wrong = (b"\xc3\xbc", b"\xc3("), (b"\xc3\xbc", b"\xc0\xbc"), (b"\xc3\xbc", b"\xc3\0")
+    packets = [answer(info(name)).replace(*pair) for name, pair in zip(names, wrong, strict=True)]
+    records, _ = read(packets)
+    for each in records:
+        assert [record["data"] for record in each if record["type"] == 12] == [f".{TYPE.removesuffix('.')}"]
+
+
+def test_what_is_announced_becomes_services_and_is_forgotten(run_godot, tmp_path):
+    packets = [
+        answer(info("one", version="0.1.0", characters="dog,cat", control="7401", mechanism="NULL")),
+        answer(info("two", addresses=["10.0.0.8"], control="99999999999999999999")),
+        answer(info("three", control="65536")),
+        answer(info("four", port=0)),
+    ]
+    path = tmp_path / "packets"
+    path.write_bytes(b"".join(struct.pack("<I", len(packet)) + packet for packet in packets))
+    found, silent = run_godot("found_services.gd", path)
+    assert [(each["name"], each["host"], each["control"]) for each in found["services"]] == [
+        ("one", "10.0.0.7", 7401),
+        ("three", "10.0.0.7", 0),
+        ("two", "10.0.0.8", 0),
+    ]
+    assert silent == {"services": [], "remembered": 0}

@@ -14,13 +14,16 @@ from capture.network.osc import OscError, bundle, decode, encode
 
 
 @pytest.fixture
-def read(run_godot, tmp_path):
-    """Have datagrams read, and written again."""
+def read(start_godot, tmp_path):
+    """Have datagrams read, without a complaint, and written again."""
 
-    def start(datagrams, **more):
+    def start(datagrams):
         path = tmp_path / "datagrams"
         path.write_bytes(b"".join(struct.pack("<I", len(datagram)) + datagram for datagram in datagrams))
-        return run_godot("osc_packets.gd", path, **more)
+        script = start_godot("osc_packets.gd", path)
+        results = script.finish()
+        assert [line for line in script.lines if "nicode" in line] == []
+        return results
 
     return start
 
@@ -81,7 +84,7 @@ def test_what_is_damaged_is_refused_where_python_refuses_it(read):
         for _ in range(chance.randint(1, 3)):
             datagram[chance.randrange(len(datagram))] = chance.choice([0, 1, 4, 44, 47, 97, 102, 105, 115, 127, 255])
         damaged.append(bytes(datagram))
-    results = read(damaged, allow=["nicode", "UTF-8"])
+    results = read(damaged)
     others = [
         (datagram, result["messages"], told(datagram))
         for datagram, result in zip(damaged, results, strict=True)
@@ -93,6 +96,27 @@ def test_what_is_damaged_is_refused_where_python_refuses_it(read):
 def unprintable(datagram):
     """Tell whether it has texts about which decoders may differ: bytes that are no UTF-8, addresses beyond ASCII."""
     return any(byte > 126 or (0 < byte < 32) for byte in datagram)
+
+
+def test_texts_that_are_no_utf_8_are_refused_without_a_word(read):
+    texts = (
+        b"\xff",
+        b"\x80",
+        b"\xc3",
+        b"\xc0\xaf",
+        b"\xe0\x80\xaf",
+        b"\xed\xa0\x80",
+        b"\xf4\x90\x80\x80",
+        b"\xf5\x80\x80\x80",
+    )
+    wrong = [
+        datagram.replace(b"abcdabcd", text.ljust(8, b"x"))
+        for text in texts
+        for datagram in (encode("/a", "abcdabcd"), encode("/abcdabcd", 1.0), encode("/a/b", 1.0, "abcdabcd", b"c"))
+    ]
+    assert [result["messages"] for result in read(wrong)] == [[]] * len(wrong)
+    right = [encode("/a", text) for text in ("ÿ", "\u07ff", "\u0800", "\ud7ff", "\ue000", "𐀀", "\U0010ffff")]
+    assert [result["messages"] for result in read(right)] == [told(datagram) for datagram in right]
 
 
 def test_bundles_are_read_within_bounds(read):

@@ -150,11 +150,54 @@ def test_a_scene_that_is_damaged_is_refused(read):
     assert [name for name, told in zip(names, results, strict=True) if not told.get("damaged")] == []
 
 
+def test_numbers_that_a_mesh_cannot_have_are_refused(read):
+    facts, arrays = taken_apart()
+    wrong = [
+        {"weights": [0.5, 0.5, 0.5, 1e300]},
+        {"weights": [1.5, 0.0, -0.5, 0.0]},
+        {"weights": [2.0, 0.0, 0.0, 0.0]},
+        {"diagonal": 1e300},
+        {"bounds": [[0, 0, 0], [1, 1e39, 1]]},
+        {"handles": [{**facts["handles"][0], "position": [0, -1e39, 0]}]},
+    ]
+    told = read([payload_of({**facts, **each}, arrays) for each in wrong])
+    assert [each for each, result in zip(wrong, told, strict=True) if not result.get("damaged")] == []
+
+
+STRANGE = (None, True, -1, 1.5, 1e300, "x", [], [1, 2], [[1], {}], {}, {"x": [0]})
+
+
+def altered(value):
+    """Yield copies of JSON in each of which one thing is strange."""
+    yield from STRANGE
+    if isinstance(value, dict):
+        for key, each in value.items():
+            yield from ({**value, key: other} for other in altered(each))
+    elif isinstance(value, list) and value:
+        yield from ([other, *value[1:]] for other in altered(value[0]))
+
+
+def test_whatever_is_strange_in_a_description_the_mesh_is_whole_or_refused(read):
+    facts, arrays = taken_apart()
+    scenes = [each for each in altered({**facts, "joints": ["a"], "morphs": ["b"]}) if isinstance(each, dict)]
+    [whole, *told] = read([payload_of(each, arrays) for each in (facts, *scenes)])
+    same = [name for name in ("counts", "weights", *ARRAYS) if name != "colors"]
+    accepted = [each for each in told if not each.get("damaged")]
+    assert 0 < len(accepted) < len(told) == len(scenes)
+    for each in accepted:
+        assert [each[name] for name in same] == [whole[name] for name in same], each["facts"]
+        assert each["colors"] in (whole["colors"], "")  # a character need not have them
+
+
 def test_a_part_that_reaches_beyond_the_mesh_is_refused(read):
     facts, arrays = taken_apart()
     wrong = []
     for what, values in (("vertices", [0, 163]), ("triangles", [1, 320]), ("triangles", [-1, 2]), ("vertices", [0])):
         wrong.append(payload_of({**facts, "parts": [{**facts["parts"][0], what: values}]}, arrays))
+    for what, values in (("vertices", [[0, 162], [161, 1]]), ("triangles", [[0, 320], [0, 320]])):
+        rest = {"vertices": [0, 0], "triangles": [0, 0]}
+        parts = [{**facts["parts"][0], **rest, what: each} for each in values]
+        wrong.append(payload_of({**facts, "parts": parts}, arrays))
     assert [told.get("damaged") for told in read(wrong)] == [True] * len(wrong)
 
 

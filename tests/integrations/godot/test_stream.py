@@ -173,9 +173,11 @@ def test_the_control_port_is_no_stream(follow, serve, blob_puppet):
 
 
 class Line:
-    """A line to a port that cuts everything into single bytes, and can be torn."""
+    """A line to a port that cuts everything into pieces, takes its time over each, and can be torn."""
 
-    def __init__(self, port):
+    def __init__(self, port, piece=1, pause=0.0):
+        self._piece = piece
+        self.pause = pause
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = self._listener.getsockname()[1]
         self._to = port
@@ -194,8 +196,10 @@ class Line:
     def _pass(self, source, sink):
         with suppress(OSError):
             while data := source.recv(1 << 16):
-                for k in range(len(data)):
-                    sink.sendall(data[k : k + 1])
+                for k in range(0, len(data), self._piece):
+                    sink.sendall(data[k : k + self._piece])
+                    if self.pause > 0:
+                        time.sleep(self.pause)
 
     def tear(self):
         for each in self._open:
@@ -214,8 +218,8 @@ class Line:
 def line():
     lines = []
 
-    def lay(port):
-        lines.append(Line(port))
+    def lay(*arguments, **options):
+        lines.append(Line(*arguments, **options))
         return lines[-1]
 
     yield lay
@@ -236,6 +240,22 @@ def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_
     script.end()
     assert [told["sha256"] for told in told_of(script, "blob/scene/mine")] == [scene] * 2
     assert states(script) == ["CONNECTING", "CONNECTED", "OFFLINE", "CONNECTED"]
+
+
+@pytest.mark.slow
+def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, serve, blob_puppet, line):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0")
+    size = len(service.client("blob/scene/yours").socket.recv())
+    slow = line(port_of(service), piece=256, pause=9 * 256 / size)
+    script = follow(slow.port, "blob", script="slow_scene.gd")
+    script.until(topic("scene"))
+    slow.pause = 0  # what else has been asked for comes at once
+    for _ in range(2):
+        told = len(told_of(script, "status"))
+        script.until(lambda _told, told=told: len(told_of(script, "status")) > told)
+    script.end()
+    assert states(script) == ["CONNECTING", "CONNECTED"]
+    assert [told["size"] for told in told_of(script, "scene")] == [size - 128]
 
 
 @pytest.mark.slow
@@ -298,6 +318,24 @@ def test_another_version_of_the_protocol_is_refused_in_words(follow, publisher):
     script.end()
 
 
+def test_another_version_is_refused_even_if_it_is_the_last_that_is_said(follow, publisher):
+    script = follow(port_at(publisher))
+    subscribed(publisher, "service/status")
+    publisher.send(message("service/status", Kind.STATUS))
+    script.until(state("CONNECTED"))
+    script.process.send_signal(signal.SIGSTOP)
+    try:
+        publisher.linger = 10_000
+        publisher.send(message("service/status", Kind.STATUS, major=2))
+        publisher.close()
+        time.sleep(0.3)  # until both have come
+    finally:
+        script.process.send_signal(signal.SIGCONT)
+    script.until(state("REFUSED"))
+    script.end()
+    assert states(script) == ["CONNECTING", "CONNECTED", "REFUSED"]
+
+
 def test_damaged_messages_are_left_out(follow, publisher):
     script = follow(port_at(publisher), "dog/controls")
     subscribed(publisher, "service/status", "dog/controls")
@@ -348,6 +386,27 @@ def test_two_who_follow_share_a_connection_and_who_comes_late_is_told(follow, pu
         *(("other", name, 3) for name in ("dog/performer", "dog/controls")),
     ]
     assert all(told["same"] for told in script.results if told.get("step", 0) > 1)
+
+
+def test_who_is_sent_away_by_another_receiver_is_not_called(follow, publisher):
+    script = follow(port_at(publisher), script="unfollow.gd")
+    subscribed(publisher, "service/status", "dog/performer", "late")
+    publisher.send(message("dog/performer", Kind.PERFORMER, 1))
+    script.until(lambda told: told.get("sequence") == 1)
+    publisher.send(message("late", Kind.STATUS))
+    script.until(lambda _told: len(script.results) == 2)
+    publisher.send(message("dog/performer", Kind.PERFORMER, 2))
+    script.until(lambda told: told.get("sequence") == 2)
+    script.process.send_signal(signal.SIGSTOP)
+    publisher.send(message("late", Kind.STATUS))
+    publisher.send(message("dog/performer", Kind.PERFORMER, 3))
+    time.sleep(0.3)  # until both have come
+    script.process.send_signal(signal.SIGCONT)
+    script.until(lambda told: told.get("sequence") == 3)
+    time.sleep(0.3)  # in which 2 could come once more
+    [*heard, end] = script.end()
+    assert [(told["who"], told["sequence"]) for told in heard] == [("one", number) for number in (1, 1, 2, 3)]
+    assert sorted(end["remembered"]) == ["late", "service/status"]
 
 
 def test_it_is_asked_once_however_often_one_asks(follow, publisher):

@@ -1,5 +1,6 @@
 """The component, compiled and driven with stand-ins for Unity, against the real service: what reaches a mesh."""
 
+import socket
 import time
 
 import numpy as np
@@ -82,7 +83,10 @@ def test_the_mesh_has_the_characters_triangles_turned_over_and_its_parts(show, p
     shown(program, python, 1)
     triangles = python.scene.arrays["triangles"].astype(np.int32)
     np.testing.assert_array_equal(array(made["indices"], np.int32, 3), triangles[:, [0, 2, 1]])
-    assert made["parts"] == [[0, triangles.size]]
+    assert made["parts"] == [[0, triangles.size, 0, python.scene.facts["vertices"]]]
+    positions = python.scene.arrays["positions"] * UNITY
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    assert made["atRest"] == [pytest.approx([*(low + high) / 2, *(high - low)], abs=1e-5)]
     assert made["materials"] == ["Any/Shader"]
     assert made["layout"] == ["0 Position 3", "0 Normal 3", "1 Color 4", "1 TexCoord0 2"]
     assert made["shown"] is False  # before there is a pose
@@ -142,10 +146,12 @@ def test_with_a_delay_there_are_moments_between_those_that_were_sent(show, pytho
     assert len(set(times) - sent) > 10
 
 
-@pytest.mark.parametrize("whole", [100, 1])
-def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference, figure, whole):
+@pytest.mark.parametrize(("whole", "skins"), [(100, "found"), (1, "given with gaps")])
+def test_morphs_set_the_weights_of_the_targets_and_move_the_root(show, reference, figure, whole, skins):
     python = reference(figure.stream, "blob/morphs", "blob/scene/python")
-    program = show(mode="Morphs", whole=whole, shapes=",".join(["smile", *(f"motion_{k}" for k in range(64))]))
+    program = show(
+        mode="Morphs", whole=whole, skins=skins, shapes=",".join(["smile", *(f"motion_{k}" for k in range(64))])
+    )
     both = shown(program, python)
     count = len(python.scene.facts["morphs"])
     for said, theirs in both:
@@ -173,19 +179,30 @@ def test_what_happens_is_told_once_each_and_in_order(serve_figure, start):
     assert [each["mirror"] for each in described] == [True]
     program.tell("record not/a/name")
     assert "record_start" not in program.until(lambda said: "warning" in said)["warning"]
+    program.tell("record night")
+    program.until(lambda said: said.get("event") == "takeStarted" and said["value"] == "night")
     service.process.kill()
     service.ended()
-    program.until(lambda said: said.get("event") == "disconnected")
-    since = len(program.said)
+    gone = program.until(lambda said: said.get("event") == "disconnected")
+    since = program.said.index(gone) + 1
     serve_figure(port=service.port)
     program.until(lambda said: said.get("event") == "connected", since)
     program.until(lambda said: said.get("event") == "sceneLoaded", since)
     program.until(lambda said: "frame" in said, since)
-    events = [said["event"] for said in program.finish() if "event" in said]
+    program.until(lambda said: said.get("event") == "performerCalibrated", since)
+    program.finish()
+    events = [said["event"] for said in program.said[:since] if "event" in said]
     assert events[:4] == ["connected", "sceneLoaded", "performerFound", "performerCalibrated"]
-    assert [event for event in events if event.startswith("take")] == ["takeStarted", "takeStopped"]
+    takes = [event for event in events if event.startswith("take")]
+    assert takes == ["takeStarted", "takeStopped", "takeStarted", "takeStopped"]
     assert events.count("performerFound") == 1  # each pass of the take calibrates the same performer anew
-    assert events.count("disconnected") == 2  # once by the service, once by its own end
+    ends = ["performerLost", "takeStopped", "disconnected"]
+    assert events[-3:] == ends
+    assert [event for event in events if event in ("performerLost", "disconnected")] == [ends[0], ends[2]]
+    again = [said["event"] for said in program.said[since:] if "event" in said]
+    assert again[:4] == events[:4]
+    assert again[-2:] == ["performerLost", "disconnected"]  # by its own end
+    assert again.count("performerFound") == again.count("performerLost") == 1
 
 
 def test_a_refusal_is_told_and_warned_of_once_and_another_token_lets_in(start, locked_figure, token_file):
@@ -212,3 +229,21 @@ def test_another_mode_is_taken_while_it_runs(show, python):
 def test_morphs_without_a_mesh_of_the_character_say_what_to_do(start, figure):
     program = start("Component", f"port={figure.port}", "mode=Morphs", "shapes=smile")
     assert "puppetline bake" in program.until(lambda said: "warning" in said)["warning"]
+
+
+def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port):
+    """Those that wait for a service, and those that come later."""
+    port = free_port()
+    with socket.create_server(("127.0.0.1", port + 1)):  # takes connections, and says nothing
+        program = start("Component", f"port={port}")
+        program.tell("ask ping")
+        program.tell("disable")
+        program.tell("ask describe")
+        program.tell("calibrate")
+        said = program.finish()
+    errors = [each["reply"]["error"] for each in said if "reply" in each]
+    assert [error["found"] for error in errors] == ["the connection was ended here", "a disabled Puppet"]
+    assert [error["where"] for error in errors] == [f"the control socket 127.0.0.1:{port + 1}", "describe"]
+    assert [each["warning"] for each in said if "warning" in each][-1].startswith(
+        "Puppetline: calibrate: found a disabled"
+    )

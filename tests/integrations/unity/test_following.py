@@ -1,5 +1,6 @@
 """The plain C# core follows the real service, through restarts, tokens, bad networks and worse peers."""
 
+import re
 import socket
 import struct
 import subprocess
@@ -14,11 +15,11 @@ import pytest
 
 from engine_bridge import demo
 
-from .conftest import PATIENCE, array
+from .conftest import HERE, PATIENCE, array
 
 FRAMES = 20
-EVERY = 15
-"""One in so many frames of a large character is looked at: what tests tell each other is longer than what is sent."""
+FEW, EVERY = 6, 25
+"""So many frames of a large character are looked at, one in so many: what tests tell each other is longer than what is sent."""
 
 
 @pytest.fixture
@@ -65,7 +66,7 @@ def moved(service, character, follow, reference):
     """Compare frames in which the character moves with the service's own vertices."""
     python = reference(service.stream, f"{character}/vertices", f"{character}/scene/python", every=EVERY)
     program = follow(service.port, character, every=EVERY)
-    both = common(program, python)
+    both = common(program, python, FEW)
     diagonal = python.scene.facts["diagonal"]
     assert_equal(both, diagonal)
     assert_moving(both, diagonal)
@@ -357,3 +358,71 @@ def test_a_service_that_says_nothing_any_more_is_left(follow, free_port):
     held.close()
     hanging.close()
     program.finish()
+
+
+VECTORS = HERE.parents[1] / "vectors"
+
+
+def sent(topic, name):
+    """Return a recorded message as it goes over the wire, under another topic."""
+    message = topic.ljust(64, b"\0") + (VECTORS / f"{name}.bin").read_bytes()[64:]
+    return b"\x02" + struct.pack(">Q", len(message)) + message
+
+
+class SlowService:
+    """Nothing but the recorded scene, in nine parts with a second between them, and a frame behind it."""
+
+    def __init__(self, port):
+        self.asked = []
+        self.met = 0
+        self.listening = socket.create_server(("127.0.0.1", port))
+        self._thread = threading.Thread(target=self._accept)
+        self._thread.start()
+
+    def _accept(self):
+        with suppress(OSError):
+            while True:
+                one, _ = self.listening.accept()
+                self.met += 1
+                with one, suppress(OSError):
+                    one.sendall(SHAKEN)
+                    self._serve(one)
+
+    def _serve(self, one):
+        sending = None
+        while some := one.recv(4096):
+            for topic in re.findall(rb"\x01(worm/scene/\w+)\0", some):
+                self.asked.append(time.monotonic())
+                if sending is None:
+                    sending = threading.Thread(target=self._send, args=(one, sent(topic, "scene")))
+                    sending.start()
+
+    def _send(self, one, scene):
+        part = -(-len(scene) // 9)
+        with suppress(OSError):
+            for start in range(0, len(scene), part):
+                one.sendall(scene[start : start + part])
+                time.sleep(1)
+            one.sendall(sent(b"worm/controls", "1.controls"))
+
+    def close(self):
+        self.listening.shutdown(socket.SHUT_RDWR)
+        self.listening.close()
+        self._thread.join()
+
+
+@pytest.mark.slow
+def test_a_scene_may_take_longer_than_a_service_may_be_silent(follow, free_port):
+    """And is asked for less and less often meanwhile: each time, all of it would be sent again."""
+    port = free_port()
+    service = SlowService(port)
+    program = follow(port, "worm")
+    program.until(lambda said: "frame" in said)
+    assert [said["state"] for said in program.finish() if said.get("state") in ("Connected", "Offline")] == [
+        "Connected"
+    ]
+    service.close()
+    assert service.met == 1
+    pauses = np.diff(service.asked)
+    assert len(pauses) >= 2
+    assert (np.diff(pauses) > 0).all()

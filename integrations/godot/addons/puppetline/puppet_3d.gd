@@ -89,6 +89,7 @@ const _MOST_ARRIVALS := 256
 	set(value):
 		_body_stale = _body_stale or value != mesh_source
 		mesh_source = value
+		_hide_preview()
 ## Materials in the place of the character's own, by surface; where one is empty, the character keeps its own. Standard
 ## materials are copied. A shader material has to call what `addons/puppetline/play/puppet.gdshaderinc` says.
 @export var materials: Array[Material] = []:
@@ -154,7 +155,7 @@ func _get_configuration_warnings() -> PackedStringArray:
 	if character and not _names.is_empty() and character not in _names:
 		warnings.append("The service has no character '%s', but: %s." % [character, ", ".join(_names)])
 	if _body != null and _body.problem:
-		warnings.append("mesh_source is not used: %s." % _body.problem)
+		warnings.append("%s: %s." % [_name, _body.problem])
 	return warnings
 
 
@@ -237,10 +238,11 @@ func _join() -> bool:
 			_discovery = Discovery.new()
 			_discovery.search()
 		_discovery.poll()
-		if _discovery.services.is_empty():
+		var open := _discovery.services.filter(func(each: Dictionary) -> bool: return each["mechanism"] != "CURVE")
+		if open.is_empty():
 			return false
-		address = _discovery.services[0]
-		_discovery = null
+		address = open[0]
+	_discovery = null
 	_control_port = address["control"]
 	_stream = Stream.shared(address["host"], address["port"], token)
 	_stream.follow(_CHARACTERS, _on_characters)
@@ -321,7 +323,7 @@ func _build() -> void:
 
 
 func _new_body() -> Body:
-	var source: Node3D = mesh_source.instantiate() as Node3D if mesh_source != null else null
+	var source := _own_character()
 	if mode == Mode.MORPHS:
 		return MorphsBody.new(_shared, source)
 	var obstacle := RestMesh.obstacle(_shared.scene) if mode == Mode.CONTROLS else ""
@@ -332,6 +334,15 @@ func _new_body() -> Body:
 	if obstacle:
 		push_warning("Puppetline: %s comes vertex by vertex: %s." % [_name, obstacle])
 	return VerticesBody.new(_shared)
+
+
+func _own_character() -> Node3D:
+	var own := mesh_source.instantiate() if mesh_source != null else null
+	if own != null and not own is Node3D:
+		push_warning("Puppetline: %s is no scene of 3D nodes: import a .glb." % mesh_source.resource_path)
+		own.free()
+		return null
+	return own
 
 
 func _show() -> void:
@@ -345,8 +356,8 @@ func _show() -> void:
 
 ## Show the user's own character as it is, while there is no service to move it.
 func _show_preview() -> void:
-	if _preview == null and mesh_source != null and user_slot < 0:
-		_preview = mesh_source.instantiate() as Node3D
+	if _preview == null and user_slot < 0:
+		_preview = _own_character()
 		if _preview != null:
 			add_child(_preview, false, Node.INTERNAL_MODE_FRONT)
 
@@ -428,9 +439,10 @@ func _notice_performer(user: int, state: Message.PerformerState) -> void:
 			performer_lost.emit(before)
 		if now != Message.NOBODY:
 			performer_found.emit(now)
-	if now != Message.NOBODY and state == Message.PerformerState.PERFORMING and not _calibrated:
-		_calibrated = true
+	var calibrated := now != Message.NOBODY and state == Message.PerformerState.PERFORMING
+	if calibrated and not _calibrated:
 		performer_calibrated.emit(now)
+	_calibrated = calibrated
 
 
 func _on_scene() -> void:

@@ -50,10 +50,15 @@ namespace Puppetline
         /// Called by <see cref="Poll"/> with the reply, which has ok, and result or error; where there was none, with an error
         /// made here. May be null.
         /// </param>
+        /// <exception cref="ObjectDisposedException">It was ended.</exception>
         public void Request(string command, IDictionary<string, object> arguments, Action<Json> done)
         {
             lock (gate)
             {
+                if (ended)
+                {
+                    throw new ObjectDisposedException(nameof(ControlClient));
+                }
                 last++;
                 waiting.Enqueue(new Pending { Id = last, Done = done, Until = Clock.Now + Patience, Text = Write(last, command, arguments) });
             }
@@ -78,11 +83,28 @@ namespace Puppetline
             }
         }
 
-        /// <summary>End it; what was not sent is not, and nothing more is handed out.</summary>
+        /// <summary>End it. What was not sent is not; requests without a reply get an error, on the thread that calls this.</summary>
         public void Dispose()
         {
-            ended = true;
+            lock (gate)
+            {
+                ended = true;
+                FailAll("the connection was ended here");
+            }
             wake.Set();
+            Poll();
+        }
+
+        /// <summary>Make a reply with an error, as the service would write it.</summary>
+        /// <param name="where">What it is about.</param>
+        /// <param name="found">What is wrong.</param>
+        /// <param name="expected">What would be right.</param>
+        /// <param name="fix">What to do.</param>
+        public static Json Failure(string where, string found, string expected, string fix)
+        {
+            return Json.Parse(
+                "{\"ok\":false,\"error\":{\"where\":" + Quoted(where) + ",\"found\":" + Quoted(found)
+                + ",\"expected\":" + Quoted(expected) + ",\"fix\":" + Quoted(fix) + "}}");
         }
 
         static string Write(int id, string command, IDictionary<string, object> arguments)
@@ -191,8 +213,8 @@ namespace Puppetline
                         return;
                     }
                     next = waiting.Dequeue();
+                    sent.Add(next.Id, next);
                 }
-                sent.Add(next.Id, next);
                 connection.Send(Encoding.UTF8.GetBytes(next.Text));
             }
         }
@@ -208,19 +230,25 @@ namespace Puppetline
             {
                 return;
             }
-            if (reply["id"].Kind == JsonKind.Number && sent.TryGetValue(reply["id"].Number, out Pending request))
+            lock (gate)
             {
-                Finish(request, reply);
+                if (reply["id"].Kind == JsonKind.Number && sent.TryGetValue(reply["id"].Number, out Pending request))
+                {
+                    Finish(request, reply);
+                }
             }
         }
 
         void FailLate()
         {
-            foreach (Pending request in new List<Pending>(sent.Values))
+            lock (gate)
             {
-                if (Clock.Now > request.Until)
+                foreach (Pending request in new List<Pending>(sent.Values))
                 {
-                    Finish(request, Failure("no reply within " + Patience + " s"));
+                    if (Clock.Now > request.Until)
+                    {
+                        Finish(request, Failure("no reply within " + Patience + " s"));
+                    }
                 }
             }
         }
@@ -235,31 +263,26 @@ namespace Puppetline
                     Pending next = waiting.Dequeue();
                     sent.Add(next.Id, next);
                 }
-            }
-            foreach (Pending request in new List<Pending>(sent.Values))
-            {
-                Finish(request, Failure(found));
+                foreach (Pending request in new List<Pending>(sent.Values))
+                {
+                    Finish(request, Failure(found));
+                }
             }
         }
 
+        /// <summary>Called with the gate held: so each request is answered once, whoever ends it.</summary>
         void Finish(Pending request, Json reply)
         {
             sent.Remove(request.Id);
             if (request.Done != null)
             {
-                lock (gate)
-                {
-                    answered.Enqueue(new KeyValuePair<Action<Json>, Json>(request.Done, reply));
-                }
+                answered.Enqueue(new KeyValuePair<Action<Json>, Json>(request.Done, reply));
             }
         }
 
-        /// <summary>An error as the service would write it.</summary>
         Json Failure(string found)
         {
-            return Json.Parse(
-                "{\"ok\":false,\"error\":{\"where\":" + Quoted("the control socket " + host + ":" + port)
-                + ",\"found\":" + Quoted(found) + ",\"expected\":\"a reply\",\"fix\":\"See that puppetline serve runs there.\"}}");
+            return Failure("the control socket " + host + ":" + port, found, "a reply", "See that puppetline serve runs there.");
         }
 
         sealed class Pending

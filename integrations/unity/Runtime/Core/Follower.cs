@@ -36,8 +36,8 @@ namespace Puppetline
         /// <summary>Seconds in which nothing may come; the status comes each second.</summary>
         const double Silence = 6;
 
-        /// <summary>Seconds between two requests for a scene.</summary>
-        const double AskPause = 1;
+        /// <summary>Seconds between two requests for a scene: the shortest, which is doubled each time, and the longest.</summary>
+        const double ShortestPause = 1, LongestPause = 16;
 
         /// <summary>Milliseconds that the thread sleeps before it looks whether it is to end.</summary>
         const int Nap = 100;
@@ -63,7 +63,7 @@ namespace Puppetline
         byte[] sceneTopicBytes, frameTopicBytes;
         Scene current;
         ulong sequence;
-        double asked, heard;
+        double asked, pause;
 
         /// <summary>Begin to follow.</summary>
         /// <param name="host">A name or an address.</param>
@@ -166,7 +166,6 @@ namespace Puppetline
             sequence = 0;
             sceneTopic = frameTopic = null;
             sceneTopicBytes = frameTopicBytes = null;
-            heard = Clock.Now;
             connection.Subscribe(StatusTopic);
             connection.Subscribe(CharactersTopic);
             if (wanted.Length > 0)
@@ -181,31 +180,34 @@ namespace Puppetline
             {
                 if (connection.Receive(Nap, out ArraySegment<byte> bytes))
                 {
-                    heard = Clock.Now;
                     Take(bytes);
                 }
-                else if (Clock.Now > heard + Silence)
+                else if (Clock.Now > connection.Heard + Silence)
                 {
                     throw new ZmtpException(host + ":" + port + " has not said anything for " + Silence + " s");
                 }
-                if (current == null && sceneTopic != null && Clock.Now > asked + AskPause)
+                if (current == null && sceneTopic != null && Clock.Now > asked + pause)
                 {
+                    // on a slow network the one that was asked for may still be on its way, and each is sent whole
                     connection.Unsubscribe(sceneTopic);
-                    Ask();
+                    Ask(Math.Min(2 * pause, LongestPause));
                 }
             }
         }
 
-        void Ask()
+        void Ask(double pause)
         {
             connection.Subscribe(sceneTopic);
             asked = Clock.Now;
+            this.pause = pause;
         }
 
         void Choose(string name)
         {
             if (name == character && frameTopic != null)
             {
+                // it may have only just come to be there
+                pause = ShortestPause;
                 return;
             }
             if (frameTopic != null)
@@ -221,7 +223,7 @@ namespace Puppetline
             frameTopicBytes = Encoding.ASCII.GetBytes(frameTopic);
             sceneTopicBytes = Encoding.ASCII.GetBytes(sceneTopic);
             connection.Subscribe(frameTopic);
-            Ask();
+            Ask(ShortestPause);
         }
 
         void Take(ArraySegment<byte> bytes)
@@ -307,6 +309,7 @@ namespace Puppetline
             try
             {
                 current = scene = Scene.Parse(message);
+                pause = ShortestPause;
                 sequence = 0;
             }
             catch (FormatException fault)
@@ -331,7 +334,7 @@ namespace Puppetline
                 return;
             }
             frame.Scene = current;
-            frame.Arrived = heard;
+            frame.Arrived = connection.Heard;
             Keep(frame);
         }
 

@@ -53,6 +53,9 @@ namespace Puppetline
             this.where = where;
         }
 
+        /// <summary>When bytes came last, by <see cref="Clock"/>: of a long message, long before it is whole.</summary>
+        public double Heard { get; private set; }
+
         /// <summary>Connect and shake hands.</summary>
         /// <param name="host">A name or an address.</param>
         /// <param name="port">A TCP port.</param>
@@ -362,6 +365,7 @@ namespace Puppetline
                     throw new ZmtpException(where + " has closed the connection");
                 }
                 end += count;
+                Heard = Clock.Now;
                 return true;
             }
             catch (SocketException fault)

@@ -35,7 +35,10 @@ static class Component
         {
             Thread.Sleep(5);
         }
-        Player.Enable(puppet, false);
+        if (puppet.enabled)
+        {
+            Player.Enable(puppet, false);
+        }
         Complain();
         Said.Line("ended", mesh == null || mesh.destroyed, "rest", new object[] { puppet.rootNode.localPosition.x, puppet.rootNode.localPosition.y });
         return 0;
@@ -54,6 +57,11 @@ static class Component
         else if (name == "whole")
         {
             skin.sharedMesh.wholeBlendShape = float.Parse(value);
+        }
+        else if (name == "skins")
+        {
+            SkinnedMeshRenderer empty = Owner.AddComponent<SkinnedMeshRenderer>();
+            puppet.skins = value == "found" ? new SkinnedMeshRenderer[0] : new[] { null, empty, skin };
         }
         else if (name == "shapes")
         {
@@ -128,8 +136,15 @@ static class Component
                 Set(told[1], told[2]);
                 puppet.Reconnect();
                 break;
+            case "disable":
+                Player.Enable(puppet, false);
+                break;
             case "end":
                 return false;
+        }
+        if (!puppet.enabled)
+        {
+            return true;
         }
         Frame before = puppet.Shown;
         ulong sequence = before == null ? 0 : before.Header.Sequence;
@@ -157,9 +172,16 @@ static class Component
             "event", "sceneLoaded", "onGraphicsCard", puppet.OnGraphicsCard, "shown", renderer.enabled,
             "layout", Array.ConvertAll(mesh.layout, each => (object)(each.stream + " " + each.attribute + " " + each.dimension)),
             "indices", Said.Bytes(mesh.indices), "still", Said.Bytes(mesh.streams[1]), "ladder", Said.Bytes(mesh.streams[2]),
-            "parts", Array.ConvertAll(mesh.subMeshes.ToArray(), part => (object)new object[] { part.indexStart, part.indexCount }),
+            "parts", Array.ConvertAll(mesh.subMeshes.ToArray(), part => (object)new object[] { part.indexStart, part.indexCount, part.firstVertex, part.vertexCount }),
+            "atRest", Array.ConvertAll(mesh.subMeshes.ToArray(), part => (object)Numbers(part.bounds)),
             "materials", Array.ConvertAll(renderer.sharedMaterials, each => (object)each.shader.name),
             "colors", Array.ConvertAll(renderer.sharedMaterials, ColorOf));
+    }
+
+    static object[] Numbers(Bounds bounds)
+    {
+        Vector3 center = bounds.center, size = bounds.size;
+        return new object[] { center.x, center.y, center.z, size.x, size.y, size.z };
     }
 
     static object ColorOf(Material material)
@@ -184,7 +206,6 @@ static class Component
             return;
         }
         puppet.TryGetComponent(out MeshRenderer renderer);
-        Vector3 center = mesh.bounds.center, size = mesh.bounds.size;
         object[] rows = { "", "" };
         if (puppet.OnGraphicsCard)
         {
@@ -194,7 +215,7 @@ static class Component
         }
         Said.Line(
             "frame", header.Sequence, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", rows[0], "shape", rows[1],
-            "bounds", new object[] { center.x, center.y, center.z, size.x, size.y, size.z },
+            "bounds", Numbers(mesh.bounds),
             "enabled", renderer.enabled, "block", renderer.block != null, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
     }
 

@@ -227,12 +227,16 @@ namespace UnityEngine.Rendering
 
     public struct SubMeshDescriptor
     {
-        public int indexStart, indexCount;
+        public int indexStart, indexCount, firstVertex, vertexCount;
+
+        public Bounds bounds { get; set; }
 
         public SubMeshDescriptor(int indexStart, int indexCount)
         {
             this.indexStart = indexStart;
             this.indexCount = indexCount;
+            firstVertex = vertexCount = 0;
+            bounds = default;
         }
     }
 

@@ -21,7 +21,8 @@ var _weight := 0.0  # of the second one
 var _shift := Vector3.ZERO
 
 
-## `source` is the user's own character, a child of this node, or null for the mesh of the scene.
+## `source` is the user's own character, which becomes a child of this node, or null for the mesh of the scene. That is
+## shown as well where there is a problem with the user's own.
 func _init(of: SharedScene, source: Node3D) -> void:
 	shared = of
 	_transforms = shared.scene.field_count * shared.scene.isoline_count
@@ -34,7 +35,10 @@ func _init(of: SharedScene, source: Node3D) -> void:
 		add_child(source)
 		_surfaces = Surfaces.new(shared, false)
 		problem = OwnMesh.find(source, shared.scene, _surfaces)
-	if source == null or problem:
+		if problem:
+			source.free()
+			_surfaces = null
+	if _surfaces == null:
 		_surfaces = Surfaces.new(shared, not shared.scene.colors.is_empty())
 		_add_scene()
 	_surfaces.set_parameter(&"puppet_frame_0", _textures[0])

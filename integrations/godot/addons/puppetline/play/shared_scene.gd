@@ -11,8 +11,10 @@ const Scene := preload("../wire/scene.gd")
 const RestMesh := preload("rest_mesh.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 
-## Milliseconds between two questions.
+## Milliseconds between two questions, and while something comes in that may be the answer: on a slow line, each
+## question puts a whole scene more into the queue.
 const _ASK_INTERVAL := 1000
+const _PATIENCE := 16_000
 
 static var _all: Dictionary = {}  # key: WeakRef
 
@@ -76,7 +78,8 @@ func ask() -> void:
 
 ## Ask as often as it is allowed, until it comes.
 func poll() -> void:
-	if _wanted and Time.get_ticks_msec() >= _asked + _ASK_INTERVAL and _stream.state == Stream.State.CONNECTED:
+	var pause := _PATIENCE if _stream.is_receiving() else _ASK_INTERVAL
+	if _wanted and Time.get_ticks_msec() >= _asked + pause and _stream.state == Stream.State.CONNECTED:
 		_asked = Time.get_ticks_msec()
 		_stream.ask(_topic)
 

@@ -56,12 +56,19 @@ func poll() -> void:
 			_take_replies()
 		Connection.State.REFUSED, Connection.State.FAILED:
 			_take_replies()
-			var why := _connection.reason
-			_connection.close()
-			_fail_all(why)
+			give_up(_connection.reason)
 	_give_up_late_ones()
 
 
+## Close, and call back those who wait for a reply at once: with an error that says why.
+func give_up(why: String) -> void:
+	_connection.close()
+	for id: int in _waiting.keys():
+		if id in _waiting:  # whoever has been called back may have closed all this
+			_fail(id, why, "a connection to the control socket")
+
+
+## Close; those who wait for a reply are not called back any more.
 func close() -> void:
 	_connection.close()
 	_waiting.clear()
@@ -86,15 +93,10 @@ func _take_replies() -> void:
 			_answer(int(id), reply)
 
 
-func _fail_all(why: String) -> void:
-	for id: int in _waiting.keys():
-		_fail(id, why, "a connection to the control socket")
-
-
 func _give_up_late_ones() -> void:
 	var now := Time.get_ticks_msec()
 	for id: int in _waiting.keys():
-		if now > _waiting[id].give_up:
+		if id in _waiting and now > _waiting[id].give_up:
 			_fail(id, "no reply within %d s" % PATIENCE, "a reply")
 			# A connection that has died without a word is not used again.
 			_connection.close()

@@ -47,7 +47,10 @@ func poll() -> void:
 			var packet := socket.get_packet()
 			_take(Dns.parse(packet), socket.get_packet_ip())
 	var oldest := Time.get_ticks_msec() - int(1000 * PATIENCE)
-	services.assign(services.filter(func(each: Dictionary) -> bool: return _heard[each.name] >= oldest))
+	for name: String in _heard.keys():
+		if _heard[name] < oldest:
+			_heard.erase(name)
+	services.assign(services.filter(func(each: Dictionary) -> bool: return each.name in _heard))
 	if services != before:
 		changed.emit()
 
@@ -88,7 +91,7 @@ func _service(instance: String, records: Array[Dictionary], sender: String) -> D
 		if record.type == Dns.A and record.name == place.data.target:
 			addresses.append(record.data)
 	var texts := _texts(_first(records, Dns.TXT, instance).get("data", PackedStringArray()))
-	var control: String = texts.get("control", "")
+	var control: String = texts.get("control", "").left(6)  # one digit more than ports have: it does for a wrong one
 	return {
 		"name": instance.trim_suffix("." + TYPE),
 		# Of its addresses, the one it answers from is sure to be within reach.

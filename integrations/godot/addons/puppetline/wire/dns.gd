@@ -1,6 +1,8 @@
 extends RefCounted
 ## DNS messages, as much of them as looking for a service needs, read within bounds.
 
+const Texts := preload("texts.gd")
+
 const A := 1
 const PTR := 12
 const TXT := 16
@@ -26,7 +28,8 @@ static func question(name: String, type: int) -> PackedByteArray:
 
 
 ## Read the records of an answer, those of the types above: dictionaries of `name`, `type` and `data`, which is a String
-## for PTR and A, a PackedStringArray for TXT, and `{"port", "target"}` for SRV. What comes after damage is left out.
+## for PTR and A, a PackedStringArray for TXT, and `{"port", "target"}` for SRV. What comes after damage is left out;
+## texts that are no UTF-8 are empty.
 static func parse(packet: PackedByteArray) -> Array[Dictionary]:
 	var records: Array[Dictionary] = []
 	if packet.size() < _HEADER or not _u16(packet, 2) & _ANSWER:
@@ -71,7 +74,7 @@ static func _data(packet: PackedByteArray, type: int, at: int, end: int) -> Vari
 static func _strings(packet: PackedByteArray, at: int, end: int) -> PackedStringArray:
 	var strings := PackedStringArray()
 	while at < end and at + 1 + packet[at] <= end:
-		strings.append(packet.slice(at + 1, at + 1 + packet[at]).get_string_from_utf8())
+		strings.append(Texts.read(packet.slice(at + 1, at + 1 + packet[at])))
 		at += 1 + packet[at]
 	return strings
 
@@ -89,7 +92,7 @@ static func _name(packet: PackedByteArray, at: int) -> Array:
 		if length < 64:
 			if at + 1 + length > packet.size():
 				break
-			labels.append(packet.slice(at + 1, at + 1 + length).get_string_from_utf8())
+			labels.append(Texts.read(packet.slice(at + 1, at + 1 + length)))
 			at += 1 + length
 		elif length >= 0xC0 and at + 1 < packet.size():
 			var to := _u16(packet, at) & 0x3FFF

@@ -1,6 +1,8 @@
 extends RefCounted
 ## OSC 1.0 datagrams, read within bounds and written.
 
+const Texts := preload("texts.gd")
+
 ## Bundles in bundles.
 const DEEPEST := 4
 ## Messages and bundles in one datagram.
@@ -119,7 +121,8 @@ class _Reader:
 		if _failed or end < 0:
 			_failed = true
 			return ""
-		var read := _bytes.slice(_at, end).get_string_from_utf8()
+		var read := Texts.read(_bytes.slice(_at, end))
+		_failed = read.is_empty() and end > _at
 		_at = (end | 3) + 1
 		return read
 

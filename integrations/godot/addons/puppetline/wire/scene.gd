@@ -5,6 +5,8 @@ extends RefCounted
 const Scene := preload("scene.gd")
 
 const MOST_VERTICES := 1 << 24
+## More than any number of a description can sensibly be, and well within 32 bits.
+const LARGEST_NUMBER := 1e30
 ## Bytes; a part takes some 300.
 const LARGEST_DESCRIPTION := 1 << 22
 
@@ -52,43 +54,45 @@ var _fault := ""
 ## Read the payload of a scene message; null, and a warning that says why, if it is damaged.
 static func parse(payload: PackedByteArray) -> Scene:
 	var scene := Scene.new()
-	scene._read(payload)
-	if scene._fault.is_empty():
+	if scene._read(payload):
 		return scene
 	push_warning("Puppetline: a scene came that cannot be used: %s. Is this the service's port?" % scene._fault)
 	return null
 
 
-func _read(payload: PackedByteArray) -> void:
-	_read_description(payload)
-	_read_counts()
-	_read_arrays(payload)
-	_check_triangles()
-	_read_bounds()
-	_read_parts()
-	_read_names()
+## Each step says at its end that it went well, so that one which does not get there has not.
+func _read(payload: PackedByteArray) -> bool:
+	return (
+		_read_description(payload)
+		and _read_counts()
+		and _read_arrays(payload)
+		and _check_triangles()
+		and _read_bounds()
+		and _read_parts()
+		and _read_names()
+	)
 
 
 ## Keep the first fault; what is read after it is not used.
-func _fail(fault: String) -> void:
+func _fail(fault: String) -> bool:
 	if _fault.is_empty():
 		_fault = fault
+	return false
 
 
-func _read_description(payload: PackedByteArray) -> void:
+func _read_description(payload: PackedByteArray) -> bool:
 	var length := payload.decode_u32(0) if payload.size() >= 4 else 0
 	_arrays = 4 + length
 	if length == 0 or length > LARGEST_DESCRIPTION or _arrays > payload.size():
-		_fail("its description has %d bytes, and all of it %d" % [length, payload.size()])
-		return
+		return _fail("its description has %d bytes, and all of it %d" % [length, payload.size()])
 	var reader := JSON.new()
 	if reader.parse(payload.slice(4, _arrays).get_string_from_utf8()) != OK or not reader.data is Dictionary:
-		_fail("its description is no JSON object")
-		return
+		return _fail("its description is no JSON object")
 	description = reader.data
+	return true
 
 
-func _read_counts() -> void:
+func _read_counts() -> bool:
 	revision = _whole(description, "revision", 0, 0xFFFFFFFF)
 	vertex_count = _whole(description, "vertices", 1, MOST_VERTICES)
 	triangle_count = _whole(description, "triangles", 1, 2 * MOST_VERTICES)
@@ -96,14 +100,15 @@ func _read_counts() -> void:
 	isoline_count = _whole(description, "isolines", 2, 1024)
 	diagonal = _number(description.get("diagonal"))
 	if diagonal <= 0.0:
-		_fail("its diagonal is %s" % description.get("diagonal"))
+		_fail("its diagonal is %s" % str(description.get("diagonal")).left(80))
 	var found := _numbers(description.get("weights"), field_count)
-	if found.is_empty():
-		_fail("its %d fields have no weights" % field_count)
+	if found.is_empty() or found.min() < 0.0 or found.max() > 1.0 + 1e-6:
+		_fail("its %d fields have no weights from 0 to 1" % field_count)
 	weights = PackedFloat32Array(found)
+	return _fault.is_empty()
 
 
-func _read_arrays(payload: PackedByteArray) -> void:
+func _read_arrays(payload: PackedByteArray) -> bool:
 	triangles = _bytes(payload, "triangles", "u32", [triangle_count, 3]).to_int32_array()
 	positions = _vectors(_bytes(payload, "positions", "f32", [vertex_count, 3]), TYPE_PACKED_VECTOR3_ARRAY, 12)
 	normals = _vectors(_bytes(payload, "normals", "f32", [vertex_count, 3]), TYPE_PACKED_VECTOR3_ARRAY, 12)
@@ -113,35 +118,36 @@ func _read_arrays(payload: PackedByteArray) -> void:
 		uv = _vectors(_bytes(payload, "uv", "f32", [vertex_count, 2]), TYPE_PACKED_VECTOR2_ARRAY, 8)
 	if _directory().has("colors"):
 		colors = _bytes(payload, "colors", "f32", [vertex_count, 3]).to_float32_array()
+	return _fault.is_empty()
 
 
-func _check_triangles() -> void:
-	if _fault.is_empty():
-		var sorted := triangles.duplicate()  # the lowest and the highest without a loop in script
-		sorted.sort()
-		if sorted[0] < 0 or sorted[-1] >= vertex_count:
-			_fail("a triangle has a vertex that is not there")
+func _check_triangles() -> bool:
+	var sorted := triangles.duplicate()  # the lowest and the highest without a loop in script
+	sorted.sort()
+	if sorted[0] < 0 or sorted[-1] >= vertex_count:
+		return _fail("a triangle has a vertex that is not there")
+	return true
 
 
-func _read_bounds() -> void:
+func _read_bounds() -> bool:
 	var corners: Variant = description.get("bounds")
 	if not corners is Array or corners.size() != 2:
-		_fail("its bounds are no two corners")
-		return
+		return _fail("its bounds are no two corners")
 	var low := _numbers(corners[0], 3)
 	var high := _numbers(corners[1], 3)
 	if low.is_empty() or high.is_empty():
-		_fail("its bounds are no two corners")
-		return
+		return _fail("its bounds are no two corners")
 	var lowest := Vector3(low[0], low[1], low[2])
 	bounds = AABB(lowest, Vector3(high[0], high[1], high[2]) - lowest).abs()
+	return true
 
 
-func _read_parts() -> void:
+func _read_parts() -> bool:
+	var vertices_left := vertex_count
+	var triangles_left := triangle_count
 	for found: Variant in _list(description, "parts"):
 		if not found is Dictionary:
-			_fail("a part is no object")
-			return
+			return _fail("a part is no object")
 		(
 			parts
 			. append(
@@ -153,16 +159,20 @@ func _read_parts() -> void:
 				}
 			)
 		)
+		vertices_left -= parts[-1]["vertices"][1]
+		triangles_left -= parts[-1]["triangles"][1]
+		if vertices_left < 0 or triangles_left < 0:
+			return _fail("its parts have more vertices or triangles than there are")
+	return _fault.is_empty()
 
 
-func _read_names() -> void:
+func _read_names() -> bool:
 	joints = _list(description, "joints").map(func(name: Variant) -> String: return str(name))
 	if description.get("morphs") != null:
 		morphs = _list(description, "morphs").map(func(name: Variant) -> String: return str(name))
 	for found: Variant in _list(description, "handles"):
 		if not found is Dictionary or _numbers(found.get("position"), 3).is_empty():
-			_fail("a handle has no position")
-			return
+			return _fail("a handle has no position")
 		var place := _numbers(found.position, 3)
 		handles.append(
 			{
@@ -171,6 +181,7 @@ func _read_names() -> void:
 				"joints": _list(found, "joints").map(func(name: Variant) -> String: return str(name)),
 			}
 		)
+	return _fault.is_empty()
 
 
 func _directory() -> Dictionary:
@@ -183,7 +194,7 @@ func _bytes(payload: PackedByteArray, name: String, type: String, shape: Array[i
 	if not _fault.is_empty():
 		return PackedByteArray()
 	var entry: Variant = _directory().get(name)
-	if not entry is Dictionary or entry.get("type") != type or not _same(entry.get("shape"), shape):
+	if not entry is Dictionary or str(entry.get("type")) != type or not _same(entry.get("shape"), shape):
 		_fail("its array %s is not %s of the shape %s" % [name, type, shape])
 		return PackedByteArray()
 	var size: int = shape.reduce(func(product: int, count: int) -> int: return product * count, 4)
@@ -246,12 +257,12 @@ func _list(from: Dictionary, name: String) -> Array:
 
 
 func _number(found: Variant, otherwise := 0.0) -> float:
-	if (found is float or found is int) and is_finite(found):
+	if (found is float or found is int) and absf(found) <= LARGEST_NUMBER:
 		return found
 	return otherwise
 
 
-## Return so many finite numbers, or none.
+## Return so many numbers, or none.
 func _numbers(found: Variant, count: int) -> Array[float]:
 	var numbers: Array[float] = []
 	if not found is Array or found.size() != count:

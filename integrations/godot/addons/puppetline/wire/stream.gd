@@ -91,6 +91,7 @@ func unfollow(topic: String, receiver: Callable) -> void:
 	if _followers[topic].is_empty():
 		_followers.erase(topic)
 		_latest.erase(topic)
+		_asked.erase(topic)
 		_connection.unsubscribe(topic)
 
 
@@ -99,6 +100,11 @@ func ask(topic: String) -> void:
 	if topic in _followers and Time.get_ticks_msec() >= _asked.get(topic, 0) + int(1000 * ASK_INTERVAL):
 		_connection.unsubscribe(topic)
 		_subscribe(topic)
+
+
+## Tell whether a message has come in part: on a slow line it may be the one that is waited for.
+func is_receiving() -> bool:
+	return _connection.is_receiving()
 
 
 ## Try again at once, even where the service has refused.
@@ -124,7 +130,8 @@ func poll() -> void:
 			_listen()
 		Connection.State.FAILED:
 			_hand_out(_connection.take())
-			_lose(_connection.reason)
+			if _connection.state == Connection.State.FAILED:  # and has not been given up as another version's
+				_lose(_connection.reason)
 		Connection.State.REFUSED:
 			_refuse(_connection.reason)
 
@@ -154,6 +161,8 @@ func _listen() -> void:
 		for topic: String in _followers:
 			_subscribe(topic)
 	_hand_out(_connection.take())
+	if _connection.is_receiving():
+		_heard_at = maxi(_heard_at, _connection.heard_at)
 	if _connection.state == Connection.State.READY and now > _heard_at + int(1000 * SILENCE):
 		_lose("No message of a Puppetline service has come from %s:%d for %d s." % [host, port, SILENCE])
 
@@ -229,18 +238,24 @@ func _give(message: Message) -> void:
 	else:
 		_latest[message.topic] = message
 	for receiver: Callable in _followers[message.topic].duplicate():
-		if receiver.is_valid():
-			receiver.call(message)
-		else:
+		if not receiver.is_valid():
 			unfollow(message.topic, receiver)
+		elif _is_following(receiver, message.topic):
+			receiver.call(message)
 
 
 func _welcome() -> void:
 	var newcomers := _newcomers
 	_newcomers = []
 	for each in newcomers:
-		if each[0].is_valid():
+		var is_last: bool = _latest.get(each[1].topic) == each[1]  # a newer one has been given to all
+		if is_last and each[0].is_valid() and _is_following(each[0], each[1].topic):
 			each[0].call(each[1])
+
+
+## Tell whether a receiver has not been sent away, by one that was called before it say.
+func _is_following(receiver: Callable, topic: String) -> bool:
+	return receiver in _followers.get(topic, [])
 
 
 func _take_status(message: Message) -> void:

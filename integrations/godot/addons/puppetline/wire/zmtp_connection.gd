@@ -32,6 +32,8 @@ var largest_message := 256 << 20
 var state := State.CLOSED
 ## Why [member state] is REFUSED or FAILED.
 var reason := ""
+## Milliseconds, as [method Time.get_ticks_msec] counts them: when bytes came last.
+var heard_at := 0
 
 var _socket_type: String
 var _token: PackedByteArray
@@ -89,6 +91,11 @@ func take() -> Array[PackedByteArray]:
 	var taken := _messages
 	_messages = []
 	return taken
+
+
+## Tell whether a message has come in part.
+func is_receiving() -> bool:
+	return state == State.READY and _at < _input.size()
 
 
 ## Send a message. What is sent before [member state] is READY is lost.
@@ -186,6 +193,7 @@ func _receive() -> bool:
 		var bytes: PackedByteArray = received[1]
 		_input.append_array(bytes)
 		wanted -= bytes.size()
+		heard_at = Time.get_ticks_msec()
 		if received[0] != OK or bytes.is_empty():
 			return received[0] == OK
 	return true

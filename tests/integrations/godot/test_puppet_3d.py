@@ -1,0 +1,332 @@
+"""A Puppet3D through what happens to it: services that come, go, refuse and change, performers, takes, bad frames."""
+
+import json
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+import zmq
+
+from engine_bridge.ladder import write_ladder
+from engine_bridge.live.frame import StreamedCharacter
+from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
+from engine_bridge.rig import load_rig
+from solver.deformer import to_file_units
+
+TOKEN = "a token for tests"
+ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
+
+
+def port_of(service):
+    return int(service.stream.rpartition(":")[2])
+
+
+class Watched:
+    """Some nodes in a running scene, and what they have told."""
+
+    def __init__(self, script, orders):
+        self._script, self._orders, self._given = script, orders, 0
+
+    def signals(self, puppet=0):
+        return [told["signal"] for told in self._script.results if told.get("puppet") == puppet and "signal" in told]
+
+    def states(self, puppet=0):
+        return [told for told in self._script.results if told.get("puppet") == puppet and "meshes" in told]
+
+    def until_signal(self, name, what=None, puppet=0):
+        wanted = {"puppet": puppet, "signal": name, "what": what}
+        return self._script.until(lambda told: wanted.items() <= told.items())
+
+    def until(self, wanted, puppet=0):
+        """Wait for a state that comes after all that was ordered."""
+        return self._script.until(
+            lambda told: told.get("puppet") == puppet and told.get("done") == self._given and wanted(told)
+        )
+
+    def until_next(self, wanted, puppet=0):
+        """Wait for a state of which none has been so far."""
+        before = len(self.states(puppet))
+        self._script.until(lambda _told: any(wanted(state) for state in self.states(puppet)[before:]))
+        return next(state for state in self.states(puppet)[before:] if wanted(state))
+
+    def order(self, **what):
+        with self._orders.open("a") as orders:
+            orders.write(json.dumps({"puppet": 0} | what) + "\n")
+        self._given += 1
+
+    def reply(self):
+        return self._script.until(lambda told: "reply" in told)["reply"]
+
+    def end(self):
+        self._script.end()
+        return self._script.lines
+
+
+@pytest.fixture
+def watch(start_godot, tmp_path):
+    def start(*settings):
+        orders = tmp_path / "orders"
+        return Watched(start_godot("watch_puppet.gd", json.dumps(settings), orders), orders)
+
+    return start
+
+
+@pytest.fixture
+def token_file(tmp_path):
+    path = tmp_path / "token.txt"
+    path.write_text(TOKEN)
+    path.chmod(0o600)
+    return path
+
+
+def moves(state):
+    return state["calibrated"] and state["sequence"] >= 0 and state["visible"] == [True]
+
+
+def test_it_finds_a_service_that_comes_later_and_outlives_one_that_is_killed(
+    watch, serve, blob_puppet, take, free_port
+):
+    port = free_port()
+    service = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port)
+    watched = watch({"port": port})
+    watched.until(lambda state: not state["connected"])
+    first = serve(*service)
+    before = watched.until(moves)
+    first.stop(signal.SIGKILL)
+    watched.until_signal("disconnected")
+    gone = watched.until_next(lambda state: not state["connected"])
+    assert gone["visible"] == [True]  # it stays as it was
+    serve(*service)
+    back = watched.until_next(moves)
+    assert sorted(watched.signals()[:4]) == sorted(ARRIVAL)
+    assert watched.signals()[4:6] == ["performer_lost", "disconnected"]
+    assert set(watched.signals()[6:9]) == {"connected", "performer_found", "performer_calibrated"}
+    assert watched.signals().count("scene_loaded") == 1
+    assert (back["instances"], back["meshes"]) == (before["instances"], before["meshes"])
+    watched.end()
+
+
+def test_two_nodes_of_one_service_share_what_does_not_change(watch, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    settings = {"port": port_of(service), "character": "blob"}
+    watched = watch(settings, {**settings, "interpolation_delay": 0.5})
+    one, other = watched.until(moves), watched.until(moves, puppet=1)
+    assert one["meshes"] == other["meshes"]
+    assert one["instances"] != other["instances"]
+    assert service.ask("describe")["status"]["clients"]["connected"] == 1
+    late = watched.until_next(lambda state: state["waiting"] > 5, puppet=1)
+    assert late["lost"] == 0
+    assert one["saved"] == other["saved"] == 1  # nothing of it is saved with a scene
+    watched.end()
+
+
+def test_another_version_of_the_character_takes_the_place_of_the_one_before(
+    watch, serve, blob_file, write_puppet, take
+):
+    puppet = write_puppet(blob_file.with_name("changed.toml"), blob_file.name)
+    service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": port_of(service)})
+    before = watched.until(moves)
+    write_puppet(puppet, blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
+    assert service.ask("reload") == {"characters": ["changed"]}
+    watched.until(lambda state: moves(state) and state["instances"] != before["instances"])
+    assert watched.signals().count("scene_loaded") == 2
+    assert watched.until_next(moves)["damaged"] == 0
+    assert all(any(state["visible"]) for state in watched.states()[watched.states().index(before) :])
+    watched.end()
+
+
+def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch, serve, blob_puppet, take, token_file):
+    source = f"replay:{take}?loop"
+    service = serve("--puppet", blob_puppet, "--source", source, "--token-file", token_file, "--calibrate", "at_once")
+    watched = watch({"port": port_of(service), "token": "wrong"})
+    why = f"The service at 127.0.0.1:{port_of(service)} does not know this token."
+    watched.until_signal("refused", why)
+    assert watched.until_next(lambda _state: True)["warnings"] == [f"The service does not let us in: {why}"]
+    watched.order(set={"token": TOKEN})
+    assert watched.until(moves)["warnings"] == []
+    assert watched.signals().count("refused") == 1
+    assert service.ask("describe", token=TOKEN.encode())["status"]["clients"]["refused"] == 1
+    lines = watched.end()
+    assert sum("refuses us" in line for line in lines) == 1
+
+
+def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):
+    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
+    settings = {"port": port_of(service)}
+    watched = watch({**settings, "user_slot": 1}, {**settings, "user_slot": 2}, settings)
+    assert watched.until(lambda state: state["sequence"] > 0)["visible"] == [False]
+    assert watched.until(lambda state: state["sequence"] > 0, puppet=2)["visible"] == [True]  # and rests
+    sender.play(
+        frames(np.tile(standing, (1800, 1, 1))), until=lambda: watched.signals(2)[-1:] == ["performer_calibrated"]
+    )
+    assert watched.until(lambda state: state["calibrated"])["user"] == 1
+    watched.until_next(lambda state: state["visible"] == [True])
+    assert watched.until_next(lambda _state: True, puppet=1)["visible"] == [False]
+    sender.lose()
+    watched.until_signal("performer_lost", 1)
+    watched.until_next(lambda state: state["visible"] == [False])
+    assert watched.signals(1) == ["connected", "scene_loaded"]
+    assert [name for name in watched.signals(2) if "performer" in name] == [
+        "performer_found",
+        "performer_calibrated",
+        "performer_lost",
+    ]
+    watched.end()
+
+
+def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": port_of(service)})
+    watched.until(moves)
+    watched.order(request={"do": "ping"})
+    assert watched.reply() == {"id": 1, "ok": True, "result": "pong"}
+    watched.order(call=["set_mirror", True])
+    watched.until_signal("performer_calibrated", 1)
+    watched.order(call=["start_recording", "mine"])
+    watched.until_signal("take_started", "mine")
+    watched.order(call=["stop_recording"])
+    watched.until_signal("take_stopped", "mine")
+    [character] = service.ask("describe")["characters"]
+    assert character["mirror"] is True
+    assert [take["name"] for take in service.ask("list")["takes"]] == ["mine"]
+    found = watched.signals().count("performer_calibrated")
+    watched.order(call=["calibrate"])
+    watched.until_next(lambda _state: watched.signals().count("performer_calibrated") > found)
+    watched.order(call=["start_recording", "../mine"])
+    watched.order(request={"do": "ping"})
+    watched.until_next(lambda _state: True)
+    time.sleep(0.5)
+    lines = watched.end()
+    assert any("WARNING" in line and "../mine" in line for line in lines)
+
+
+def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_puppet, take):
+    one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
+    source = f"replay:{take}?loop"
+    service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
+    watched = watch({"port": port_of(service)})
+    assert watched.until(moves)["character"] == "one"
+    watched.order(set={"character": "two"})
+    assert watched.until(lambda state: moves(state) and state["character"] == "two")["warnings"] == []
+    watched.order(set={"mode": 1, "follow_root": False})
+    watched.until(moves)
+    watched.order(set={"character": "three"})
+    nobody = watched.until(lambda state: state["warnings"])
+    assert nobody["warnings"] == ["The service has no character 'three', but: one, two."]
+    assert nobody["meshes"] == []
+    watched.order(set={"character": ""})
+    assert watched.until(moves)["character"] == "one"
+    watched.order(set={"mode": 2})
+    watched.until(lambda state: len(state["warnings"]) == 2)
+    watched.end()
+
+
+def test_a_mesh_of_another_puppet_is_not_used(
+    watch, serve, add_glb, blob_file, blob_puppet, write_puppet, take, tmp_path
+):
+    other = write_puppet(blob_file.with_name("other.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
+    write_ladder(other, tmp_path / "other.glb")
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": port_of(service), "mesh_source": add_glb(tmp_path / "other.glb")})
+    state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
+    assert "make it anew" in state["warnings"][0]
+    assert sum("make it anew" in line for line in watched.end()) == 1
+
+
+class StandIn:
+    """A publisher in the place of the service, which says of a real character what the service never would."""
+
+    def __init__(self, socket, rig):
+        self._socket, self._sequence = socket, 0
+        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
+        self._character = StreamedCharacter("blob", rig, 1)
+        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
+        self.scenes = 0
+
+    def answer(self):
+        """Send what has been asked for."""
+        while self._socket.poll(20):
+            asked = self._socket.recv()
+            name = asked[1:].rstrip(b"\0").decode()
+            if asked[0] and "/scene/" in name:
+                self.scenes += 1
+                self.send(name, Kind.SCENE, self._character.scene, revision=1)
+            if asked[0] and name == "service/characters":
+                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
+
+    def send(self, name, kind, payload, **header):
+        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
+
+    def frame(self, payload=None, revision=1):
+        self._sequence += 1
+        payload = self.controls if payload is None else payload
+        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
+        self.send("blob/controls", Kind.CONTROLS, payload, **header)
+
+    def until(self, happened, *frames):
+        """Send frames over and over until something has happened."""
+        give_up = time.monotonic() + 60
+        while not happened():
+            assert time.monotonic() < give_up
+            self.answer()
+            for frame in frames:
+                self.frame(**frame)
+
+
+@pytest.fixture
+def stand_in(blob_rig):
+    with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
+        publisher.linger = 0
+        yield StandIn(publisher, blob_rig)
+
+
+def test_frames_that_are_wrong_are_as_good_as_none(watch, stand_in):
+    watched = watch({"port": stand_in.port})
+    stand_in.until(lambda: any(state["visible"] == [True] for state in watched.states()), {})
+    good = watched.states()[-1]
+    wrong = [{"payload": b""}, {"payload": stand_in.controls[:-4]}, {"payload": stand_in.controls + bytes(48)}]
+    stand_in.until(lambda: watched.states()[-1]["damaged"] > 30, *wrong)
+    infinite = np.frombuffer(stand_in.controls, "<f4").copy()
+    for value in np.nan, np.inf, 1e38:
+        infinite[:] = value
+        shown = watched.states()[-1]["sequence"]
+        stand_in.until(
+            lambda shown=shown: watched.states()[-1]["sequence"] > shown + 10, {"payload": infinite.tobytes()}
+        )
+    shown, asked = watched.states()[-1]["sequence"], stand_in.scenes
+    stand_in.until(lambda: stand_in.scenes > asked + 1, {"revision": 2})
+    assert watched.states()[-1]["sequence"] <= shown + 64
+    stand_in.until(lambda: watched.states()[-1]["sequence"] > shown + 200, {})
+    assert watched.states()[-1]["instances"] == good["instances"]  # it has never been made anew
+    assert watched.signals().count("scene_loaded") == 1
+    watched.end()
+
+
+EDITED = """[gd_scene load_steps=2 format=3]
+[ext_resource type="Script" path="res://addons/puppetline/puppet_3d.gd" id="1"]
+[node name="Edited" type="Node3D"]
+[node name="Puppet" type="Node3D" parent="."]
+script = ExtResource("1")
+port = {port}
+preview_in_editor = {preview}
+"""
+
+
+@pytest.mark.parametrize("preview", [True, False])
+def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, blob_puppet, take, preview):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
+    (project / "edited.tscn").write_text(EDITED.format(port=port_of(service), preview=str(preview).lower()))
+    command = [godot, "--headless", "--editor", "--path", project, "res://edited.tscn"]
+    most = 0
+    with (project / "said").open("w+") as said:
+        with subprocess.Popen([*map(str, command), "--quit-after", "200"], stdout=said, stderr=said) as editor:
+            while editor.poll() is None:
+                most = max(most, service.ask("describe")["status"]["clients"]["connected"])
+                time.sleep(0.2)
+        said.seek(0)
+        assert "SCRIPT ERROR" not in said.read()
+    assert editor.returncode == 0
+    assert most == int(preview)

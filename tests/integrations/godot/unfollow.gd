@@ -1,0 +1,49 @@
+extends "teller.gd"
+## Two who follow the same, of whom the first that is called sends the other one away: HOST PORT. They come anew, when
+## there is a message already, as soon as the topic "late" comes.
+
+const Stream := preload("res://addons/puppetline/wire/stream.gd")
+const Message := preload("res://addons/puppetline/wire/message.gd")
+
+const TOPIC := "dog/performer"
+
+var _stream: Stream
+
+
+func _initialize() -> void:
+	super()
+	_stream = Stream.shared(arguments()[0], int(arguments()[1]))
+	_stream.follow(TOPIC, _one)
+	_stream.follow(TOPIC, _other)
+	_stream.follow("late", _come_late)
+
+
+func _process(_delta: float) -> bool:
+	_stream.poll()
+	if is_over():
+		for receiver: Callable in [_one, _other, _keep]:
+			_stream.unfollow(TOPIC, receiver)
+		tell({"remembered": _stream._asked.keys()})
+	return is_over()
+
+
+func _come_late(_message: Message) -> void:
+	_stream.follow(TOPIC, _keep)
+	_stream.unfollow(TOPIC, _one)
+	_stream.unfollow(TOPIC, _other)
+	_stream.follow(TOPIC, _one)
+	_stream.follow(TOPIC, _other)
+
+
+func _one(message: Message) -> void:
+	tell({"who": "one", "sequence": message.sequence})
+	_stream.unfollow(TOPIC, _other)
+
+
+func _other(message: Message) -> void:
+	tell({"who": "other", "sequence": message.sequence})
+	_stream.unfollow(TOPIC, _one)
+
+
+func _keep(_message: Message) -> void:
+	pass

@@ -16,12 +16,13 @@ def load(path: Path) -> ModuleType:
 
 figure = load(BRIDGE / "conftest.py")
 own_cache, new_glb = figure.own_cache, figure.new_glb
-make_shape, blob, blob_file, write_puppet, blob_puppet = (
+make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig = (
     figure.make_shape,
     figure.blob,
     figure.blob_file,
     figure.write_puppet,
     figure.blob_puppet,
+    figure.blob_rig,
 )
 standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
 

@@ -12,10 +12,9 @@ import zmq
 from engine_bridge.ladder import write_ladder
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
-from engine_bridge.rig import load_rig
 from solver.deformer import to_file_units
 
-TOKEN = "a token for tests"
+TOKEN = "a-token-for-tests"
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
 
 

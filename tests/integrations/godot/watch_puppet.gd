@@ -14,7 +14,7 @@ func _initialize() -> void:
 	super()
 	for settings: Dictionary in JSON.parse_string(arguments()[0]):
 		var puppet := Puppet3D.new()
-		_set(puppet, settings)
+		_apply(puppet, settings)
 		_listen(puppet, _puppets.size())
 		_puppets.append(puppet)
 		root.add_child(puppet)
@@ -45,7 +45,7 @@ func _obey(lines: PackedStringArray) -> void:
 	for line in lines.slice(_done):
 		var wanted: Dictionary = JSON.parse_string(line)
 		var puppet := _puppets[wanted["puppet"]]
-		_set(puppet, wanted.get("set", {}))
+		_apply(puppet, wanted.get("set", {}))
 		if "request" in wanted:
 			puppet.request(wanted["request"], func(reply: Dictionary) -> void: tell({"reply": reply}))
 		if "call" in wanted:
@@ -53,7 +53,7 @@ func _obey(lines: PackedStringArray) -> void:
 		_done += 1
 
 
-func _set(puppet: Puppet3D, settings: Dictionary) -> void:
+func _apply(puppet: Puppet3D, settings: Dictionary) -> void:
 	for property: String in settings:
 		puppet.set(property, load(settings[property]) if property == "mesh_source" else settings[property])
 

@@ -19,7 +19,7 @@ from .conftest import HERE, PATIENCE, array
 
 FRAMES = 20
 FEW, EVERY = 6, 25
-"""So many frames of a large character are looked at, one in so many: what tests tell each other is longer than what is sent."""
+"""So many frames of a large character, one in so many: what tests tell each other is longer than what is sent."""
 
 
 @pytest.fixture

@@ -1,8 +1,8 @@
 extends "teller.gd"
 ## Draws a character twice in each of many materials, by Godot's own material and by what the addon makes of it:
 ## FOLDER of scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and bent, the vertices of
-## the latter), which pictures are written to as well. With the path of an imported scene after it, that is drawn as it is
-## and by the addon, and nothing else.
+## the latter), which pictures are written to as well. With the path of an imported scene after it, that is drawn as it
+## is and by the addon, and nothing else.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

@@ -1,7 +1,7 @@
 extends "teller.gd"
 ## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
-## "apart": frames between two of them at least, "file": where positions are written, 3 floats a vertex; in MORPHS, those
-## at rest first}.
+## "apart": frames between two of them at least, "file": where positions are written, 3 floats a vertex; in MORPHS,
+## those at rest first}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",

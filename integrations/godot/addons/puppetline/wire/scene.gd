@@ -56,7 +56,8 @@ static func parse(payload: PackedByteArray) -> Scene:
 	var scene := Scene.new()
 	if scene._read(payload):
 		return scene
-	push_warning("Puppetline: a scene came that cannot be used: %s. Is this the service's port?" % scene._fault)
+	var fault := scene._fault if scene._fault else "something in it is not as it should be"
+	push_warning("Puppetline: a scene came that cannot be used: %s. Is this the service's port?" % fault)
 	return null
 
 
@@ -118,7 +119,9 @@ func _read_arrays(payload: PackedByteArray) -> bool:
 		uv = _vectors(_bytes(payload, "uv", "f32", [vertex_count, 2]), TYPE_PACKED_VECTOR2_ARRAY, 8)
 	if _directory().has("colors"):
 		colors = _bytes(payload, "colors", "f32", [vertex_count, 3]).to_float32_array()
-	return _fault.is_empty()
+	var ladders := vertex_count * field_count
+	var are_whole := positions.size() == vertex_count and normals.size() == vertex_count
+	return _fault.is_empty() and are_whole and ladder.size() == ladders and slopes.size() == 2 * ladders
 
 
 func _check_triangles() -> bool:
@@ -189,7 +192,7 @@ func _directory() -> Dictionary:
 	return found if found is Dictionary else {}
 
 
-## Return the bytes of an array, or those of one of zeros if it is not there as it should be.
+## Return the bytes of an array, or none if it is not there as it should be.
 func _bytes(payload: PackedByteArray, name: String, type: String, shape: Array[int]) -> PackedByteArray:
 	if not _fault.is_empty():
 		return PackedByteArray()

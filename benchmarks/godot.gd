@@ -1,0 +1,63 @@
+extends SceneTree
+## Times the processing of characters of a running service: PORT and their names. Prints one line of JSON.
+
+const WARM_UP := 120
+const FRAMES := 600
+
+var _puppets: Array[Puppet3D] = []
+var _settled := 0
+var _receiving := PackedFloat64Array()
+var _processing := PackedFloat64Array()
+var _first := 0
+var _began := 0
+
+
+func _initialize() -> void:
+	Engine.max_fps = 60
+	var arguments := OS.get_cmdline_user_args()
+	for name in arguments.slice(1):
+		var puppet := Puppet3D.new()
+		puppet.port = int(arguments[0])
+		puppet.character = name
+		puppet.set_process(false)
+		_puppets.append(puppet)
+		root.add_child(puppet)
+
+
+func _process(delta: float) -> bool:
+	var start := Time.get_ticks_usec()
+	if _puppets[0]._stream != null:
+		_puppets[0]._stream.poll()  # all of them share it, and it works once a frame
+	var received := Time.get_ticks_usec()
+	for puppet in _puppets:
+		puppet._process(delta)
+	var done := Time.get_ticks_usec()
+	if not _puppets.all(func(puppet: Puppet3D) -> bool: return puppet.statistics()["sequence"] > 0):
+		return false
+	_settled += 1
+	if _settled == WARM_UP:
+		_first = _sequences()
+		_began = start
+	if _settled >= WARM_UP:
+		_receiving.append((received - start) / float(_puppets.size()))
+		_processing.append((done - received) / float(_puppets.size()))
+	if _settled < WARM_UP + FRAMES:
+		return false
+	var frames := (_sequences() - _first) / float(_puppets.size())
+	var found := {
+		"receiving_us": Array(_receiving),
+		"processing_us": Array(_processing),
+		"frames_a_second": frames / (1e-6 * (done - _began)),
+		"renderer": RenderingServer.get_video_adapter_name(),
+	}
+	print("RESULT ", JSON.stringify(found))
+	for puppet in _puppets:
+		puppet.free()
+	return true
+
+
+func _sequences() -> int:
+	var sum := 0
+	for puppet in _puppets:
+		sum += puppet.statistics()["sequence"]
+	return sum

@@ -1,32 +1,39 @@
-"""What a frame costs the scripts of the Godot addon: python -m benchmarks.godot [--data FOLDER]
+"""Time what characters cost a game in Godot, by controls: ``python -m benchmarks.godot [--data FOLDER]``.
 
-Characters of a service are played 30 times a second, and shown in CONTROLS by a Puppet3D each, in a real Godot at 60
-frames a second. FOLDER is searched for armadillo.obj as by `benchmarks.performance`. Godot 4 is `godot`, or what the
-environment variable GODOT says. With xvfb-run at hand, frames go to an OpenGL driver, else nowhere.
+The real service plays each character by a recording of its own; Godot (of the environment variable GODOT, or of PATH)
+runs without a display and follows them with one Puppet3D each, 60 frames a second. Timed is what the node does in a
+frame, and beside it reading the connection, which all nodes of a service share. What the graphics card does is not.
 """
 
 import argparse
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from statistics import median
+from typing import Any
 
-from benchmarks.live_peers import free_udp_port, sender, serving, settings
+import numpy as np
+
 from engine_bridge import bench
-from engine_bridge.bench_process import CHARACTER
+from engine_bridge.bench import number
+from engine_bridge.bench_process import CHARACTER, LOG
+from engine_bridge.rig import load_rig
 
-ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons"
-SCRIPT = Path(__file__).with_name("godot_frames.gd")
-GODOT = os.environ.get("GODOT", "godot")
-NUMBERS = (1, 4, 16)
-RUNS = 3
-FRAMES = 600
+ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
+SCRIPT = Path(__file__).with_suffix(".gd")
+CROWDS = (1, 4, 16)
 GOAL = 0.3
-TRANSFORMS = 3840
+"""Milliseconds of script a frame and character."""
+PROJECT = 'config_version=5\n[application]\nconfig/name="Benchmark"\n'
+TRANSFORM = 48
+"""Bytes."""
 
 
 def main() -> None:
@@ -34,56 +41,82 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as name, bench.own_cache(Path(name)):
-        subject = Path(name) / "subject"
-        subject.mkdir()
-        character = bench.prepare(subject, mesh, 60)
-        project = make_project(Path(name) / "project")
-        print(f"{character['name']}: {character['vertices']:,} vertices; {bench.machine()['processor']}")
-        print("| characters | script a frame, each, ms | 99th percentile | goal, ms | uploaded a second, each |")
-        print("| --- | --- | --- | --- | --- |")
-        for number in NUMBERS:
-            runs = [measure(Path(name), subject / CHARACTER, project, number) for _ in range(RUNS)]
-            each, worst, rate = (
-                median(run[key] for run in runs) / (1 if key == "arrived" else number)
-                for key in ("median_ms", "p99_ms", "arrived")
-            )
-            print(f"| {number} | {each:.3f} | {worst:.3f} | ≤ {GOAL} | {rate:.0f} × {TRANSFORMS:,} bytes |", flush=True)
+    godot = shutil.which(os.environ.get("GODOT", "godot"))
+    if godot is None:
+        parser.error("Godot is not here: put `godot` on PATH, or its path into GODOT")
+    with tempfile.TemporaryDirectory() as place, bench.own_cache(Path(place)):
+        folder = Path(place)
+        character = bench.prepare(folder, mesh, 900)
+        load_rig(folder / CHARACTER)  # so that all processes find it
+        project = _make_project(godot, folder / "project")
+        found = {count: _measure(godot, project, folder, count) for count in CROWDS}
+        model = load_rig(folder / CHARACTER).model
+        upload = TRANSFORM * len(model.rest_controls) // 4
+    version = subprocess.run([godot, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    load = os.getloadavg()[0]
+    print(f"{character['name']}: {character['vertices']:,} vertices; Godot {version}; load {load:.1f} after\n")
+    print("\n".join(_table(found, upload)))
 
 
-def make_project(folder: Path) -> Path:
-    """Make a Godot project with the addon, and let Godot look at it once."""
-    shutil.copytree(ADDON, folder / "addons")
-    shutil.copy(SCRIPT, folder)
-    (folder / "project.godot").write_text(
-        'config_version=5\n\n[application]\n\nconfig/features=PackedStringArray("4.3", "GL Compatibility")\n\n'
-        '[rendering]\n\nrenderer/rendering_method="gl_compatibility"\n',
-        encoding="utf-8",
-    )
-    subprocess.run([GODOT, "--headless", "--path", folder, "--import"], check=True, capture_output=True)
+def _make_project(godot: str, folder: Path) -> Path:
+    shutil.copytree(ADDON, folder / "addons" / "puppetline")
+    shutil.copy(SCRIPT, folder / "benchmark.gd")
+    (folder / "project.godot").write_text(PROJECT)
+    subprocess.run([godot, "--headless", "--path", folder, "--import"], capture_output=True, check=True)
     return folder
 
 
-def measure(folder: Path, puppet: Path, project: Path, number: int) -> dict[str, float]:
-    """Run Godot beside a service with so many characters, each with a performer."""
-    display = ["--headless"]
-    command: list[str | Path] = [GODOT]
-    if shutil.which("xvfb-run"):
-        display = ["--rendering-driver", "opengl3", "--audio-driver", "Dummy"]
-        command = ["xvfb-run", "-a", GODOT]
-    names = [f"character{n}" for n in range(1, number + 1)]
-    port = free_udp_port()
-    with serving(folder / f"serving{number}", settings(dict.fromkeys(names, puppet), port)) as service:
-        performers = sender(port, [(30.0, 1_000_000)], number)
-        stream = service.stream.rpartition(":")[2]
-        script = ["--path", project, "-s", f"res://{SCRIPT.name}", "--", stream, str(FRAMES), *names]
-        run = subprocess.run([*command, *display, *script], capture_output=True, text=True, check=False, timeout=300)
-        performers.end()
-    told = [line for line in run.stdout.splitlines() if line.startswith("RESULT ")]
-    if not told:
-        raise SystemExit(f"Godot has not said how it was:\n{run.stdout}\n{run.stderr}")
-    print(f"{number}: {told[0]}", file=sys.stderr, flush=True)
-    return json.loads(told[0].removeprefix("RESULT "))
+def _measure(godot: str, project: Path, folder: Path, count: int) -> dict[str, Any]:
+    names = [f"character_{number}" for number in range(count)]
+    for name in names:
+        shutil.copy(folder / CHARACTER, folder / f"{name}.toml")
+    with _serving(folder, names) as port:
+        command = [godot, "--headless", "--path", project, "-s", "res://benchmark.gd", "--", port, *names]
+        said = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, timeout=600).stdout
+    [result] = re.findall(r"^RESULT (.*)$", said, re.MULTILINE)
+    found: dict[str, Any] = json.loads(result)
+    return found
+
+
+@contextmanager
+def _serving(folder: Path, names: list[str]) -> Iterator[int]:
+    """Run the service until it is not needed any more; yield its port."""
+    played = [part for name in names for part in ("--puppet", folder / f"{name}.toml")]
+    sources = [part for _ in names for part in ("--source", f"replay:{folder / LOG}?loop")]
+    command = [sys.executable, "-m", "puppetline", "serve", *played, *sources, "--port", "0", "--no-announce"]
+    log = folder / "serve.log"
+    with log.open("w") as said:
+        arguments = [*map(str, command), "--log-format", "json", "--takes", str(folder / "takes")]
+        with subprocess.Popen(arguments, stderr=said) as service:
+            try:
+                yield _port(service, log)
+            finally:
+                service.terminate()
+
+
+def _port(service: subprocess.Popen[bytes], log: Path) -> int:
+    while service.poll() is None:
+        for line in log.read_text().splitlines():
+            if '"serving"' in line:
+                return int(json.loads(line)["fields"]["stream"][0].rpartition(":")[2])
+        time.sleep(0.1)
+    raise SystemExit(f"The service has ended: {log.read_text()}")
+
+
+def _table(found: dict[int, dict[str, Any]], upload: int) -> Iterator[str]:
+    yield (
+        "| characters | script, ms a frame and character: median | mean | 99th percentile | goal | reading, mean | "
+        "uploaded, bytes a frame that came | frames a second that came |"
+    )
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
+    for count, each in found.items():
+        script, reading = (1e-3 * np.array(each[name]) for name in ("processing_us", "receiving_us"))
+        middle = float(np.median(script))
+        figures = (middle, float(script.mean()), float(np.percentile(script, 99)))
+        met = "met" if middle <= GOAL else f"missed, {number(middle / GOAL)} × the goal"
+        measured = " | ".join(map(number, figures))
+        rest = f"{number(float(reading.mean()))} | {upload:,} | {each['frames_a_second']:.1f}"
+        yield f"| {count} | {measured} | ≤ {GOAL:g}: {met} | {rest} |"
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from engine_bridge.live.payloads import decode
 from engine_bridge.live.role import Manner, Role
 from engine_bridge.live.stage import Direction, Stage
 
-PATIENCE = 60.0
+PATIENCE = 180.0
 """Seconds after which a test gives up: a first start compiles."""
 
 MANNER, DIRECTION = Manner(), Direction()
@@ -185,7 +185,11 @@ class Served:
         self._read = threading.Thread(target=self._follow)
         self._read.start()
         self._clients = []
-        serving = self.logged("serving")
+        try:
+            serving = self.logged("serving")
+        except AssertionError:
+            self.process.kill()
+            raise
         if serving is not None:
             self.stream, self.control = serving["fields"]["stream"][0], serving["fields"]["control"][0]
 

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 DEMO = HERE.parents[2] / "integrations" / "godot"
 PORTS = (7400, 7401)
@@ -147,7 +149,6 @@ def demo_live(tmp_path_factory, own_cache):
         rest.join()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("script", "scene"), [("demo_kiosk.gd", "kiosk"), ("demo_film.gd", "film")])
 def test_a_scene_shows_the_example_characters_as_it_is(script, scene, demo_live, start_godot, tmp_path):
     """A picture with the characters and one without differ in a good part of the pixels."""

@@ -11,6 +11,8 @@ from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.scene import Scene
 from engine_bridge.rig import load_rig
 
+pytestmark = pytest.mark.slow
+
 SETTINGS = {
     "the importer's defaults": {},
     "no levels of detail": {"meshes/generate_lods": "false"},
@@ -35,10 +37,7 @@ def imported(godot, project, run_godot, puppet, settings):
     return run_godot("imported_file.gd", "res://figure.glb")
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [pytest.param(each, marks=[pytest.mark.slow] if each else [], id=name) for name, each in SETTINGS.items()],
-)
+@pytest.mark.parametrize("settings", SETTINGS.values(), ids=SETTINGS)
 def test_customs_are_those_of_the_scene_by_number(settings, godot, project, run_godot, blob_puppet):
     (surface,) = imported(godot, project, run_godot, blob_puppet, settings)
     scene = Scene.decode(StreamedCharacter("figure", load_rig(blob_puppet), 1).scene)

@@ -2,6 +2,7 @@
 
 import json
 import signal
+import socket
 import subprocess
 import time
 
@@ -204,6 +205,35 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     time.sleep(0.5)
     lines = watched.end()
     assert any("WARNING" in line and "../mine" in line for line in lines)
+
+
+def test_another_slot_tells_of_its_own_performer_at_once(watch, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": port_of(service), "user_slot": 99})
+    watched.until(lambda state: state["visible"] == [False] and state["sequence"] >= 0)
+    assert "performer_found" not in watched.signals()
+    user = service.ask("describe")["characters"][0]["performer"]
+    watched.order(set={"user_slot": user})
+    assert watched.until(moves)["user"] == user
+    assert watched.signals()[-2:] == ["performer_found", "performer_calibrated"]
+    watched.end()
+
+
+def test_a_request_is_answered_though_the_node_goes_elsewhere(watch, free_port):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        watched = watch({"port": silent.getsockname()[1] - 1})
+        watched.order(request={"do": "ping"})
+        watched.until(lambda _state: True)
+        watched.order(set={"port": free_port()})
+        assert watched.reply()["error"]["found"] == "that this node has left the service"
+        watched.end()
+
+
+def test_a_request_is_answered_though_there_is_no_service_in_the_network(watch):
+    watched = watch({"host": ""})
+    watched.order(request={"do": "ping"})
+    assert watched.reply()["error"]["found"] == "no service"
+    watched.end()
 
 
 def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_puppet, take):

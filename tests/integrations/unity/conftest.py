@@ -188,7 +188,7 @@ class Reference:
                 socket.subscribe(f"{topic}\0".encode())
             socket.connect(address)
             while not self._ended:
-                while socket.poll(50):
+                if socket.poll(50):
                     message = decode(socket.recv())
                     if "/scene/" in message.topic:
                         self.scene = message.body

@@ -77,7 +77,10 @@ const _MOST_ARRIVALS := 256
 		_link_stale = _link_stale or value != character
 		character = value
 ## Show the character only while the performer of this number plays it. −1: always.
-@export var user_slot := -1
+@export var user_slot := -1:
+	set(value):
+		user_slot = value
+		_notice_performer(_last_user, _last_state)
 ## How the character comes.
 @export var mode := Mode.CONTROLS:
 	set(value):
@@ -89,6 +92,7 @@ const _MOST_ARRIVALS := 256
 	set(value):
 		_body_stale = _body_stale or value != mesh_source
 		mesh_source = value
+		_hide_preview()
 		_hide_preview()
 ## Materials in the place of the character's own, by surface; where one is empty, the character keeps its own. Standard
 ## materials are copied. A shader material has to call what `addons/puppetline/play/puppet.gdshaderinc` says.
@@ -127,6 +131,8 @@ var _names: Array[String] = []  # of all characters
 var _state := Stream.State.OFFLINE
 var _link_stale := false
 var _body_stale := false
+var _last_user := Message.NOBODY  # as the service said
+var _last_state := Message.PerformerState.WAITING
 var _user := Message.NOBODY
 var _calibrated := false
 var _takes: Array[String] = []
@@ -162,10 +168,17 @@ func _get_configuration_warnings() -> PackedStringArray:
 ## Ask the service to do something, see docs/control.md; `done` is called with its reply, or with the like of one if
 ## none comes.
 func request(body: Dictionary, done := Callable()) -> void:
+	var answered := done if done.is_valid() else _warn_of_failure
+	var address := host if _stream == null else _stream.host
+	if address.is_empty():
+		var fix := "Start one, or name its host."
+		var error := {"where": name, "found": "no service", "expected": "one in the network", "fix": fix}
+		answered.call({"ok": false, "error": error})
+		return
 	if _control == null:
-		var there := host if _stream == null else _stream.host
-		_control = ControlSocket.new(there, _control_port if _control_port > 0 else port + 1, token)
-	_control.request(body, done if done.is_valid() else _warn_of_failure)
+		var next := 1 + (port if _stream == null else _stream.port)
+		_control = ControlSocket.new(address, _control_port if _control_port > 0 else next, token)
+	_control.request(body, answered)
 
 
 ## Take the performer's pose as it is now for the rest pose.
@@ -214,11 +227,14 @@ func statistics() -> Dictionary:
 
 
 func _play() -> void:
-	if _stream == null and not _join():
-		return
-	_stream.poll()
+	# Whoever is called back may take this node away from the service, or out of the scene.
 	if _control != null:
 		_control.poll()
+	if not is_inside_tree() or (_stream == null and not _join()):
+		return
+	_stream.poll()
+	if _stream == null:
+		return
 	_notice_state()
 	if _shared == null:
 		return
@@ -255,6 +271,7 @@ func _join() -> bool:
 ## Leave the service, and show nothing any more.
 func _leave() -> void:
 	_link_stale = false
+	_leave_control()
 	if _stream == null:
 		return
 	_unfollow_character()
@@ -262,9 +279,16 @@ func _leave() -> void:
 	_stream.unfollow(_STATUS, _on_status)
 	_change_state(Stream.State.OFFLINE)
 	_stream = null
-	_control = null
 	_discovery = null
 	_names.clear()
+
+
+func _leave_control() -> void:
+	var left := _control
+	_control = null
+	_control_port = 0
+	if left != null:
+		left.give_up("that this node has left the service")
 
 
 func _follow_character(which: String) -> void:
@@ -347,7 +371,7 @@ func _own_character() -> Node3D:
 
 func _show() -> void:
 	_body.show_frames(_buffer.earlier, _buffer.later, _buffer.share)
-	_body.visible = user_slot < 0 or _buffer.earlier.user == user_slot
+	_body.visible = user_slot < 0 or (_state == Stream.State.CONNECTED and _buffer.earlier.user == user_slot)
 	if _last_body != null:
 		_last_body.queue_free()
 		_last_body = null
@@ -429,6 +453,8 @@ func _on_performer(message: Message) -> void:
 
 
 func _notice_performer(user: int, state: Message.PerformerState) -> void:
+	_last_user = user
+	_last_state = state
 	var plays := state == Message.PerformerState.CALIBRATING or state == Message.PerformerState.PERFORMING
 	var now := user if plays and (user_slot < 0 or user == user_slot) else Message.NOBODY
 	if now != _user:
@@ -437,8 +463,10 @@ func _notice_performer(user: int, state: Message.PerformerState) -> void:
 		_calibrated = false
 		if before != Message.NOBODY:
 			performer_lost.emit(before)
-		if now != Message.NOBODY:
+		if now != Message.NOBODY and now == _user:
 			performer_found.emit(now)
+	if now != _user:
+		return  # whoever heard that has changed it
 	var calibrated := now != Message.NOBODY and state == Message.PerformerState.PERFORMING
 	if calibrated and not _calibrated:
 		performer_calibrated.emit(now)

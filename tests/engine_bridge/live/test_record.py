@@ -151,11 +151,13 @@ def test_a_place_that_cannot_be_written_is_refused_before_anything_is_taken(tmp_
 
 
 CHILD = """
+import signal
 import sys
 from pathlib import Path
 from puppetline.examples.performances import PERFORMANCES
 from capture.replay import TakeSource
 from engine_bridge.live.record import record
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
 source = TakeSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
 print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)
 """

@@ -16,7 +16,7 @@ uniform vec3 size;
 varying flat int bits;
 
 void vertex() {
-	puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);
+	VERTEX = puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);
 	vec3 place = (VERTEX - low) / size;
 	int number = (picture - 1) / 2;
 	vec3 turned = 0.25 * (number < 6 ? NORMAL : TANGENT) + 0.5;

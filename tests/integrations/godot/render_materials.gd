@@ -107,6 +107,20 @@ const CASES: Dictionary = {
 	"colors": {"vertex_color_use_as_albedo": true},
 }
 
+const USERS_SHADER := """
+shader_type spatial;
+#include "res://addons/puppetline/play/puppet.gdshaderinc"
+uniform vec4 tint : source_color;
+
+void vertex() {
+	VERTEX = puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);
+}
+
+void fragment() {
+	ALBEDO = tint.rgb;
+}
+"""
+
 var _folder := ""
 var _stage := SubViewport.new()
 var _shared: SharedScene
@@ -142,14 +156,20 @@ func _draw(case: String) -> void:
 
 func _draw_bent() -> void:
 	var material := _material(CASES["mapping"], false)
-	var vertices := _message("vertices").payload
 	var own := MeshInstance3D.new()
-	own.mesh = _mesh(_vectors(vertices.slice(0, vertices.size() / 2)), _vectors(vertices.slice(vertices.size() / 2)))
+	own.mesh = _bent_mesh()
 	own.material_override = material
 	await _photograph(own, "bent own")
 	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
 	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
 	tell({"case": "bent"})
+	own = MeshInstance3D.new()
+	own.mesh = _bent_mesh()
+	own.material_override = StandardMaterial3D.new()
+	own.material_override.albedo_color = Color(0.8, 0.5, 0.2)
+	await _photograph(own, "user's own")
+	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", _users_material()), "user's made")
+	tell({"case": "user's"})
 
 
 func _draw_imported(scene: PackedScene) -> void:
@@ -206,6 +226,19 @@ func _material(properties: Dictionary, orm: bool) -> BaseMaterial3D:
 		var value: Variant = properties[property]
 		material.set(property, _textures[value] if property in TEXTURES else value)
 	return material
+
+
+func _users_material() -> ShaderMaterial:
+	var material := ShaderMaterial.new()
+	material.shader = Shader.new()
+	material.shader.code = USERS_SHADER
+	material.set_shader_parameter(&"tint", Color(0.8, 0.5, 0.2))
+	return material
+
+
+func _bent_mesh() -> ArrayMesh:
+	var vertices := _message("vertices").payload
+	return _mesh(_vectors(vertices.slice(0, vertices.size() / 2)), _vectors(vertices.slice(vertices.size() / 2)))
 
 
 func _mesh(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayMesh:

@@ -61,7 +61,7 @@ def test_each_property_looks_the_same(run_godot, figure, tmp_path):
             assert np.abs(drawn[case] - drawn["plain"]).mean() > 0.02, f"{case} shows nothing of its own"
         assert_alike(drawn[case], picture(tmp_path / f"{case} made.png"))
     assert_alike(drawn["bent"], picture(tmp_path / "bent vertices.png"))
-    assert {"normal", "orm", "colors", "bent"} <= set(cases)
+    assert {"normal", "orm", "colors", "bent", "user's"} <= set(cases)
 
 
 @pytest.mark.slow

@@ -1,14 +1,17 @@
 """A Puppet3D through what happens to it: services that come, go, refuse and change, performers, takes, bad frames."""
 
 import json
+import secrets
 import signal
 import socket
 import subprocess
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 import zmq
+from zeroconf import Zeroconf
 
 from engine_bridge.ladder import write_ladder
 from engine_bridge.live.frame import StreamedCharacter
@@ -267,6 +270,33 @@ def test_a_mesh_of_another_puppet_is_not_used(
     state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
     assert "make it anew" in state["warnings"][0]
     assert sum("WARNING" in line and "make it anew" in line for line in watched.end()) == 1
+
+
+def multicast_works():
+    try:
+        with closing(Zeroconf(["127.0.0.1"])):
+            return True
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(not multicast_works(), reason="no multicast on loopback here")
+def test_a_service_that_has_the_character_is_found_in_the_network(
+    watch, serve, blob_file, write_puppet, take, tmp_path, free_port
+):
+    name = f"figure_{secrets.token_hex(4)}"  # there may be other services
+    puppet = write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name)
+    service = tmp_path / "service.toml"
+    service.write_text(
+        f'takes = "{tmp_path / "takes"}"\n[network]\nport = {free_port()}\n[[stage]]\n'
+        f'source = "replay:{take}?loop"\ncalibrate = "at_once"\n[[stage.character]]\npuppet = "{puppet}"\n'
+    )
+    watched = watch({"host": "", "character": name})
+    serve("--config", service)
+    assert watched.until(moves)["character"] == name
+    watched.order(request={"do": "ping"})
+    assert watched.reply()["result"] == "pong"
+    watched.end()
 
 
 class StandIn:

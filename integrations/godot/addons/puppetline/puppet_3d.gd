@@ -54,7 +54,7 @@ const _STATUS := "service/status"
 const _MOST_ARRIVALS := 256
 
 @export_group("Service")
-## Where the service runs. Empty: the first one that is found in the network.
+## Where the service runs. Empty: the first one that is found in the network and has the [member character].
 @export var host := "127.0.0.1":
 	set(value):
 		_link_stale = _link_stale or value != host
@@ -196,6 +196,7 @@ func start_recording(take := "") -> void:
 	request({"do": "record_start", "name": take} if take else {"do": "record_start"})
 
 
+## End the take that is being recorded.
 func stop_recording() -> void:
 	request({"do": "record_stop"})
 
@@ -247,17 +248,12 @@ func _play() -> void:
 
 ## Follow the service, once it is known where it is.
 func _join() -> bool:
-	var address := {"host": host, "port": port, "control": port + 1}
 	_show_preview()
+	var address := {"host": host, "port": port, "control": port + 1}
 	if host.is_empty():
-		if _discovery == null:
-			_discovery = Discovery.new()
-			_discovery.search()
-		_discovery.poll()
-		var open := _discovery.services.filter(func(each: Dictionary) -> bool: return each["mechanism"] != "CURVE")
-		if open.is_empty():
+		address = _discovered()
+		if address.is_empty():
 			return false
-		address = open[0]
 	_discovery = null
 	_control_port = address["control"]
 	_stream = Stream.shared(address["host"], address["port"], token)
@@ -266,6 +262,18 @@ func _join() -> bool:
 	if character:
 		_follow_character(character)
 	return true
+
+
+## Return the first service in the network that has the character; empty while there is none.
+func _discovered() -> Dictionary:
+	if _discovery == null:
+		_discovery = Discovery.new()
+		_discovery.search()
+	_discovery.poll()
+	for service in _discovery.services:
+		if service["mechanism"] != "CURVE" and (character.is_empty() or character in service["characters"]):
+			return service
+	return {}
 
 
 ## Leave the service, and show nothing any more.

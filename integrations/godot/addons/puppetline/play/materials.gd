@@ -225,7 +225,7 @@ class _Text:
 	func _write_vertex(colored: bool) -> void:
 		_uniform("vec3", &"uv1_scale")
 		_uniform("vec3", &"uv1_offset")
-		_vertex.append("puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);")
+		_vertex.append("VERTEX = puppet_vertex(CUSTOM0, CUSTOM1, CUSTOM2, VERTEX, NORMAL, TANGENT, BINORMAL);")
 		_vertex.append("UV = UV * uv1_scale.xy + uv1_offset.xy;")
 		if colored:
 			_vertex.append("COLOR.rgb = puppet_color(CUSTOM2);")

@@ -5,6 +5,8 @@ extends RefCounted
 const _EXAGGERATION := 1024.0
 
 var instance: MeshInstance3D
+## By surface: what it wears by itself, or null for what is in the mesh.
+var own_materials: Array[Material] = []
 
 var _shapes := PackedInt32Array()  # by target: the number of the blend shape here
 var _reaches: Array[AABB] = []  # by target: how far it moves anything, at most, to either side
@@ -18,6 +20,8 @@ func find(names: Array) -> bool:
 		if shape < 0:
 			return false
 		_shapes.append(shape)
+	for surface in instance.mesh.get_surface_count():
+		own_materials.append(instance.get_surface_override_material(surface))
 	_rest = instance.mesh.get_aabb()
 	for shape in _shapes:
 		instance.set_blend_shape_value(shape, _EXAGGERATION)

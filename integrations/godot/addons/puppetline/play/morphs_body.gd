@@ -42,8 +42,9 @@ func frame_size() -> int:
 func dress(materials: Array[Material]) -> void:
 	var surface := 0
 	for mesh in _meshes:
-		for i in mesh.instance.mesh.get_surface_count():
-			mesh.instance.set_surface_override_material(i, materials[surface] if surface < materials.size() else null)
+		for i in mesh.own_materials.size():
+			var given := materials[surface] if surface < materials.size() else null
+			mesh.instance.set_surface_override_material(i, given if given != null else mesh.own_materials[i])
 			surface += 1
 
 

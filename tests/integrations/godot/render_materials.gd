@@ -109,6 +109,7 @@ const CASES: Dictionary = {
 
 const USERS_SHADER := """
 shader_type spatial;
+render_mode diffuse_burley, specular_schlick_ggx;
 #include "res://addons/puppetline/play/puppet.gdshaderinc"
 uniform vec4 tint : source_color;
 

@@ -210,6 +210,21 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     assert any("WARNING" in line and "../mine" in line for line in lines)
 
 
+def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take):
+    one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
+    source = f"replay:{take}?loop"
+    service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
+    watched = watch({"port": port_of(service), "character": "two"})
+    watched.until(moves)
+    watched.order(call=["start_recording", "mine"])
+    watched.until_signal("take_started", "mine")
+    stages = {stage["name"]: stage["recording"] for stage in service.ask("describe")["status"]["stages"]}
+    assert stages == {"stage1": None, "stage2": "mine"}
+    watched.order(call=["stop_recording"])
+    watched.until_signal("take_stopped", "mine")
+    watched.end()
+
+
 def test_another_slot_tells_of_its_own_performer_at_once(watch, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": port_of(service), "user_slot": 99})

@@ -191,14 +191,14 @@ func set_mirror(on: bool) -> void:
 	request({"do": "mirror", "character": _name, "on": on})
 
 
-## Record a take, under a name that the service chooses if none is given.
+## Record a take of the stage that the character is on, under a name that the service chooses if none is given.
 func start_recording(take := "") -> void:
-	request({"do": "record_start", "name": take} if take else {"do": "record_start"})
+	_request_of_stage({"do": "record_start", "name": take} if take else {"do": "record_start"})
 
 
 ## End the take that is being recorded.
 func stop_recording() -> void:
-	request({"do": "record_stop"})
+	_request_of_stage({"do": "record_stop"})
 
 
 ## Compute the positions of all vertices as they are shown just now, in the space of this node. That is slow, and meant
@@ -225,6 +225,18 @@ func statistics() -> Dictionary:
 		"next_sequence": _buffer.later.sequence if _buffer.later != null else -1,
 		"share": _buffer.share,
 	}
+
+
+## Make a request with the name of the stage that the character is on, which the service knows.
+func _request_of_stage(body: Dictionary) -> void:
+	var find := func(reply: Dictionary) -> void:
+		var result: Variant = reply.get("result")
+		var list: Variant = result.get("characters") if result is Dictionary else null
+		for each: Variant in list if list is Array else []:
+			if each is Dictionary and each.get("name") is String and each["name"] == _name:
+				body["stage"] = each.get("stage")
+		request(body)
+	request({"do": "describe"}, find)
 
 
 func _play() -> void:

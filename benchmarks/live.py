@@ -130,13 +130,14 @@ def _goals(found: dict[str, Any]) -> Iterator[Goal]:
         yield Goal("… memory, ± about its middle", spread / 2, 5, "MB")
     if "recovery" in found:
         recovery = found["recovery"]
-        for name, what in (
-            ("silent", f"source back after {live_numbers.SILENCE:g} s → performing"),
-            ("performing", "service killed and started again → performing"),
-            ("client", "a new client → scene and controls"),
+        back = [then - start for then, start in zip(recovery["performing"], recovery["start"], strict=True)]
+        for what, seconds in (
+            (f"source back after {live_numbers.SILENCE:g} s → performing", recovery["silent"]),
+            ("service killed, and back → performing", back),
+            ("a new client → scene and controls", recovery["client"]),
         ):
-            yield Goal(f"{what}, median", median(recovery[name]), 1, "s")
-            yield Goal("… the slowest", max(recovery[name]), 1, "s")
+            yield Goal(f"{what}, median", median(seconds), 1, "s")
+            yield Goal("… the slowest", max(seconds), 1, "s")
     if "soak" in found:
         soak = found["soak"]
         yield Goal("soak, frames", soak["frames"], live_soak.FRAMES, "", least=True)
@@ -163,8 +164,9 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "recovery" in found:
         recovery = found["recovery"]
         for name, what in (
-            ("start", "start of the command → it serves"),
+            ("start", "call of the command after a kill → it serves"),
             ("first_frame", "… → first frame at a client"),
+            ("performing", "… → performing"),
         ):
             yield what, f"{median(recovery[name]):.2f} s, {max(recovery[name]):.2f} s the slowest"
     if "soak" in found:

@@ -61,7 +61,6 @@ func read() -> PackedByteArray:
 		for reader in _readers:
 			reader.set_shader_parameter(&"picture", picture)
 		await RenderingServer.frame_post_draw
-		await RenderingServer.frame_post_draw
 		var image := _viewport.get_texture().get_image()
 		image.convert(Image.FORMAT_RGB8)
 		pixels.append_array(image.get_data())

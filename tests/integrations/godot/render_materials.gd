@@ -187,14 +187,15 @@ func _shown(body: Body, frame: String, material: Material) -> Body:
 
 func _photograph(what: Node3D, name: String) -> void:
 	_stage.add_child(what)
-	for _frame in 2:
-		await RenderingServer.frame_post_draw
+	await RenderingServer.frame_post_draw
 	_stage.get_texture().get_image().save_png("%s/%s.png" % [_folder, name])
 	what.free()
 
 
 func _make_stage() -> void:
-	_stage.size = Vector2i(300, 300)
+	root.disable_3d = true
+	DisplayServer.window_set_size(Vector2i(64, 64))
+	_stage.size = Vector2i(240, 240)
 	_stage.own_world_3d = true
 	_stage.render_target_update_mode = SubViewport.UPDATE_ALWAYS
 	root.add_child(_stage)

@@ -11,6 +11,8 @@ var _puppet := Puppet3D.new()
 
 func _initialize() -> void:
 	super()
+	root.disable_3d = true
+	DisplayServer.window_set_size(Vector2i(64, 64))
 	_asked = JSON.parse_string(arguments()[0])
 	for property: String in _asked["settings"]:
 		var value: Variant = _asked["settings"][property]

@@ -20,6 +20,8 @@ var _file: FileAccess
 
 func _initialize() -> void:
 	super()
+	root.disable_3d = true
+	DisplayServer.window_set_size(Vector2i(64, 64))
 	_file = FileAccess.open(arguments()[1], FileAccess.WRITE)
 	_shared = SharedScene.shared(Stream.new("nowhere", 1), "worm")
 	_shared._take(_message("scene"))

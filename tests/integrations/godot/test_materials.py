@@ -54,7 +54,7 @@ def assert_alike(one, other):
 
 def test_each_property_looks_the_same(run_godot, figure, tmp_path):
     write_payloads(figure, tmp_path)
-    cases = [told["case"] for told in run_godot("render_materials.gd", tmp_path, display=True, timeout=300)]
+    cases = [told["case"] for told in run_godot("render_materials.gd", tmp_path, display=True, timeout=600)]
     drawn = {case: picture(tmp_path / f"{case} own.png") for case in cases}
     for case in cases:
         if case != "plain":
@@ -75,7 +75,7 @@ def test_an_imported_character_looks_as_it_does_without_the_addon(run_godot, add
     ):
         subprocess.run([sys.executable, "-m", "puppetline", *arguments], check=True, capture_output=True)
     write_payloads(puppet, tmp_path)
-    run_godot("render_materials.gd", tmp_path, add_glb(own), display=True, timeout=300)
+    run_godot("render_materials.gd", tmp_path, add_glb(own), display=True, timeout=600)
     drawn = picture(tmp_path / "imported own.png")
     assert np.std(drawn) > 10
     assert_alike(drawn, picture(tmp_path / "imported made.png"))

@@ -92,7 +92,7 @@ def shade(start_godot, read_pixels, tmp_path):
         low, size = reference.rest.min(axis=0), np.ptp(reference.rest, axis=0)
         box = [(low - reference.diagonal).tolist(), (size + 2 * reference.diagonal).tolist()]
         asked = {"settings": settings, "samples": samples, "apart": 20, "box": box, "file": str(tmp_path / "pixels")}
-        told = start_godot("shade_puppet.gd", json.dumps(asked), display=True).finish(300)
+        told = start_godot("shade_puppet.gd", json.dumps(asked), display=True).finish(600)
         told = [result for result in told if "sequence" in result]
         return list(zip(told, read_pixels(tmp_path / "pixels", samples, len(reference.rest), box), strict=True))
 

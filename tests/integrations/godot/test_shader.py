@@ -36,7 +36,7 @@ def payload(name, kind="u1"):
 @pytest.fixture
 def shaded(run_godot, read_pixels, scene, tmp_path):
     """Return what has been told of each moment, and its positions, normals and tangents."""
-    results = run_godot("shade_vectors.gd", VECTORS, tmp_path / "pixels.bin", display=True, timeout=300)
+    results = run_godot("shade_vectors.gd", VECTORS, tmp_path / "pixels.bin", display=True, timeout=600)
     moments = read_pixels(tmp_path / "pixels.bin", len(results), scene["vertices"], results[0]["box"])
     return [(told, *moment) for told, moment in zip(results, moments, strict=True)]
 

@@ -307,7 +307,7 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
 
 
 def test_a_stop_while_it_starts_is_a_stop(serve, blob_puppet, sender):
-    for delay in (0.3, 1.0, 1.6):
+    for delay in (0.7, 1.2, 1.8):
         command = [*SERVE, "--puppet", blob_puppet, "--source", sender.uri]
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         time.sleep(delay)

@@ -48,6 +48,13 @@ def test_normals_are_rounded_as_clients_get_them_so_that_tangents_are_the_same_t
     np.testing.assert_array_equal(tangents(dog.normals), tangents(dog.normals.astype(np.float32).astype(np.float64)))
 
 
+def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_path, blob):
+    normals = np.tile(np.float32([-3.5e-39, -1.0, 2e-38]), (len(blob.vertices), 1))
+    glb.node(glb.mesh(glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=normals)))
+    drawn = drawn_normals(load_character(glb.save(tmp_path / "upside_down.glb")))
+    np.testing.assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
+
+
 def test_prepared_means_that_nothing_is_left_to_wait_for(dog):
     dog.prepare()
     assert {"binding", "scene", "normals", "rest", "triangles"} <= set(vars(dog))

@@ -118,7 +118,10 @@ def test_two_nodes_of_one_service_share_what_does_not_change(watch, serve, blob_
     one, other = watched.until(moves), watched.until(moves, puppet=1)
     assert one["meshes"] == other["meshes"]
     assert one["instances"] != other["instances"]
-    assert service.ask("describe")["status"]["clients"]["connected"] == 1
+    clients = {"connected": 0}
+    while clients["connected"] == 0:  # it is counted once a second
+        clients = service.ask("describe")["status"]["clients"]
+    assert clients["connected"] == 1
     late = watched.until_next(lambda state: state["waiting"] > 5, puppet=1)
     assert late["lost"] == 0
     assert one["saved"] == other["saved"] == 1  # nothing of it is saved with a scene
@@ -210,10 +213,11 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     assert any("WARNING" in line and "../mine" in line for line in lines)
 
 
-def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take):
+def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take, free_port):
     one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
     source = f"replay:{take}?loop"
-    service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
+    played = ("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
+    service = serve(*played, "--port", free_port())
     watched = watch({"port": port_of(service), "character": "two"})
     watched.until(moves)
     watched.order(call=["start_recording", "mine"])

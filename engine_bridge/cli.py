@@ -5,12 +5,12 @@ import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from engine_bridge import cli_live
-from engine_bridge.command_line import FILE, Finite, progress
+from engine_bridge.command_line import FILE, Finite, interrupts, progress
 from puppetline.errors import PuppetlineError
 
 if TYPE_CHECKING:
@@ -23,19 +23,19 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with interrupts():
+                return super().invoke(ctx)
         except PuppetlineError as error:
             click.echo(f"puppetline: {error}", err=True)
             ctx.exit(1)
         except (click.ClickException, click.exceptions.Exit):
             raise
         except KeyboardInterrupt:
-            _stopped(ctx)
+            click.echo("puppetline: stopped", err=True)
+            ctx.exit(1)
         except BrokenPipeError:  # whoever read the output has gone; click ends quietly
             raise
         except Exception as error:
-            if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):  # from inside a compiled loop
-                _stopped(ctx)
             if os.environ.get("PUPPETLINE_DEBUG"):
                 raise
             click.echo(
@@ -44,11 +44,6 @@ class _Commands(click.Group):
                 err=True,
             )
             ctx.exit(1)
-
-
-def _stopped(ctx: click.Context) -> NoReturn:
-    click.echo("puppetline: stopped", err=True)
-    ctx.exit(1)
 
 
 AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])

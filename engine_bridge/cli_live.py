@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from engine_bridge.command_line import FILE, Finite, interrupts, progress
+from engine_bridge.command_line import FILE, Finite, progress
 
 if TYPE_CHECKING:
     from engine_bridge.live.service_file import ServiceFile
@@ -71,13 +71,14 @@ def stream(sources: list[str], puppets: list[Path]) -> None:
 def _run(
     settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
 ) -> None:
-    gc.disable()  # until all is loaded: nothing of it is garbage
-    from engine_bridge.live import logs
-    from engine_bridge.live.service import Service
+    gc.disable()  # while all is loaded: next to nothing of it is garbage
     from engine_bridge.live.signals import Signals
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        from engine_bridge.live import logs
+        from engine_bridge.live.service import Service
+
         logs.setup(log_format, log_level)
         stack.enter_context(logs.beside())
         display = None
@@ -88,6 +89,9 @@ def _run(
             stack.callback(display.close)
         service = Service(settings, folder, None if display is None else display.update)
         stack.callback(service.close)
+        gc.collect()
+        gc.freeze()  # what is loaded stays: no collection has to look at it again
+        gc.enable()
         signals.waiting = True
         service.run(signals)
 
@@ -238,8 +242,7 @@ def ladder(puppet: Path, output: Path, as_json: bool) -> None:
     """Make a .glb of PUPPET with ladder coordinates, whose vertices an engine's shader moves by live controls."""
     from engine_bridge.ladder import write_ladder
 
-    with interrupts():
-        summary = write_ladder(puppet, output)
+    summary = write_ladder(puppet, output)
     if as_json:
         click.echo(json.dumps(summary.as_dict(), indent=2))
         return
@@ -258,8 +261,7 @@ def doctor(takes: Path, as_json: bool) -> None:
 
     from engine_bridge.live import doctor as doctors
 
-    with interrupts():
-        findings = doctors.examine(takes)
+    findings = doctors.examine(takes)
     click.echo(json.dumps([asdict(each) for each in findings], indent=2) if as_json else doctors.text(findings))
     if any(finding.ok is False for finding in findings):
         raise click.exceptions.Exit(1)

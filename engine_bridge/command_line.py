@@ -44,6 +44,9 @@ def interrupts() -> Iterator[Callable[[], None]]:
     before = signal.signal(signal.SIGINT, remember)
     try:
         yield check
+    except Exception:
+        check()  # an interrupt comes out of compiled code, or of a module that is being loaded, as any error
+        raise
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -97,6 +97,17 @@ def godot() -> str:
 
 
 @pytest.fixture(scope="session")
+def multicast() -> None:
+    """Skip where this machine has no multicast on loopback."""
+    from zeroconf import Zeroconf
+
+    try:
+        Zeroconf(["127.0.0.1"]).close()
+    except OSError:
+        pytest.skip("no multicast on loopback here")
+
+
+@pytest.fixture(scope="session")
 def validate(node: Callable[..., str]) -> Callable[[Path], dict[str, Any]]:
     """Ask the Khronos validator for the errors, warnings, infos, hints (counts) and messages of a glTF file."""
     return lambda path: json.loads(node("validate.mjs", path))[str(path)]

@@ -85,15 +85,16 @@ def _local_transform(node: Node) -> NDArray[np.float64]:
     transform = np.eye(4)
     rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=np.float64)
     if rotation.any():
-        transform[:3, :3] = _rotation_matrix(rotation / np.abs(rotation).max())
+        transform[:3, :3] = _rotation_matrix(rotation)
     transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=np.float64)
     transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return transform
 
 
 def _rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn x, y, z, w of any length but 0 into a (3, 3) matrix (Rodrigues)."""
-    x, y, z, w = quaternion / np.linalg.norm(quaternion)
+    """Turn x, y, z, w (4,) of any length but 0 into a (3, 3) matrix (Rodrigues)."""
+    scaled = quaternion / np.abs(quaternion).max()  # squares of what is huge or tiny are infinite or zero
+    x, y, z, w = scaled / np.linalg.norm(scaled)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2 * (w * cross + cross @ cross)
 

@@ -7,7 +7,6 @@ work beside it.
 
 import contextlib
 import ctypes
-import gc
 import ipaddress
 import logging
 import math
@@ -177,9 +176,6 @@ class Service:
             sys.setswitchinterval(SWITCH)
             self._poller.register(signals, zmq.POLLIN)
             undo.callback(self._poller.unregister, signals)
-            gc.collect()
-            gc.freeze()  # what is loaded stays: no collection has to look at it again
-            gc.enable()
             self._notifier.ready()
             log.info("serving", extra=fields(stream=self.publisher.endpoints, control=self.control.endpoints))
             while not signals.stop:

@@ -39,8 +39,10 @@ class Signals:
                 self._undo.callback(signal.signal, number, signal.signal(number, handler))
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._undo.close()
+        if kind is not None and self.stop and not self.waiting:
+            raise KeyboardInterrupt  # a module that is being loaded makes any error of it
 
     def fileno(self) -> int:
         """Return what becomes readable when a signal has come."""

@@ -4,6 +4,8 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 BRIDGE = Path(__file__).parents[1] / "engine_bridge"
 
 
@@ -28,3 +30,11 @@ standing, dance, frames, record, take = figure.standing, figure.dance, figure.fr
 
 live = load(BRIDGE / "live" / "conftest.py")
 serve, listen, sender, free_port, kung_fu = live.serve, live.listen, live.sender, live.free_port, live.kung_fu
+
+
+@pytest.fixture(scope="session")
+def token_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("token") / "token"
+    path.write_text("correct-horse-battery-staple")
+    path.chmod(0o600)
+    return path

@@ -192,6 +192,7 @@ class Served:
             raise
         if serving is not None:
             self.stream, self.control = serving["fields"]["stream"][0], serving["fields"]["control"][0]
+            self.port, self.control_port = (int(each.rpartition(":")[2]) for each in (self.stream, self.control))
 
     def _follow(self):
         for line in self.process.stderr:

@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 import pytest
 import zeroconf
-from zeroconf import ServiceInfo, Zeroconf
+from zeroconf import ServiceInfo
 
 from engine_bridge.live import discovery
 from engine_bridge.live.discovery import TYPE, Announcement, Found, find
@@ -15,15 +15,7 @@ from engine_bridge.live.discovery import TYPE, Announcement, Found, find
 LOOPBACK = ["127.0.0.1"]
 
 
-def multicast_works():
-    try:
-        with closing(Zeroconf(LOOPBACK)):
-            return True
-    except OSError:
-        return False
-
-
-pytestmark = pytest.mark.skipif(not multicast_works(), reason="no multicast on loopback here")
+pytestmark = pytest.mark.usefixtures("multicast")
 
 
 def wait_for(port, wanted=lambda found: True, tries=40):

@@ -1,39 +1,28 @@
-extends SceneTree
+extends "demo_scene.gd"
 ## The kiosk scene: says what lights up and when people are invited, and ends when they are invited again.
-##
-## Takes what its puppets are to be, as JSON: {"Left/Puppet": {"character": "dog", "port": 7400}}. If there is a second
-## argument, it waits for both characters instead, and saves a picture there.
+## With a place for a picture, it waits for both characters instead, and saves one.
 
 var _kiosk: Node
-var _for_picture := false
 
 
 func _initialize() -> void:
-	var arguments := OS.get_cmdline_user_args()
-	_kiosk = (load("res://demo/kiosk/kiosk.tscn") as PackedScene).instantiate()
-	var settings: Dictionary = JSON.parse_string(arguments[0])
-	for path: String in settings:
-		for property: String in settings[path]:
-			_kiosk.get_node(path).set(property, settings[path][property])
+	_kiosk = open("res://demo/kiosk/kiosk.tscn")
 	_kiosk.connect(&"attracting_changed", _on_attracting_changed)
 	for side: String in ["Left", "Right"]:
 		var place := _kiosk.get_node(side)
-		place.connect(&"taken_changed", func(on: bool) -> void: _tell({"taken": side, "on": on}))
+		place.connect(&"taken_changed", func(on: bool) -> void: tell({"taken": side, "on": on}))
 		var puppet: Puppet3D = place.get_node(^"Puppet")
-		puppet.scene_loaded.connect(func() -> void: _tell({"loaded": side}))
-		puppet.performer_calibrated.connect(func(user: int) -> void: _tell({"calibrated": side, "user": user}))
-	_for_picture = arguments.size() > 1
-	# few pixels until everything stands as it should: they may be drawn by the processor
-	root.scaling_3d_scale = 0.15 if _for_picture else 1.0
+		puppet.scene_loaded.connect(func() -> void: tell({"loaded": side}))
+		puppet.performer_calibrated.connect(func(user: int) -> void: tell({"calibrated": side, "user": user}))
 	root.add_child(_kiosk)
-	_tell({"attracting": _kiosk.get(&"attracting")})
-	if _for_picture:
-		_take_picture(arguments[1])
+	tell({"attracting": _kiosk.get(&"attracting")})
+	if picture():
+		_take_picture(picture())
 
 
 func _on_attracting_changed(on: bool) -> void:
-	_tell({"attracting": on, "prompt": (_kiosk.get_node(^"Screen/Prompt") as Label).visible})
-	if on and not _for_picture:
+	tell({"attracting": on, "prompt": (_kiosk.get_node(^"Screen/Prompt") as Label).visible})
+	if on and not picture():
 		quit()
 
 
@@ -42,19 +31,8 @@ func _take_picture(path: String) -> void:
 		await process_frame
 	await create_timer(2.0).timeout
 	root.scaling_3d_scale = 1.0
-	await _save(path)
+	await save(path)
 	for side: String in ["Left", "Right"]:
 		(_kiosk.get_node(side).get_node(^"Puppet") as Puppet3D).hide()
-	await _save(path.replace(".png", "_empty.png"))
+	await save(path.replace(".png", "_empty.png"))
 	quit()
-
-
-func _save(path: String) -> void:
-	await process_frame
-	await RenderingServer.frame_post_draw
-	root.get_texture().get_image().save_png(path)
-	_tell({"picture": path})
-
-
-func _tell(what: Dictionary) -> void:
-	print("RESULT ", JSON.stringify(what))

@@ -1,21 +1,21 @@
-extends SceneTree
+extends "teller.gd"
 ## Says what Godot's importer has made of a file: the arrays of each surface, as bytes in base 64.
 
 
 func _initialize() -> void:
-	var scene := (load(OS.get_cmdline_user_args()[0]) as PackedScene).instantiate()
+	var scene := (load(arguments()[0]) as PackedScene).instantiate()
 	root.add_child(scene)
 	await process_frame
 	for found: Node in scene.find_children("*", "MeshInstance3D", true, false):
 		var instance: MeshInstance3D = found
 		var mesh: ArrayMesh = instance.mesh
 		for surface: int in mesh.get_surface_count():
-			_tell(instance, mesh, surface)
+			_tell_surface(instance, mesh, surface)
 	scene.free()
 	quit()
 
 
-func _tell(instance: MeshInstance3D, mesh: ArrayMesh, surface: int) -> void:
+func _tell_surface(instance: MeshInstance3D, mesh: ArrayMesh, surface: int) -> void:
 	var arrays := mesh.surface_get_arrays(surface)
 	var material: Material = instance.get_active_material(surface)
 	var positions: PackedVector3Array = arrays[Mesh.ARRAY_VERTEX]
@@ -24,10 +24,10 @@ func _tell(instance: MeshInstance3D, mesh: ArrayMesh, surface: int) -> void:
 		"material": material.resource_name if material != null else "",
 		"compressed": mesh.surface_get_format(surface) & Mesh.ARRAY_FLAG_COMPRESS_ATTRIBUTES != 0,
 		"identity": instance.global_transform.is_equal_approx(Transform3D.IDENTITY),
-		"positions": Marshalls.raw_to_base64(positions.to_byte_array()),
-		"triangles": Marshalls.raw_to_base64((arrays[Mesh.ARRAY_INDEX] as PackedInt32Array).to_byte_array()),
+		"positions": base64(positions.to_byte_array()),
+		"triangles": base64((arrays[Mesh.ARRAY_INDEX] as PackedInt32Array).to_byte_array()),
 	}
 	for custom: int in 3:
 		var numbers: PackedFloat32Array = arrays[Mesh.ARRAY_CUSTOM0 + custom]
-		result["custom_%d" % custom] = Marshalls.raw_to_base64(numbers.to_byte_array())
-	print("RESULT ", JSON.stringify(result))
+		result["custom_%d" % custom] = base64(numbers.to_byte_array())
+	tell(result)

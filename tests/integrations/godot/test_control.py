@@ -6,7 +6,6 @@ import signal
 import pytest
 import zmq
 
-TOKEN = "a_token_for_tests"
 TOLD = {"where", "found", "expected", "fix"}
 
 
@@ -25,10 +24,6 @@ def port_at(socket):
     return int(socket.last_endpoint.rpartition(b":")[2])
 
 
-def port_of(service):
-    return int(service.control.rpartition(":")[2])
-
-
 def replies(results):
     return [told["reply"] for told in results]
 
@@ -44,7 +39,7 @@ def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
         {"do": "ping", "id": "its own id is not used"},
         {"do": "pïng"},
     ]
-    results = request_of(port_of(service), *bodies).finish()
+    results = request_of(service.control_port, *bodies).finish()
     told = {json.dumps(each["request"]): each["reply"] for each in results}
     of = [told[json.dumps(body)] for body in bodies]
     assert [reply["ok"] for reply in of] == [True, True, True, False, True, True, False]
@@ -60,17 +55,15 @@ def test_each_request_gets_its_reply(request_of, serve, blob_puppet):
 def test_a_hundred_requests_at_once_are_all_answered_in_their_order(request_of, serve, blob_puppet):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
     bodies = [{"do": "mirror", "character": "blob", "on": k % 3 == 0} for k in range(100)]
-    results = request_of(port_of(service), *bodies).finish()
+    results = request_of(service.control_port, *bodies).finish()
     assert [told["request"] for told in results] == bodies
     assert [reply["result"]["mirror"] for reply in replies(results)] == [body["on"] for body in bodies]
 
 
-def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet, tmp_path):
-    (tmp_path / "token.txt").write_text(TOKEN)
-    (tmp_path / "token.txt").chmod(0o600)
-    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", tmp_path / "token.txt")
-    port = port_of(service)
-    [reply] = replies(request_of(port, {"do": "ping"}, token=TOKEN).finish())
+def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet, token_file):
+    service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
+    port = service.control_port
+    [reply] = replies(request_of(port, {"do": "ping"}, token=token_file.read_text()).finish())
     assert reply["result"] == "pong"
     [reply] = replies(request_of(port, {"do": "ping"}, token="another one").finish())
     assert reply["ok"] is False
@@ -91,7 +84,7 @@ def test_without_a_service_every_request_is_told_so(request_of, free_port):
 def test_when_the_service_is_back_so_are_its_replies(request_of, serve, blob_puppet, free_port):
     arguments = ("--puppet", blob_puppet, "--source", "osc:0", "--port", free_port())
     service = serve(*arguments)
-    script = request_of(port_of(service), {"do": "ping"}, again=True)
+    script = request_of(service.control_port, {"do": "ping"}, again=True)
     script.until(lambda told: told["reply"]["ok"])
     service.stop(signal.SIGKILL)
     script.until(lambda told: not told["reply"]["ok"])

@@ -28,7 +28,7 @@ def imported_demo(godot, tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "project"
     shutil.copytree(DEMO, folder, ignore=shutil.ignore_patterns(".godot"))
     (folder / "tests").mkdir()
-    for script in HERE.glob("demo_*.gd"):
+    for script in [HERE / "teller.gd", *HERE.glob("demo_*.gd")]:
         shutil.copy(script, folder / "tests")
     command = [godot, "--headless", "--path", folder, "--import"]
     told = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
@@ -48,12 +48,8 @@ def two(blob_puppet, blob_file, write_puppet):
     return {name: write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("dog", "cat")}
 
 
-def port_of(service):
-    return int(service.stream.rpartition(":")[2])
-
-
 def kiosk_of(service, left, right):
-    port = port_of(service)
+    port = service.port
     return json.dumps(
         {"Left/Puppet": {"character": left, "port": port}, "Right/Puppet": {"character": right, "port": port}}
     )

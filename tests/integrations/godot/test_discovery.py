@@ -4,26 +4,16 @@ import base64
 import random
 import socket
 import struct
-from contextlib import closing
 from importlib.metadata import version
 
 import pytest
-from zeroconf import DNSIncoming, DNSOutgoing, ServiceInfo, Zeroconf
+from zeroconf import DNSIncoming, DNSOutgoing, ServiceInfo
 from zeroconf.const import _CLASS_IN, _FLAGS_AA, _FLAGS_QR_RESPONSE, _TYPE_PTR
 
 from engine_bridge.live import discovery
 from engine_bridge.live.discovery import TYPE, Announcement
 
-
-def multicast_works():
-    try:
-        with closing(Zeroconf(["127.0.0.1"])):
-            return True
-    except OSError:
-        return False
-
-
-on_the_network = pytest.mark.skipif(not multicast_works(), reason="no multicast on loopback here")
+on_the_network = pytest.mark.usefixtures("multicast")
 
 
 @pytest.fixture

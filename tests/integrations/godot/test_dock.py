@@ -18,8 +18,6 @@ from engine_bridge.puppet import load
 
 pytestmark = pytest.mark.slow
 
-TOKEN = "a_token_for_tests"
-
 
 class Dock:
     """A dock that does what it is told, and what it shows."""
@@ -75,9 +73,7 @@ def start(serve, puppet, free_port):
     """Start a service whose control socket has the port after the stream's, where the dock expects it."""
 
     def start_it(source, *more):
-        service = serve("--puppet", puppet, "--source", source, "--calibrate", "at_once", *more, "--port", free_port())
-        service.port = int(service.stream.rpartition(":")[2])
-        return service
+        return serve("--puppet", puppet, "--source", source, "--calibrate", "at_once", *more, "--port", free_port())
 
     return start_it
 
@@ -219,15 +215,13 @@ def test_it_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
     dock.script.end()
 
 
-def test_a_token_is_wanted_and_then_given(dock, start, tmp_path):
-    (tmp_path / "token.txt").write_text(TOKEN)
-    (tmp_path / "token.txt").chmod(0o600)
-    service = start("osc:0", "--token-file", tmp_path / "token.txt")
+def test_a_token_is_wanted_and_then_given(dock, start, token_file):
+    service = start("osc:0", "--token-file", token_file)
     dock.follow(service.port)
     dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
-    dock.follow(service.port, TOKEN[::-1])
+    dock.follow(service.port, token_file.read_text()[::-1])
     dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
-    dock.follow(service.port, TOKEN)
+    dock.follow(service.port, token_file.read_text())
     dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("Nobody performs"))
     dock.script.end()
 

@@ -76,7 +76,7 @@ def show(start_godot, tmp_path):
 
     def run(service, vertices, allow=(), **settings):
         file = tmp_path / "shown.bin"
-        settings["port"] = int(service.stream.rpartition(":")[2])
+        settings["port"] = service.port
         asked = {"settings": settings, "samples": SAMPLES, "apart": APART, "file": str(file)}
         results = start_godot("show_puppet.gd", json.dumps(asked)).finish(120, allow)
         told = [result for result in results if "sequence" in result]
@@ -92,7 +92,7 @@ def shade(start_godot, read_pixels, tmp_path):
     """Have the graphics card show a character of a service, and read back what it computes."""
 
     def run(service, reference, samples, **settings):
-        settings["port"] = int(service.stream.rpartition(":")[2])
+        settings["port"] = service.port
         low, size = reference.rest.min(axis=0), np.ptp(reference.rest, axis=0)
         box = [(low - reference.diagonal).tolist(), (size + 2 * reference.diagonal).tolist()]
         asked = {"settings": settings, "samples": samples, "apart": 20, "box": box, "file": str(tmp_path / "pixels")}

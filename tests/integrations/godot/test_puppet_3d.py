@@ -6,24 +6,17 @@ import signal
 import socket
 import subprocess
 import time
-from contextlib import closing
 
 import numpy as np
 import pytest
 import zmq
-from zeroconf import Zeroconf
 
 from engine_bridge.ladder import write_ladder
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
 from solver.deformer import to_file_units
 
-TOKEN = "a-token-for-tests"
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
-
-
-def port_of(service):
-    return int(service.stream.rpartition(":")[2])
 
 
 class Watched:
@@ -76,14 +69,6 @@ def watch(start_godot, tmp_path):
     return start
 
 
-@pytest.fixture
-def token_file(tmp_path):
-    path = tmp_path / "token.txt"
-    path.write_text(TOKEN)
-    path.chmod(0o600)
-    return path
-
-
 def moves(state):
     return state["calibrated"] and state["sequence"] >= 0 and state["visible"] == [True]
 
@@ -113,7 +98,7 @@ def test_it_finds_a_service_that_comes_later_and_outlives_one_that_is_killed(
 
 def test_two_nodes_of_one_service_share_what_does_not_change(watch, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    settings = {"port": port_of(service), "character": "blob"}
+    settings = {"port": service.port, "character": "blob"}
     watched = watch(settings, {**settings, "interpolation_delay": 0.5})
     one, other = watched.until(moves), watched.until(moves, puppet=1)
     assert one["meshes"] == other["meshes"]
@@ -133,7 +118,7 @@ def test_another_version_of_the_character_takes_the_place_of_the_one_before(
 ):
     puppet = write_puppet(blob_file.with_name("changed.toml"), blob_file.name)
     service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    watched = watch({"port": port_of(service)})
+    watched = watch({"port": service.port})
     before = watched.until(moves)
     write_puppet(puppet, blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
     assert service.ask("reload") == {"characters": ["changed"]}
@@ -147,16 +132,16 @@ def test_another_version_of_the_character_takes_the_place_of_the_one_before(
 def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch, serve, blob_puppet, take, token_file):
     source = f"replay:{take}?loop"
     service = serve("--puppet", blob_puppet, "--source", source, "--token-file", token_file, "--calibrate", "at_once")
-    watched = watch({"port": port_of(service), "token": "wrong"})
-    why = f"The service at 127.0.0.1:{port_of(service)} does not know this token."
+    watched = watch({"port": service.port, "token": "wrong"})
+    why = f"The service at 127.0.0.1:{service.port} does not know this token."
     watched.until_signal("refused", why)
     assert watched.until_next(lambda _state: True)["warnings"] == [f"The service does not let us in: {why}"]
-    watched.order(set={"token": TOKEN})
+    watched.order(set={"token": token_file.read_text()})
     assert watched.until(moves)["warnings"] == []
     assert watched.signals().count("refused") == 1
     clients = {"refused": 0}
     while clients["refused"] == 0:  # it is counted once a second
-        clients = service.ask("describe", token=TOKEN.encode())["status"]["clients"]
+        clients = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]
     assert clients["refused"] == 1
     lines = watched.end()
     assert sum("refuses us" in line for line in lines) == 1
@@ -164,7 +149,7 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
 
 def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
-    settings = {"port": port_of(service)}
+    settings = {"port": service.port}
     watched = watch({**settings, "user_slot": 1}, {**settings, "user_slot": 2}, settings)
     assert watched.until(lambda state: state["sequence"] > 0)["visible"] == [False]
     assert watched.until(lambda state: state["sequence"] > 0, puppet=2)["visible"] == [True]  # and rests
@@ -189,7 +174,7 @@ def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_
 def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, free_port):
     played = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     service = serve(*played, "--port", free_port())
-    watched = watch({"port": port_of(service)})
+    watched = watch({"port": service.port})
     watched.until(moves)
     watched.order(request={"do": "ping"})
     assert watched.reply() == {"id": 1, "ok": True, "result": "pong"}
@@ -218,7 +203,7 @@ def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file
     source = f"replay:{take}?loop"
     played = ("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
     service = serve(*played, "--port", free_port())
-    watched = watch({"port": port_of(service), "character": "two"})
+    watched = watch({"port": service.port, "character": "two"})
     watched.until(moves)
     watched.order(call=["start_recording", "mine"])
     watched.until_signal("take_started", "mine")
@@ -231,7 +216,7 @@ def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file
 
 def test_another_slot_tells_of_its_own_performer_at_once(watch, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    watched = watch({"port": port_of(service), "user_slot": 99})
+    watched = watch({"port": service.port, "user_slot": 99})
     watched.until(lambda state: state["visible"] == [False] and state["sequence"] >= 0)
     assert "performer_found" not in watched.signals()
     user = service.ask("describe")["characters"][0]["performer"]
@@ -262,7 +247,7 @@ def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_pu
     one, two = (write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name) for name in ("one", "two"))
     source = f"replay:{take}?loop"
     service = serve("--puppet", one, "--puppet", two, "--source", source, "--source", source, "--calibrate", "at_once")
-    watched = watch({"port": port_of(service)})
+    watched = watch({"port": service.port})
     assert watched.until(moves)["character"] == "one"
     watched.order(set={"character": "two"})
     assert watched.until(lambda state: moves(state) and state["character"] == "two")["warnings"] == []
@@ -285,21 +270,13 @@ def test_a_mesh_of_another_puppet_is_not_used(
     other = write_puppet(blob_file.with_name("other.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
     write_ladder(other, tmp_path / "other.glb")
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
-    watched = watch({"port": port_of(service), "mesh_source": add_glb(tmp_path / "other.glb")})
+    watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})
     state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
     assert "make it anew" in state["warnings"][0]
     assert sum("WARNING" in line and "make it anew" in line for line in watched.end()) == 1
 
 
-def multicast_works():
-    try:
-        with closing(Zeroconf(["127.0.0.1"])):
-            return True
-    except OSError:
-        return False
-
-
-@pytest.mark.skipif(not multicast_works(), reason="no multicast on loopback here")
+@pytest.mark.usefixtures("multicast")
 def test_a_service_that_has_the_character_is_found_in_the_network(
     watch, serve, blob_file, write_puppet, take, tmp_path, free_port
 ):
@@ -400,7 +377,7 @@ preview_in_editor = {preview}
 @pytest.mark.parametrize("preview", [True, False])
 def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, blob_puppet, take, preview):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
-    (project / "edited.tscn").write_text(EDITED.format(port=port_of(service), preview=str(preview).lower()))
+    (project / "edited.tscn").write_text(EDITED.format(port=service.port, preview=str(preview).lower()))
     command = [godot, "--headless", "--editor", "--path", project, "res://edited.tscn"]
     most = 0
     with (project / "said").open("w+") as said:

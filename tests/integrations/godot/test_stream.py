@@ -13,7 +13,6 @@ import zmq
 
 from engine_bridge.live.wire import Header, Kind, join, split, topic_field, write_json
 
-TOKEN = "a_token_for_tests"
 FRAMES = ("controls", "vertices", "vertices16", "joints", "handles")
 
 
@@ -26,14 +25,6 @@ def follow(start_godot):
         return start_godot(script, "127.0.0.1", port, *arguments, *topics)
 
     return start
-
-
-@pytest.fixture
-def token_file(tmp_path):
-    path = tmp_path / "token.txt"
-    path.write_text(TOKEN)
-    path.chmod(0o600)
-    return path
 
 
 @pytest.fixture
@@ -52,10 +43,6 @@ def message(topic, kind, sequence=1, payload=b"{}", **header):
 
 def port_at(socket):
     return int(socket.last_endpoint.rpartition(b":")[2])
-
-
-def port_of(service):
-    return int(service.stream.rpartition(":")[2])
 
 
 def told_of(script, topic):
@@ -77,7 +64,7 @@ def topic(name, more=lambda _told: True):
 def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve, blob_puppet, take):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
     topics = [f"blob/{kind}" for kind in (*FRAMES, "scene/mine", "performer")]
-    script = follow(port_of(service), *topics, "service/characters")
+    script = follow(service.port, *topics, "service/characters")
     script.until(topic("blob/vertices"))
     python = service.client(*(name for name in topics if name != "blob/scene/mine"), "blob/scene/yours")
     wanted = {}
@@ -108,7 +95,7 @@ def test_a_service_is_followed_and_what_comes_is_what_python_gets(follow, serve,
 def test_a_service_that_is_killed_is_followed_again_when_it_is_back(follow, serve, blob_puppet, take, free_port):
     arguments = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--port", free_port())
     service = serve(*arguments)
-    script = follow(port_of(service), "blob/controls", "blob/scene/mine")
+    script = follow(service.port, "blob/controls", "blob/scene/mine")
     script.until(topic("blob/controls"))
     service.stop(signal.SIGKILL)
     script.until(state("OFFLINE"))
@@ -135,7 +122,7 @@ def test_a_service_that_comes_later_is_found(follow, serve, blob_puppet, free_po
 
 def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
     service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
-    script = follow(port_of(service), "blob/scene/mine", token=TOKEN)
+    script = follow(service.port, "blob/scene/mine", token=token_file.read_text())
     script.until(topic("blob/scene/mine"))
     script.end()
     assert states(script) == ["CONNECTING", "CONNECTED"]
@@ -150,17 +137,17 @@ def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
 )
 def test_who_is_refused_does_not_try_again_by_itself(follow, serve, blob_puppet, token_file, token, reason):
     service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
-    script = follow(port_of(service), token=token, script="refused.gd")
+    script = follow(service.port, token=token, script="refused.gd")
     told = script.finish()
-    assert [each["reason"] for each in told] == [reason.format(port_of(service))] * 2
+    assert [each["reason"] for each in told] == [reason.format(service.port)] * 2
     assert [each["changes"] for each in told] == [2, 5]
-    refused = service.ask("describe", token=TOKEN.encode())["status"]["clients"]["refused"]
+    refused = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]["refused"]
     assert refused == 2
 
 
-def test_a_token_that_nobody_asks_for_does_no_harm(follow, serve, blob_puppet):
+def test_a_token_that_nobody_asks_for_does_no_harm(follow, serve, blob_puppet, token_file):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
-    script = follow(port_of(service), "blob/scene/mine", token=TOKEN)
+    script = follow(service.port, "blob/scene/mine", token=token_file.read_text())
     script.until(topic("blob/scene/mine"))
     script.end()
 
@@ -231,7 +218,7 @@ def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
     python = service.client("blob/scene/yours")
     scene = hashlib.sha256(python.socket.recv()[128:]).hexdigest()
-    slow = line(port_of(service))
+    slow = line(service.port)
     script = follow(slow.port, "blob/scene/mine", "blob/controls")
     script.until(topic("blob/controls"))
     script.until(topic("blob/scene/mine"))
@@ -246,7 +233,7 @@ def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_
 def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, serve, blob_puppet, line):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
     size = len(service.client("blob/scene/yours").socket.recv())
-    slow = line(port_of(service), piece=256, pause=9 * 256 / size)
+    slow = line(service.port, piece=256, pause=9 * 256 / size)
     script = follow(slow.port, "blob", script="slow_scene.gd")
     script.until(topic("scene"))
     slow.pause = 0  # what else has been asked for comes at once
@@ -261,14 +248,14 @@ def test_a_scene_that_takes_longer_than_silence_may_comes_once(follow, serve, bl
 @pytest.mark.slow
 def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, serve, blob_puppet):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
-    script = follow(port_of(service), "service/status")
+    script = follow(service.port, "service/status")
     script.until(state("CONNECTED"))
     service.process.send_signal(signal.SIGSTOP)
     try:
         reason = script.until(state("OFFLINE"))["reason"]
     finally:
         service.process.send_signal(signal.SIGCONT)
-    assert reason == f"No message of a Puppetline service has come from 127.0.0.1:{port_of(service)} for 6 s."
+    assert reason == f"No message of a Puppetline service has come from 127.0.0.1:{service.port} for 6 s."
     script.until(lambda _told: states(script)[-1] == "CONNECTED")
     script.end()
 

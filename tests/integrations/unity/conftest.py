@@ -249,28 +249,15 @@ def serve_figure(serve, played, free_port):
 
     def start(*arguments, port=None):
         port = port or free_port()
-        service = serve(*played, "--port", port, *arguments)
-        service.port = port
-        return service
+        return serve(*played, "--port", port, *arguments)
 
     return start
-
-
-@pytest.fixture(scope="session")
-def token_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("token") / "token"
-    path.write_text("correct-horse-battery-staple")
-    path.chmod(0o600)
-    return path
 
 
 def served(folder, *arguments):
     """Serve for many tests: none of them asks for what others would see."""
     state = {"XDG_STATE_HOME": str(folder)}
-    service = live.Served(*arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
-    service.port = int(service.stream.rpartition(":")[2])
-    service.control_port = int(service.control.rpartition(":")[2])
-    return service
+    return live.Served(*arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
 
 
 def end(service):

@@ -191,14 +191,15 @@ func set_mirror(on: bool) -> void:
 	request({"do": "mirror", "character": _name, "on": on})
 
 
-## Record a take of the stage that the character is on, under a name that the service chooses if none is given.
-func start_recording(take := "") -> void:
-	_request_of_stage({"do": "record_start", "name": take} if take else {"do": "record_start"})
+## Record a take of the stage that the character is on; without a name the service chooses one. `done` is called as by
+## [method request].
+func start_recording(take := "", done := Callable()) -> void:
+	_request_of_stage({"do": "record_start", "name": take} if take else {"do": "record_start"}, done)
 
 
 ## End the take that is being recorded.
-func stop_recording() -> void:
-	_request_of_stage({"do": "record_stop"})
+func stop_recording(done := Callable()) -> void:
+	_request_of_stage({"do": "record_stop"}, done)
 
 
 ## Compute the positions of all vertices as they are shown just now, in the space of this node. That is slow, and meant
@@ -228,14 +229,14 @@ func statistics() -> Dictionary:
 
 
 ## Make a request with the name of the stage that the character is on, which the service knows.
-func _request_of_stage(body: Dictionary) -> void:
+func _request_of_stage(body: Dictionary, done: Callable) -> void:
 	var find := func(reply: Dictionary) -> void:
 		var result: Variant = reply.get("result")
 		var list: Variant = result.get("characters") if result is Dictionary else null
 		for each: Variant in list if list is Array else []:
 			if each is Dictionary and each.get("name") is String and each["name"] == _name:
 				body["stage"] = each.get("stage")
-		request(body)
+		request(body, done)
 	request({"do": "describe"}, find)
 
 
@@ -308,7 +309,9 @@ func _leave_control() -> void:
 	_control = null
 	_control_port = 0
 	if left != null:
-		left.give_up("that this node has left the service")
+		# Not at once: who leaves with this node is half out of the scene.
+		var answer := func() -> void: left.give_up("that this node has left the service")
+		answer.call_deferred()
 
 
 func _follow_character(which: String) -> void:

@@ -10,7 +10,6 @@ signal live_asked
 const PAUSE := 2.0
 
 var _puppet: Puppet3D
-var _stage := ""
 var _recording := false
 var _seconds := 0.0
 
@@ -53,7 +52,10 @@ func follow(puppet: Puppet3D) -> void:
 func toggle_recording() -> void:
 	if _record.disabled:
 		return
-	_puppet.request({"do": "record_stop" if _recording else "record_start", "stage": _stage}, _on_recorded)
+	if _recording:
+		_puppet.stop_recording(_on_recorded)
+	else:
+		_puppet.start_recording("", _on_recorded)
 
 
 ## Shows what is to be typed into a terminal.
@@ -63,26 +65,16 @@ func show_command(command: String) -> void:
 
 
 func _ask() -> void:
-	_puppet.request({"do": "describe"}, _on_described)
 	_puppet.request({"do": "list"}, _on_listed)
-
-
-func _on_described(reply: Dictionary) -> void:
-	if not _is_well(reply):
-		get_tree().create_timer(PAUSE).timeout.connect(_ask)
-		return
-	_tell("")
-	var result: Dictionary = reply["result"]
-	for character: Dictionary in result.get("characters", []):
-		if _puppet.character in ["", character.get("name")]:
-			_stage = character.get("stage", "")
-			_record.disabled = false
-			return
 
 
 func _on_listed(reply: Dictionary) -> void:
 	if not _is_well(reply):
+		get_tree().create_timer(PAUSE).timeout.connect(_ask)
 		return
+	if _record.disabled:
+		_record.disabled = false
+		_tell("")
 	_takes.clear()
 	_play.disabled = true
 	var result: Dictionary = reply["result"]
@@ -96,12 +88,12 @@ func _on_recorded(reply: Dictionary) -> void:
 		var result: Dictionary = reply["result"]
 		_tell("")
 		_show_recording(not result.has("bytes"))
-		_puppet.request({"do": "list"}, _on_listed)
+		_ask()
 
 
 func _on_take_stopped(_take: String) -> void:
 	_show_recording(false)
-	_puppet.request({"do": "list"}, _on_listed)
+	_ask()
 
 
 func _on_play_pressed() -> void:

@@ -127,7 +127,7 @@ class Listener:
         self._thread.join()
 
 
-def check_shader(shade, service, puppet, loosest=6.0, **settings):
+def check_shader(shade, service, puppet, loosest=4.0, **settings):
     """Compare positions, normals and bounds of what is drawn."""
     reference = Reference(puppet)
     with Listener(service, puppet.stem, "controls") as (heard,):
@@ -136,10 +136,12 @@ def check_shader(shade, service, puppet, loosest=6.0, **settings):
     assert shown
     for told, (positions, normals, _) in shown:
         first, second = (heard[told[which]].body.astype(float) for which in ("sequence", "next_sequence"))
-        where, turned = reference.vertices_and_normals((1 - told["share"]) * first + told["share"] * second)
+        between = (1 - told["share"]) * first + told["share"] * second
+        lost = np.finfo(np.float32).eps * np.abs(between[..., :3]).max()  # where large transforms cancel out
+        where, turned = reference.vertices_and_normals(between)
         assert np.abs(positions - where).max() <= ALIKE * reference.diagonal
         some = np.linalg.norm(turned, axis=1) > 0.5  # where there is no direction, the shader has to make one up
-        assert np.abs(normals - turned)[some].max() <= 1e-4
+        assert np.abs(normals - turned)[some].max() <= 1e-4 + 10 * lost
         low, high = np.array(told["bounds"])
         assert (low - where.min(axis=0)).max() <= ALIKE * reference.diagonal
         assert (where.max(axis=0) - high).max() <= ALIKE * reference.diagonal
@@ -335,5 +337,6 @@ def test_textured_characters(show, shade, playing, add_glb, textured, take, tmp_
     check_vertices(show, service, textured)
     check_controls(show, service, textured, mesh_source=add_glb(tmp_path / "own.glb"))
     check_morphs(show, service, textured, add_glb(tmp_path / "baked.glb"))
+    # with 80 transforms for 290 places, those of the fox mean little by themselves
     # with 80 transforms for 290 places, those of the fox mean little by themselves
     check_shader(shade, service, textured, loosest=1000.0, mesh_source=add_glb(tmp_path / "own.glb"))

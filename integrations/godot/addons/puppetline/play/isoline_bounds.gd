@@ -1,89 +1,111 @@
 extends RefCounted
 ## A box around a character that is computed on the graphics card, at a cost that does not depend on its vertices.
 ##
-## Of each field, a vertex lies between two isolines, so that this field puts it between where their transforms put a
-## box of all such vertices; and the weights of the fields add up to 1.
+## Each field puts a vertex between where the transforms of two isolines put it, and the weights of the fields add up
+## to 1. What holds for a vertex holds for a box of vertices, with all isolines that are around these; the smaller the
+## boxes, the closer the whole.
 
 const Scene := preload("../wire/scene.gd")
 
 ## Floats of a transform.
 const _TRANSFORM := 12
+## Times that the character at rest is cut into halves.
+const _CUTS := 4
 
-var _boxes: Array[AABB] = []  # of each transform: around the vertices that it acts on, at rest
-var _used := PackedInt32Array()  # transforms that act on any
-var _weights := PackedFloat32Array()  # of these, those of their fields
+var _pieces: Array[_Piece] = []
+var _weights := PackedFloat32Array()
 var _isolines := 0
 
 
+## Vertices that lie close together.
+class _Piece:
+	var box: AABB
+	var first := PackedInt32Array()  # isoline of each field
+	var last := PackedInt32Array()
+
+
 func _init(scene: Scene) -> void:
+	_weights = scene.weights
 	_isolines = scene.isoline_count
-	var reach := _reach(scene)
-	for transform in reach.size():
-		if reach[transform].size.x >= 0.0:
-			_used.append(transform)
-			_boxes.append(reach[transform])
-			_weights.append(scene.weights[transform / _isolines])
+	var all := PackedInt32Array(range(scene.vertex_count))
+	for vertices in _cut(scene, all, _CUTS):
+		_pieces.append(_piece(scene, vertices))
 
 
 ## Return a box that no vertex leaves, for the controls of a frame: 3 × 4 floats a transform, row by row.
 func around(controls: PackedByteArray) -> AABB:
-	var numbers := controls.to_float32_array()
+	var transforms := _transforms(controls.to_float32_array())
+	var whole := AABB()
+	for i in _pieces.size():
+		var piece := _around_piece(_pieces[i], transforms)
+		whole = piece if i == 0 else whole.merge(piece)
+	return whole
+
+
+func _around_piece(piece: _Piece, transforms: Array[Transform3D]) -> AABB:
 	var low := Vector3.ZERO
-	var high := Vector3.ZERO
-	var field := -1
-	var weight := 0.0
-	var box := AABB()
-	for i in _used.size():
-		var at := _used[i] * _TRANSFORM
-		var moved := (
+	var size := Vector3.ZERO
+	for field in _weights.size():
+		var base := field * _isolines
+		var box := transforms[base + piece.first[field]] * piece.box
+		for isoline in range(base + piece.first[field] + 1, base + piece.last[field] + 1):
+			box = box.merge(transforms[isoline] * piece.box)
+		low += _weights[field] * box.position
+		size += _weights[field] * box.size
+	return AABB(low, size)
+
+
+static func _transforms(numbers: PackedFloat32Array) -> Array[Transform3D]:
+	var transforms: Array[Transform3D] = []
+	for at in range(0, numbers.size(), _TRANSFORM):
+		transforms.append(
 			Transform3D(
 				Vector3(numbers[at], numbers[at + 4], numbers[at + 8]),
 				Vector3(numbers[at + 1], numbers[at + 5], numbers[at + 9]),
 				Vector3(numbers[at + 2], numbers[at + 6], numbers[at + 10]),
 				Vector3(numbers[at + 3], numbers[at + 7], numbers[at + 11])
 			)
-			* _boxes[i]
 		)
-		if _used[i] / _isolines == field:
-			box = box.merge(moved)
-			continue
-		low += weight * box.position
-		high += weight * box.end
-		field = _used[i] / _isolines
-		weight = _weights[i]
-		box = moved
-	low += weight * box.position
-	high += weight * box.end
+	return transforms
+
+
+static func _cut(scene: Scene, vertices: PackedInt32Array, times: int) -> Array[PackedInt32Array]:
+	var box := _box(scene, vertices)
+	if times == 0 or box.size == Vector3.ZERO:
+		return [vertices]
+	var axis := box.get_longest_axis_index()
+	var middle := box.get_center()[axis]
+	var halves: Array[PackedInt32Array] = [PackedInt32Array(), PackedInt32Array()]
+	for vertex in vertices:
+		halves[int(scene.positions[vertex][axis] > middle)].append(vertex)
+	if halves[0].is_empty() or halves[1].is_empty():  # too close together for numbers
+		return [vertices]
+	var pieces := _cut(scene, halves[0], times - 1)
+	pieces.append_array(_cut(scene, halves[1], times - 1))
+	return pieces
+
+
+static func _box(scene: Scene, vertices: PackedInt32Array) -> AABB:
+	var low := Vector3.INF
+	var high := -Vector3.INF
+	for vertex in vertices:
+		low = low.min(scene.positions[vertex])
+		high = high.max(scene.positions[vertex])
 	return AABB(low, high - low)
 
 
-static func _reach(scene: Scene) -> Array[AABB]:
-	var boxes: Array[AABB] = []
-	for field in scene.field_count:
-		boxes.append_array(_reach_of_field(scene, field))
-	return boxes
-
-
-## Return a box for each isoline of a field, around the vertices between its neighbours; of negative size if there are
-## none.
-static func _reach_of_field(scene: Scene, field: int) -> Array[AABB]:
-	var gaps := scene.isoline_count - 1
-	var low: Array[Vector3] = []
-	var high: Array[Vector3] = []
-	low.resize(gaps + 2)
-	high.resize(gaps + 2)
-	low.fill(Vector3.INF)
-	high.fill(-Vector3.INF)
-	# The gap between isolines k and k + 1 is number k + 1 here: there is one more, with nothing in it, at either end.
-	var at := field
-	for position in scene.positions:
-		var gap := clampi(int(scene.ladder[at]), 0, gaps - 1) + 1
-		low[gap] = low[gap].min(position)
-		high[gap] = high[gap].max(position)
-		at += scene.field_count
-	var boxes: Array[AABB] = []
-	for isoline in scene.isoline_count:
-		var lowest := low[isoline].min(low[isoline + 1])
-		var highest := high[isoline].max(high[isoline + 1])
-		boxes.append(AABB(lowest, highest - lowest) if lowest.x <= highest.x else AABB(Vector3.ZERO, -Vector3.ONE))
-	return boxes
+static func _piece(scene: Scene, vertices: PackedInt32Array) -> _Piece:
+	var piece := _Piece.new()
+	piece.box = _box(scene, vertices)
+	var fields := scene.field_count
+	for field in fields:
+		var first := INF
+		var last := -INF
+		for vertex in vertices:
+			var place := scene.ladder[vertex * fields + field]
+			first = minf(first, place)
+			last = maxf(last, place)
+		var top := scene.isoline_count - 2  # no gap begins above it
+		piece.first.append(clampi(int(first), 0, top))
+		piece.last.append(clampi(int(last), 0, top) + 1)
+	return piece

@@ -1,7 +1,7 @@
 extends "teller.gd"
 ## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
 ## "apart": frames between two of them at least, "file": where positions are written, 3 floats a vertex; in MORPHS,
-## those at rest first}.
+## those at rest first, "then": other properties, for when a service has refused it}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",
@@ -28,14 +28,14 @@ func _initialize() -> void:
 	_wanted = asked["samples"]
 	_apart = asked["apart"]
 	_file = FileAccess.open(asked["file"], FileAccess.WRITE)
-	for property: String in asked["settings"]:
-		var value: Variant = asked["settings"][property]
-		_puppet.set(property, load(value) if property == "mesh_source" else value)
+	_apply(asked["settings"])
 	for happening in SIGNALS:
 		_puppet.connect(happening, func(what: Variant = null) -> void: tell({"signal": happening, "what": what}))
 	_puppet.scene_loaded.connect(
 		func() -> void: _file.store_buffer(_puppet.evaluate().to_byte_array()), CONNECT_ONE_SHOT
 	)
+	_puppet.refused.connect(func(_why: String) -> void: _apply(asked["then"]))
+	_puppet.disconnected.connect(func() -> void: _next = 0)
 	root.add_child(_puppet)
 
 
@@ -50,3 +50,8 @@ func _process(_delta: float) -> bool:
 	if _wanted == 0:
 		_puppet.free()
 	return _wanted == 0
+
+
+func _apply(settings: Dictionary) -> void:
+	for property: String in settings:
+		_puppet.set(property, load(settings[property]) if property == "mesh_source" else settings[property])

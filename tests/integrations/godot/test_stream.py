@@ -3,10 +3,7 @@
 import hashlib
 import json
 import signal
-import socket
-import threading
 import time
-from contextlib import suppress
 
 import pytest
 import zmq
@@ -159,61 +156,6 @@ def test_the_control_port_is_no_stream(follow, serve, blob_puppet):
     script.end()
 
 
-class Line:
-    """A line to a port that cuts everything into pieces, takes its time over each, and can be torn."""
-
-    def __init__(self, port, piece=1, pause=0.0):
-        self._piece = piece
-        self.pause = pause
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.port = self._listener.getsockname()[1]
-        self._to = port
-        self._open = []
-        threading.Thread(target=self._accept, daemon=True).start()
-
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                ends = self._listener.accept()[0], socket.create_connection(("127.0.0.1", self._to))
-                self._open += ends
-                for source, sink in (ends, ends[::-1]):
-                    sink.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    threading.Thread(target=self._pass, args=(source, sink), daemon=True).start()
-
-    def _pass(self, source, sink):
-        with suppress(OSError):
-            while data := source.recv(1 << 16):
-                for k in range(0, len(data), self._piece):
-                    sink.sendall(data[k : k + self._piece])
-                    if self.pause > 0:
-                        time.sleep(self.pause)
-
-    def tear(self):
-        for each in self._open:
-            with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-        self._open.clear()
-
-    def close(self):
-        with suppress(OSError):
-            self._listener.shutdown(socket.SHUT_RDWR)
-        self._listener.close()
-        self.tear()
-
-
-@pytest.fixture
-def line():
-    lines = []
-
-    def lay(*arguments, **options):
-        lines.append(Line(*arguments, **options))
-        return lines[-1]
-
-    yield lay
-    for each in lines:
-        each.close()
-
-
 def test_a_line_that_cuts_everything_into_bytes_and_is_torn(follow, serve, blob_puppet, take, line):
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop")
     python = service.client("blob/scene/yours")
@@ -272,23 +214,11 @@ def test_another_publisher_on_the_port_is_no_service(follow, publisher):
     assert states(script) == ["CONNECTING", "OFFLINE"]
 
 
-def garbage(listener):
-    with suppress(OSError):
-        while True:
-            with listener.accept()[0] as line:
-                line.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
-                line.recv(100)
-
-
-def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port):
+def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_puppet, free_port, something_else):
     port = free_port()
-    with socket.create_server(("127.0.0.1", port)) as listener:
-        thread = threading.Thread(target=garbage, args=[listener])
-        thread.start()
+    with something_else(port):
         script = follow(port, "blob/scene/mine")
         assert "does not speak ZMTP 3" in script.until(state("OFFLINE"))["reason"]
-        listener.shutdown(socket.SHUT_RDWR)
-        thread.join()
     serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
     script.until(topic("blob/scene/mine"))
     script.end()

@@ -2,7 +2,7 @@ extends "teller.gd"
 ## Draws a character twice in each of many materials, by Godot's own material and by what the addon makes of it:
 ## FOLDER of scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and bent, the vertices of
 ## the latter), which pictures are written to as well. With the path of an imported scene after it, that is drawn as it
-## is and by the addon, and nothing else.
+## is and by the addon, and nothing else; with "bent" after it, only that.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -135,12 +135,15 @@ func _initialize() -> void:
 	_shared._take(_message("scene"))
 	_textures = {"picture": _picture(), "bumps": _bumps()}
 	_make_stage()
-	if arguments().size() > 1:
-		await _draw_imported(load(arguments()[1]))
-	else:
+	if arguments().size() == 1:
 		for case: String in CASES:
 			await _draw(case)
 		await _draw_bent()
+		await _draw_users()
+	elif arguments()[1] == "bent":
+		await _draw_bent()
+	else:
+		await _draw_imported(load(arguments()[1]))
 	_shared = null
 	quit()
 
@@ -164,7 +167,10 @@ func _draw_bent() -> void:
 	await _photograph(_shown(ControlsBody.new(_shared, null), "bent", material), "bent made")
 	await _photograph(_shown(VerticesBody.new(_shared), "vertices", material), "bent vertices")
 	tell({"case": "bent"})
-	own = MeshInstance3D.new()
+
+
+func _draw_users() -> void:
+	var own := MeshInstance3D.new()
 	own.mesh = _bent_mesh()
 	own.material_override = StandardMaterial3D.new()
 	own.material_override.albedo_color = Color(0.8, 0.5, 0.2)
@@ -247,11 +253,11 @@ func _mesh(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayM
 	var scene := _shared.scene
 	var arrays := RestMesh.build(scene).surface_get_arrays(0)
 	var colors := PackedColorArray()
-	for i in scene.vertex_count:
+	for i in scene.colors.size() / 3:
 		colors.append(Color(scene.colors[3 * i], scene.colors[3 * i + 1], scene.colors[3 * i + 2]))
 	arrays[Mesh.ARRAY_VERTEX] = positions
 	arrays[Mesh.ARRAY_NORMAL] = normals
-	arrays[Mesh.ARRAY_COLOR] = colors
+	arrays[Mesh.ARRAY_COLOR] = null if colors.is_empty() else colors
 	for custom in 3:
 		arrays[Mesh.ARRAY_CUSTOM0 + custom] = null
 	var mesh := ArrayMesh.new()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from engine_bridge.demo import CASTING, prepare
 from engine_bridge.live.frame import StreamedCharacter
 from engine_bridge.rig import load_rig
 from solver.deformer import Deformer, to_file_units
@@ -62,6 +63,17 @@ def test_each_property_looks_the_same(run_godot, figure, tmp_path):
         assert_alike(drawn[case], picture(tmp_path / f"{case} made.png"))
     assert_alike(drawn["bent"], picture(tmp_path / "bent vertices.png"))
     assert {"normal", "orm", "colors", "bent", "user's"} <= set(cases)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASTING)
+def test_a_bent_character_looks_as_a_mesh_of_its_vertices_does(run_godot, own_cache, tmp_path, name):
+    write_payloads(prepare(name, tmp_path)[1], tmp_path)
+    run_godot("render_materials.gd", tmp_path, "bent", display=True, timeout=600)
+    drawn = picture(tmp_path / "bent own.png")
+    assert np.std(drawn) > 10
+    assert_alike(drawn, picture(tmp_path / "bent made.png"))
+    assert_alike(drawn, picture(tmp_path / "bent vertices.png"))
 
 
 @pytest.mark.slow

@@ -258,6 +258,20 @@ def test_more_fields_than_a_vertex_has_room_for_come_vertex_by_vertex(show, play
     check_vertices(show, playing(puppet, take), puppet, mode=CONTROLS)
 
 
+def test_more_parts_than_a_mesh_has_room_for(show, shade, playing, blob, new_glb, write_puppet, take, tmp_path):
+    glb = new_glb()
+    pieces = [np.unique(faces, return_inverse=True) for faces in np.array_split(blob.faces, 300)]
+    parts = [
+        glb.primitive(blob.vertices[which], faces.astype(np.uint32), NORMAL=blob.normals[which].astype(np.float32))
+        for which, faces in pieces
+    ]
+    glb.node(glb.mesh(*parts))
+    puppet = write_puppet(tmp_path / "parts.toml", glb.save(tmp_path / "parts.glb").name)
+    service = playing(puppet, take)
+    check_shader(shade, service, puppet)
+    check_vertices(show, service, puppet)
+
+
 def keyframes(path):
     """Return the times and the vertices (T, n, 3) of what `puppetline convert --as frames` has written."""
     document = gltf.GLTF2().load(str(path))

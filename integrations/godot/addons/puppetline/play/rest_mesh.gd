@@ -45,11 +45,21 @@ static func build(scene: Scene, flags := 0) -> ArrayMesh:
 	return mesh
 
 
-## Return the parts that have anything to draw: the surfaces of the mesh.
+## Return the parts that have anything to draw: the surfaces of the mesh. If there are more than a mesh has room for,
+## the last surface is all those left.
 static func drawn_parts(scene: Scene) -> Array[Dictionary]:
-	return scene.parts.filter(
+	var drawn: Array[Dictionary] = scene.parts.filter(
 		func(part: Dictionary) -> bool: return part["vertices"][1] > 0 and part["triangles"][1] > 0
 	)
+	var most := RenderingServer.MAX_MESH_SURFACES
+	if drawn.size() > most:
+		var rest: Dictionary = drawn[most - 1].duplicate()
+		for what: String in ["vertices", "triangles"]:
+			var end: int = drawn[-1][what][0] + drawn[-1][what][1]
+			rest[what] = [rest[what][0], end - rest[what][0]]
+		drawn.resize(most - 1)
+		drawn.append(rest)
+	return drawn
 
 
 ## Make the texture of positions, normals and colours, each from a new row on.

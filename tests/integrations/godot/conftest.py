@@ -146,11 +146,13 @@ def project(imported_project, tmp_path):
 
 @pytest.fixture
 def start_godot(godot, project):
-    """Start a script in the project and talk to it while it runs; `display` gives it a screen and OpenGL."""
+    """Start a script in the project, or in a game that was exported from it, and talk to it while it runs; `display`
+    gives it a screen and OpenGL."""
     started = []
 
-    def start(script, *arguments, display=False):
-        command = [godot, "--path", project, "-s", f"res://tests/{Path(script).name}"]
+    def start(script, *arguments, display=False, game=None):
+        place = ["--path", project] if game is None else ["--main-pack", game]
+        command = [godot, *place, "-s", f"res://tests/{Path(script).name}"]
         if display:
             screen = ["xvfb-run", "-a", "-s", "-screen 0 1280x720x24"]
             command = [*screen, *command, "--rendering-driver", "opengl3", "--audio-driver", "Dummy"]
@@ -294,6 +296,27 @@ def something_else():
             thread.join()
 
     return answer
+
+
+PRESET = """[preset.0]
+name="Game"
+platform="Linux"
+export_filter="all_resources"
+include_filter=""
+exclude_filter=""
+export_path=""
+[preset.0.options]
+"""
+
+
+@pytest.fixture
+def exported_game(godot, project):
+    """Export the project, as for players who have neither project nor editor."""
+    (project / "export_presets.cfg").write_text(PRESET)
+    game = project.parent / "game.pck"
+    command = [godot, "--headless", "--path", project, "--export-pack", "Game", game]
+    Script(command, project.parent / "over").finish(300, ["leaked at exit", "still in use at exit"])  # Godot's own
+    return game
 
 
 @pytest.fixture(scope="session")

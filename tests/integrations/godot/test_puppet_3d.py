@@ -62,9 +62,9 @@ class Watched:
 
 @pytest.fixture
 def watch(start_godot, tmp_path):
-    def start(*settings):
+    def start(*settings, **options):
         orders = tmp_path / "orders"
-        return Watched(start_godot("watch_puppet.gd", json.dumps(settings), orders), orders)
+        return Watched(start_godot("watch_puppet.gd", json.dumps(settings), orders, **options), orders)
 
     return start
 
@@ -389,3 +389,11 @@ def test_it_plays_in_the_editor_unless_it_is_told_not_to(godot, project, serve, 
         assert "SCRIPT ERROR" not in said.read()
     assert editor.returncode == 0
     assert most == int(preview)
+
+
+def test_it_plays_in_an_exported_game(watch, exported_game, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": service.port}, {"port": service.port, "mode": 1}, game=exported_game)
+    for puppet in 0, 1:
+        assert watched.until(moves, puppet)["damaged"] == 0
+    watched.end()

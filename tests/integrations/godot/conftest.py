@@ -306,6 +306,7 @@ include_filter=""
 exclude_filter=""
 export_path=""
 [preset.0.options]
+binary_format/architecture="x86_64"
 """
 
 

@@ -242,7 +242,7 @@ def _perform(
                 if len(memory) % 30 == 0:
                     progress(f"{client.frames:,} frames, {memory[-1]:.1f} MB, {client.lost} lost")
                 if service.process.poll() is not None:
-                    raise SystemExit(f"the service has ended:\n{service.log[-5000:]}")
+                    raise SystemExit(f"the service has ended ({service.process.returncode}):\n{service.log[-5000:]}")
     return np.array(memory)
 
 

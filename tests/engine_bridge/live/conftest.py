@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -9,6 +10,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -285,17 +287,14 @@ def listen():
 
 @pytest.fixture
 def free_port():
-    """Find a TCP port that is free, and the one after it as well."""
+    """Find a TCP port that is free, and the one after it as well, of those that the system gives to nobody by itself."""
 
     def find():
         while True:
-            with socket.socket() as one, socket.socket() as next_one:
-                one.bind(("127.0.0.1", 0))
-                port = one.getsockname()[1]
-                try:
-                    next_one.bind(("127.0.0.1", port + 1))
-                except (OSError, OverflowError):
-                    continue
+            port = random.randrange(20_000, 32_000)
+            with socket.socket() as one, socket.socket() as next_one, suppress(OSError):
+                one.bind(("127.0.0.1", port))
+                next_one.bind(("127.0.0.1", port + 1))
                 return port
 
     return find

@@ -466,8 +466,8 @@ def test_nobody_can_take_away_what_others_follow(publisher, subscribe, raw, dog)
     assert heard(publisher, client).topic == "dog/controls"
 
 
-def test_a_client_finds_the_service_again_when_it_comes_back(open_publisher, subscribe, dog):
-    first = open_publisher(dog)
+def test_a_client_finds_the_service_again_when_it_comes_back(open_publisher, subscribe, dog, free_port):
+    first = open_publisher(dog, doors=[Open(f"tcp://127.0.0.1:{free_port()}")])
     client = subscribe(first, "dog/scene/mine", "dog/controls")
     heard(first, client)
     endpoint = first.endpoints[0]

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -172,7 +173,7 @@ class Reference:
 
     def __init__(self, address, *topics, token=None, every=1):
         self.frames = {}
-        self.scene = None
+        self._scene = Future()
         self._ended = False
         self._arguments = (address, topics, token, every)
         self._thread = threading.Thread(target=self._follow)
@@ -191,11 +192,17 @@ class Reference:
                 if socket.poll(50):
                     message = decode(socket.recv())
                     if "/scene/" in message.topic:
-                        self.scene = message.body
+                        if not self._scene.done():
+                            self._scene.set_result(message.body)
                     elif message.header.sequence % every == 0:
                         self.frames[message.header.sequence] = message
                     while len(self.frames) > self.MOST:
                         del self.frames[min(self.frames)]
+
+    @property
+    def scene(self):
+        """The scene, as soon as it is there."""
+        return self._scene.result(PATIENCE)
 
     def close(self):
         self._ended = True

@@ -63,7 +63,7 @@ def assert_around(said, theirs, diagonal, looseness):
 def test_vertices_uploaded_are_those_of_the_service_in_unitys_axes(show, python, mode):
     program = show(mode=mode, materials="Any/Shader")
     assert not mesh(program)["onGraphicsCard"]
-    both = shown(program, python)
+    both = shown(program, python, 60)
     diagonal = python.scene.facts["diagonal"]
     for said, theirs in both:
         vertices = array(said["moving"], columns=6)

@@ -287,7 +287,7 @@ def listen():
 
 @pytest.fixture
 def free_port():
-    """Find a TCP port that is free, and the one after it as well, of those that the system gives to nobody by itself."""
+    """Find a TCP port that is free, as is the next one, of those that the system gives to nobody by itself."""
 
     def find():
         while True:

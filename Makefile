@@ -23,8 +23,8 @@ demo: setup ## Animate the example characters into out/
 
 # matrices here are small: threads that wait for each other only cost time
 test: export OPENBLAS_NUM_THREADS = 1
-test: setup ## Run every test (PYTEST="-m 'not slow'" for a quick round)
-	$(BIN)/pytest $(PYTEST)
+test: setup ## Run every test, two at a time (PYTEST="-m 'not slow'" for a quick round)
+	$(BIN)/pytest -n 2 --dist loadfile $(PYTEST)
 
 lint: setup ## Check style, types and which package may import which
 	$(BIN)/ruff check .

@@ -246,7 +246,8 @@ def ladder(puppet: Path, output: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(summary.as_dict(), indent=2))
         return
-    size = f"{summary.vertices:,} vertices in {summary.surfaces} surface{"s" * (summary.surfaces > 1)}, {summary.bytes / 1e6:.1f} MB"
+    surfaces = f"{summary.surfaces} surface{'s' if summary.surfaces > 1 else ''}"
+    size = f"{summary.vertices:,} vertices in {surfaces}, {summary.bytes / 1e6:.1f} MB"
     click.echo(f"{summary.output}: {size}, ladder coordinates of {summary.fields} fields")
     for note in summary.notes:
         click.echo(f"  note: {note}")

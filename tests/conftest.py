@@ -31,7 +31,7 @@ def _compile_anew_where_something_changed() -> None:
 
 _compile_anew_where_something_changed()
 
-OPTIONAL = {"data", "godot", "mono", "node"}
+OPTIONAL = {"data", "freenect", "godot", "mono", "node"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
 

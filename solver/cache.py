@@ -86,7 +86,7 @@ def _write(path: Path, key: str, arrays: Arrays) -> None:
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("wb") as file:
-            np.savez(file, allow_pickle=False, **{CONTENT: np.array([key, *arrays]), **arrays})
+            np.savez(file, **{CONTENT: np.array([key, *arrays]), **arrays})
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)

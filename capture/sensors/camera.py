@@ -142,11 +142,11 @@ class Camera:
                 uri,
                 found=f"that camera {options.place} cannot be opened as one",
                 expected="a camera that no other program uses",
-                fix="End the other program, or name another camera: some have several devices, of which one gives pictures.",
+                fix="End the other program, or name another camera: of the devices that some have, one gives pictures.",
             )
         self.name = f"camera {options.place}"
 
-    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002: OpenCV waits as long as it does, see `opencv`
+    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (OpenCV waits as `opencv` says)
         """Wait for the next picture.
 
         Raises
@@ -206,7 +206,7 @@ class Video:
             )
         self.name = f"the video {path.name}"
 
-    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002: a file never lets wait
+    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (a file never lets wait)
         """Return the next picture.
 
         Raises
@@ -254,7 +254,9 @@ def opencv() -> ModuleType:
     try:
         import cv2
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
-        raise SourceError("OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA) from error
+        raise SourceError(
+            "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
+        ) from error
     return cv2
 
 
@@ -280,7 +282,8 @@ def _check(uri: str, device: Path) -> None:
             uri,
             found=f"that this user may not use {device}",
             expected=f"permission to read and write it, which its group {group} has",
-            fix=f"sudo usermod -aG {group} $USER, and log in again; or a udev rule with TAG+=\"uaccess\" for SUBSYSTEM==\"video4linux\".",
+            fix=f'sudo usermod -aG {group} $USER, and log in again; or a udev rule for SUBSYSTEM=="video4linux" with '
+            'TAG+="uaccess".',
         )
 
 

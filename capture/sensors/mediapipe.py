@@ -36,7 +36,7 @@ GONE = 0.5
 DARK = 10.0
 """Mean brightness, of 255, below which nobody can be seen."""
 
-EXTRA = "pip install 'puppetline[camera]' brings OpenCV and MediaPipe; on Debian they need the packages libgl1 and libglib2.0-0."
+EXTRA = "pip install 'puppetline[camera]' brings OpenCV and MediaPipe; Debian needs libgl1 and libglib2.0-0 for them."
 
 _LANDMARKS = 33
 _LEFT = {"shoulder": [11], "elbow": [13], "wrist": [15], "hand": [17, 19], "hip": [23], "knee": [25], "ankle": [27]}
@@ -149,7 +149,7 @@ def library() -> ModuleType:
         raise SourceError(
             "MediaPipe", found=f"that it cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=EXTRA
         ) from error
-    return pose  # type: ignore[no-any-return]
+    return pose
 
 
 def _nobody(color: NDArray[np.uint8]) -> str:

@@ -3,10 +3,10 @@
 A tracker says at which pixels joints are, and roughly how the body stands: its posture, in metres of its own about the
 hips. The distance at which that posture looks like the picture is a linear least squares problem. From then on a joint
 is on the ray through its pixel, which is what a tracker is best at, as far behind or before the hips as the posture
-says. Bones keep their length: what a tracker makes of it varies by a fifth from picture to picture, so the mean decides.
+says. Bones keep their mean length, as what a tracker makes of it varies by a fifth from picture to picture.
 
-The tracker's metres become those of the room by what is known of the performer: depth where a sensor gives it, otherwise
-the height. A joint whose depth is known is put there.
+The tracker's metres become those of the room by what is known of the performer: depth where a sensor gives it,
+otherwise the height. A joint whose depth is known is put there.
 """
 
 import math
@@ -98,8 +98,8 @@ class Placing:
         Returns
         -------
         (positions, confidence) or None
-            (20, 3) float64 metres, sensor frame, and (20,) float32. Of a depth picture, joints that it misses are at most
-            inferred. None if no body can look like that.
+            (20, 3) float64 metres, sensor frame, and (20,) float32. With a depth picture, joints that it misses are
+            inferred at most. None if no body can look like that.
         """
         rays = lens.unproject(pixels, np.ones(len(pixels)))
         distance = distance_of(posture, rays, confidence)
@@ -145,8 +145,8 @@ class Placing:
 def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) -> float:
     """Return how far away a posture's origin is, so that it looks most like the picture.
 
-    With a translation t, joint p is seen along the ray r = (rₓ, r_y, 1) where p + t = (p_z + t_z) r. That is linear in t;
-    its weighted least squares solution for t_z stands here, the other two being eliminated.
+    With a translation t, joint p is seen along the ray r = (rₓ, r_y, 1) where p + t = (p_z + t_z) r. That is linear in
+    t; its weighted least squares solution for t_z stands here, the other two being eliminated.
 
     Parameters
     ----------

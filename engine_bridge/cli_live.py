@@ -168,6 +168,44 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 
 
 @click.command()
+@click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
+@click.option("-o", "--output", required=True, type=FILE, help="The .png to write.")
+@click.option(
+    "--seconds",
+    default=3.0,
+    show_default=True,
+    type=Finite(0, min_open=True),
+    help="How long, from the first thing that comes.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
+    """Draw what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
+    from contextlib import closing
+
+    from capture.sensors.look import draw
+    from capture.sensors.sight import reasons, summary, told, watch
+    from engine_bridge.files import check_writable, written_whole
+    from engine_bridge.live.sources import open_source
+
+    check_writable(output, ".png")
+    with closing(open_source(source)) as opened:
+        sight = watch(opened, seconds)
+    why = reasons(sight)
+    with written_whole(output) as partial:
+        draw(sight, why).save(partial, format="PNG")
+    if as_json:
+        click.echo(json.dumps(summary(sight, why), indent=2))
+    else:
+        click.echo(f"{output}: {source}, {sight.seconds:.1f} s")
+        for _, performer in sorted(sight.performers.items()):
+            click.echo(f"  {told(performer)}")
+        for reason in why:
+            click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+    if not sight.performers:
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
 @click.argument("address", default="127.0.0.1:7400")
 @click.option("--character", "characters", multiple=True, help="Only this one; can be repeated.")
 @click.option(
@@ -287,4 +325,4 @@ def keys(file: Path) -> None:
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
 
 
-COMMANDS = (serve, record, listen, bake, ladder, doctor, token, keys)
+COMMANDS = (serve, record, look, listen, bake, ladder, doctor, token, keys)

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.picture import Lens, Picture
+from capture.sensors.source import SensorSource
 from puppetline.errors import SourceError
 
 LENS = Lens(640, 480, 525.0)
@@ -60,22 +62,29 @@ class _Interval(ctypes.Structure):
     _fields_ = (("seconds", ctypes.c_long), ("microseconds", ctypes.c_long))
 
 
-def open_freenect(name: str, rest: str) -> "FreenectDevice":
-    """Open the sensor of which a URI's text behind ``freenect:`` is the number, the first where it is empty.
+def open_freenect(uri: str, rest: str) -> SensorSource:
+    """Open a Kinect v1 and find a person in what it sees.
+
+    Parameters
+    ----------
+    uri, rest : str
+        The whole, and what follows its scheme: the number of the sensor, the first where it is empty.
 
     Raises
     ------
     SourceError
-        The text is no number, or as of `FreenectDevice`.
+        The text is no number, or a library is missing. What is wrong with the sensor is raised by the source.
     """
     if not re.fullmatch("[0-9]{0,2}", rest):
         raise SourceError(
-            name,
+            uri,
             found=repr(rest),
             expected="the number of a Kinect v1",
-            fix="Write freenect: for the first, freenect:1.",
+            fix="Write freenect: for the first, freenect:1 for the second.",
         )
-    return FreenectDevice(name, int(rest or 0))
+    _load(uri)
+    library()
+    return SensorSource(uri, lambda: FreenectDevice(uri, int(rest or 0)), lambda _: MediaPipePose())
 
 
 class FreenectDevice:

@@ -23,12 +23,12 @@ FRAME = 2_002_000
 READ = """
 import sys
 import numpy as np
-from capture.sensors.freenect import open_freenect
+from capture.sensors.freenect import FreenectDevice
 from puppetline.errors import SourceError
 pictures = []
 device = None
 try:
-    device = open_freenect("freenect:", "")
+    device = FreenectDevice("freenect:")
     while len(pictures) < int(sys.argv[2]) and (picture := device.read(0.5)):
         pictures.append(picture)
     print("closed", device.close(), device.close())

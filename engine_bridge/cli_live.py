@@ -128,7 +128,9 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
 def _looped(uri: str) -> str:
     from engine_bridge.live.sources import LOOP, RECORDED
 
-    return uri + LOOP if uri.startswith(RECORDED) and not uri.endswith(LOOP) else uri
+    if not uri.startswith(RECORDED) or uri.endswith(("?loop", "&loop")):
+        return uri
+    return uri + ("&loop" if "?" in uri else LOOP)
 
 
 def _target(text: str, rate: float | None) -> dict[str, Any]:

@@ -29,7 +29,7 @@ SEEN = 0.5
 _BONES = [(JOINT_INDEX[joint], JOINT_INDEX[parent]) for joint, parent in PARENTS.items()]
 _CHILDREN, _PARENTS = (list(ends) for ends in zip(*_BONES, strict=True))
 
-_SKIN_TO_JOINT = {
+_BENEATH = {
     "hip_center": 0.10,
     "spine": 0.11,
     "shoulder_center": 0.06,
@@ -43,8 +43,8 @@ _SKIN_TO_JOINT = {
     "ankle": 0.04,
     "foot": 0.03,
 }
-_SKIN: Floats = np.array([_SKIN_TO_JOINT[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS])
-"""Metres from the skin that a sensor sees to the joint within: half of an adult's thickness there."""
+SKIN_TO_JOINT: Floats = np.array([_BENEATH[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS])
+"""(20,) metres from the skin that a sensor sees to the joint within: half of an adult's thickness there."""
 
 _WINDOW = 0.02  # metres from a joint within which depth is looked at: less than half of a wrist
 _BELONGS = 0.25  # metres from where a joint is expected beyond which depth is that of something else
@@ -106,16 +106,17 @@ class Placing:
         if not NEAREST < distance < math.inf or (distance + posture[:, 2]).min() <= 0:
             return None
         lifted = None if depth is None else _lift(depth, lens, pixels, posture[:, 2] + distance, confidence)
-        if lifted is None:
-            depths = posture[:, 2] + self._eased(time, distance)
-            known = np.zeros(len(JOINTS), bool)
-        else:
+        known = np.zeros(len(JOINTS), bool)
+        depths = posture[:, 2] + distance
+        if lifted is not None:
             metres, scale = lifted
             self._scale.add(np.array([scale]), np.ones(1))
             known = np.isfinite(metres)
-            depths = np.where(known, metres / self._scale.value, posture[:, 2] + distance * scale / self._scale.value)
+            depths = np.where(known, metres, depths * scale) / self._scale.value
             confidence = np.where(known, confidence, np.minimum(confidence, np.float32(INFERRED)))
         lengths = self._typical_lengths(rays * depths[:, None], confidence)
+        if lifted is None:
+            depths += self._eased(time, distance) - distance
         placed = _settle(rays, depths, lengths, known)
         return placed * (self._scale.value[0] if self._scale.known else self._by_height(placed)), confidence
 
@@ -190,13 +191,15 @@ def _lift(
         for pixel, z, sure in zip(pixels, guessed, confidence, strict=True)
     ]
     ratios = [
-        (np.median(window) + skin) / z for window, skin, z in zip(windows, _SKIN, guessed, strict=True) if len(window)
+        (np.median(window) + skin) / z
+        for window, skin, z in zip(windows, SKIN_TO_JOINT, guessed, strict=True)
+        if len(window)
     ]
     if len(ratios) < _ENOUGH:
         return None
     scale = float(np.median(ratios))  # whatever hides a joint, or lies behind it, is in the minority
     depths = np.full(len(JOINTS), np.nan)
-    for joint, (window, skin, z) in enumerate(zip(windows, _SKIN, guessed, strict=True)):
+    for joint, (window, skin, z) in enumerate(zip(windows, SKIN_TO_JOINT, guessed, strict=True)):
         own = window[np.abs(window + skin - z * scale) < _BELONGS]
         if len(own) > _LEAST * len(window):
             depths[joint] = np.median(own) + skin

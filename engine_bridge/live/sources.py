@@ -1,4 +1,4 @@
-"""A source's URI: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``vmc:PORT``, ``camera:0``, ``video:FILE``, …"""
+"""What a URI opens: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and what else `SCHEMES` has."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from puppetline.errors import SourceError
 
 LOOP = "?loop"
 
-RECORDED = ("demo:", "replay:", "video:")
+RECORDED = ("demo:", "replay:", "video:", "openni:file=")
 """Sources that end."""
 
 
@@ -77,6 +77,12 @@ def _video(uri: str, rest: str, folder: Path) -> SkeletonSource:
     return open_video(uri, rest, folder)
 
 
+def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    from capture.sensors.openni import open_openni
+
+    return open_openni(uri, rest, folder)
+
+
 SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "demo": _demo,
     "replay": _replay,
@@ -85,5 +91,6 @@ SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "freenect": _freenect,
     "camera": _camera,
     "video": _video,
+    "openni": _openni,
 }
 """An example performance; a take or any skeleton log; senders in the network, all dialects; and VMC."""

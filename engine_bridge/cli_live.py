@@ -190,6 +190,8 @@ def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
     from engine_bridge.live.sources import open_source
 
     check_writable(output, ".png")
+    if sys.stderr.isatty():
+        click.echo(f"looking at {source} …", err=True)
     with closing(open_source(source)) as opened:
         sight = watch(opened, seconds)
     why = reasons(sight)

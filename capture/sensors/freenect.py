@@ -87,6 +87,28 @@ def open_freenect(uri: str, rest: str) -> SensorSource:
     return SensorSource(uri, lambda: FreenectDevice(uri, int(rest or 0)), lambda _: MediaPipePose())
 
 
+def plugged_in(where: str) -> int:
+    """Return how many sensors the library finds.
+
+    Parameters
+    ----------
+    where : str
+        Who asks, for the message.
+
+    Raises
+    ------
+    SourceError
+        There is no library, or it cannot use USB.
+    """
+    library, context = _load(where), ctypes.c_void_p()
+    if library.freenect_init(ctypes.byref(context), None) < 0:
+        raise SourceError(where, found="no USB", expected="it", fix="In a container, pass /dev/bus/usb through.")
+    try:
+        return max(0, library.freenect_num_devices(context))
+    finally:
+        library.freenect_shutdown(context)
+
+
 class FreenectDevice:
     """A Kinect v1; implements `capture.sensors.picture.Device`. It is one thread's.
 
@@ -262,9 +284,9 @@ def _load(name: str) -> Any:
     SourceError
         There is none.
     """
-    for library in LIBRARIES:
+    for candidate in LIBRARIES:
         with suppress(OSError):
-            return _declared(ctypes.CDLL(library))
+            return _declared(ctypes.CDLL(candidate))
     raise SourceError(
         name,
         found="no libfreenect on this machine",

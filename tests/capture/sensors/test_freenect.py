@@ -8,9 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from puppetline.examples.performances import PERFORMANCES
 
 from capture.sensors import freenect
 from capture.sensors.freenect import LENS, FreenectDevice, open_freenect
+from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SourceError
 
 from ...conftest import missing
@@ -134,6 +136,23 @@ def test_depth_and_colour_come_as_the_sensor_took_them_on_a_clock_that_never_sta
     assert seen["times"][0] == start / 60e6
     assert "closed None None" in process.stdout
     assert process.stderr == "shut down with 0 open\n"
+
+
+def test_a_body_is_where_it_stands_when_depth_is_lifted_by_the_lens(read, write_dump, render):
+    joints, radius = PERFORMANCES["walk"]().positions[0], 0.05
+    depth, color = render(joints, LENS, radius=radius)
+    _, seen = read(write_dump([(depth, 0), (color, 0)]), 1)
+    np.testing.assert_array_equal(seen["depths"][0], depth)
+    np.testing.assert_array_equal(seen["colors"][0], color)
+    rows, columns = np.nonzero(seen["depths"][0])
+    skin = LENS.unproject(np.stack([columns, rows], axis=-1) + 0.5, seen["depths"][0][rows, columns] / 1000)
+    ends = joints[[[JOINT_INDEX[a], JOINT_INDEX[b]] for a, b in PARENTS.items()]]
+    along = ends[:, 1] - ends[:, 0]
+    share = np.einsum("psk,sk->ps", skin[:, None] - ends[:, 0], along) / (along**2).sum(axis=1)
+    nearest = ends[:, 0] + np.clip(share, 0, 1)[..., None] * along
+    away = np.linalg.norm(skin[:, None] - nearest, axis=2).min(axis=1)
+    assert len(skin) > 5000
+    np.testing.assert_allclose(away, radius, atol=2e-3)  # depths are whole millimetres
 
 
 def test_depth_without_a_colour_of_the_same_moment_is_no_picture(read, write_dump):

@@ -1,4 +1,4 @@
-"""What a URI opens: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and what else `SCHEMES` has."""
+"""What a URI opens: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and more, see `SCHEMES`."""
 
 from collections.abc import Callable
 from pathlib import Path

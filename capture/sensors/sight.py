@@ -295,7 +295,10 @@ def _of_performer(name: str, performer: Performer, picture: Picture | None) -> I
             f"Stay between {NEAREST:g} and {FARTHEST:g} m from the sensor.",
         )
     if performer.rate is not None and performer.rate < SLOW:
-        yield Reason(f"{name}: only {performer.rate:.0f} frames a second come.", "Ask less of this machine or network.")
+        yield Reason(
+            f"{name}: only {performer.rate:.0f} frames a second come.",
+            "Give a camera more light, and this machine or network less to do.",
+        )
 
 
 _MORE_OF_YOU = "Face the sensor from 1.5 to 3.5 m away, from head to foot in its picture and in good light."

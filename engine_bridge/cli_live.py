@@ -210,6 +210,45 @@ def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
 
 
 @click.command()
+@click.argument("logs", nargs=-1, required=True, type=FILE)
+@click.option("-o", "--output", required=True, type=FILE, help="The .toml to write, for --source fused:FILE.toml.")
+@click.option(
+    "--source",
+    "sources",
+    multiple=True,
+    metavar="URI",
+    help="The sensor that made each recording, in their order.  [default: play the recordings]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def align(logs: tuple[Path, ...], output: Path, sources: tuple[str, ...], as_json: bool) -> None:
+    """Find where sensors stand from recordings LOGS of the same performance, one by each sensor."""
+    from dataclasses import asdict
+
+    from engine_bridge.live.align import align as run
+
+    if len(logs) < 2:
+        raise click.UsageError("Give two recordings or more.")
+    summaries = run(logs, sources, output)
+    if as_json:
+        click.echo(json.dumps([asdict(each) for each in summaries], indent=2))
+        return
+    click.echo(f"{output}: {len(logs)} sensors; {logs[0]} gives the frame")
+    for each in summaries:
+        x, y, z = each.position
+        tilt, turn, roll = each.rotation
+        click.echo(
+            f"  {each.log}: at ({x:.2f}, {y:.2f}, {z:.2f}) m, tilt {tilt:.1f}°, turn {turn:.1f}°, roll {roll:.1f}°, "
+            f"clock {1000 * each.clock:+.1f} ms"
+        )
+        click.echo(
+            f"    joints {each.residual_cm:.1f} cm apart (mean) in {each.seconds:.1f} s; "
+            f"left and right differ in {100 * each.swapped:.0f} % of the frames"
+        )
+        for note in each.notes:
+            click.echo(f"    note: {note}")
+
+
+@click.command()
 @click.argument("address", default="127.0.0.1:7400")
 @click.option("--character", "characters", multiple=True, help="Only this one; can be repeated.")
 @click.option(
@@ -329,4 +368,4 @@ def keys(file: Path) -> None:
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
 
 
-COMMANDS = (serve, record, look, listen, bake, ladder, doctor, token, keys)
+COMMANDS = (serve, record, look, align, listen, bake, ladder, doctor, token, keys)

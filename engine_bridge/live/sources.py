@@ -83,6 +83,12 @@ def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
     return open_openni(uri, rest, folder)
 
 
+def _fused(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    from engine_bridge.live.fused_file import open_fused
+
+    return open_fused(uri, folder / rest, RECORDED, open_source)
+
+
 SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "demo": _demo,
     "replay": _replay,
@@ -92,5 +98,6 @@ SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "camera": _camera,
     "video": _video,
     "openni": _openni,
+    "fused": _fused,
 }
 """An example performance; a take or any skeleton log; senders in the network, all dialects; and VMC."""

@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.sensors.mediapipe import MediaPipePose, library
-from capture.sensors.picture import Lens, Picture
+from capture.sensors.oni_file import check_whole
+from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
 from puppetline.errors import SourceError
 
@@ -37,8 +38,6 @@ SAME_MOMENT = 0.02
 _IN_STEP = 0.001
 OTHER_CLOCKS = 1.0
 """Seconds between them that say that each has a clock of its own."""
-ENDED = 1.0
-"""Seconds without a picture after which a recording is damaged."""
 
 _NAMES = ("libOpenNI2.so", "libOpenNI2.so.0", "libOpenNI2.dylib", "OpenNI2.dll")
 _SERIAL_NUMBER = 3  # of the properties of devices
@@ -83,24 +82,16 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     Raises
     ------
     SourceError
-        The text cannot be read, or a library or the file is missing. What is wrong with a sensor, the source
-        raises.
+        The text cannot be read, a library is missing, or the file is none that plays. What is wrong with a sensor, the
+        source raises.
     """
     place = parse(uri, rest)
-    recorded = place.kind == "file"
-    if recorded and not (folder / place.value).is_file():
-        raise SourceError(
-            uri, found=f"no file {folder / place.value}", expected="a recording", fix="Look after its name and folder."
-        )
     openni2(uri)
     library()
-    return SensorSource(
-        uri,
-        lambda: OpenNIDevice(uri, place, folder),
-        lambda _device: MediaPipePose(),
-        recorded=recorded,
-        fast=place.fast,
-    )
+    if place.kind == "file":
+        file = OpenNIDevice(uri, place, folder)
+        return SensorSource(uri, lambda: file, _tracker, recorded=True, fast=place.fast)
+    return SensorSource(uri, lambda: OpenNIDevice(uri, place), _tracker)
 
 
 def parse(uri: str, rest: str) -> Place:
@@ -186,8 +177,7 @@ class OpenNIDevice:
         self._streams: list[Any] = []
         self._waiting: dict[Any, tuple[float, NDArray[Any]]] = {}  # the newest of each stream, not given yet
         self._left: dict[Any, float] = {}  # pictures of each stream that a recording still has
-        self._before = -math.inf  # the time of the last picture, and when it came
-        self._came = time.monotonic()
+        self._before = -math.inf  # the time of the last picture
         self._passed = 0.0  # seconds of the earlier passes of a loop
         with _alone(name), self._told():
             self._device = self._opened(place, folder)
@@ -206,7 +196,7 @@ class OpenNIDevice:
         Raises
         ------
         SourceError
-            The sensor was unplugged, or the recording has ended or is damaged.
+            The sensor was unplugged, or the recording has ended.
         """
         until = time.monotonic() + timeout
         while True:
@@ -219,11 +209,10 @@ class OpenNIDevice:
                 if stream is not None:
                     self._take(stream)
             if stream is None:
-                self._check()
+                self._check_plug()
                 return None
             picture = self._pair()
             if picture is not None:
-                self._came = time.monotonic()
                 return picture
 
     def close(self) -> None:
@@ -234,6 +223,7 @@ class OpenNIDevice:
 
     def _opened(self, place: Place, folder: Path) -> Any:
         if place.kind == "file":
+            check_whole(self._uri, folder / place.value)
             return self._oni.Device(os.fsencode(folder / place.value))
         there = devices(self._oni)
         if place.kind == "serial":
@@ -265,7 +255,7 @@ class OpenNIDevice:
         formats = {self._depth: oni.PIXEL_FORMAT_DEPTH_1_MM, self._color: oni.PIXEL_FORMAT_RGB888}
         if self._recorded:
             device.playback.set_speed(-1.0)
-            device.playback.set_repeat_enabled(place.loop)
+            device.playback.set_repeat_enabled(True)  # or closing it at its end can crash
             self._left = {s: math.inf if place.loop else s.get_number_of_frames() for s in self._streams}
         else:
             self._choose_mode(formats)
@@ -354,17 +344,8 @@ class OpenNIDevice:
         depth, color = (self._waiting.pop(stream, (0.0, None))[1] for stream in (self._depth, self._color))
         return Picture(self._before, self._lens, color, depth)
 
-    def _check(self) -> None:
-        """Find out why nothing comes."""
-        if self._recorded:
-            if time.monotonic() - self._came > ENDED:
-                raise SourceError(
-                    self._uri,
-                    found=f"a recording that cannot be read behind {max(self._before, 0.0):.2f} s",
-                    expected="a whole one",
-                    fix="Record it again.",
-                )
-        elif self._place.decode(errors="replace") not in devices(self._oni):
+    def _check_plug(self) -> None:
+        if not self._recorded and self._place.decode(errors="replace") not in devices(self._oni):
             raise SourceError(
                 self._uri,
                 found=f"that {self.name} was unplugged",
@@ -388,7 +369,7 @@ class OpenNIDevice:
                 self._uri,
                 found=f"a file that OpenNI2 does not play ({reason})",
                 expected="a whole .oni recording",
-                fix="Record it again; one that was cut off lacks its end, which says where everything is.",
+                fix="Record it again.",
             )
         for node in filter(None, map(usb_node, devices(self._oni))):
             if not os.access(node, os.R_OK | os.W_OK):
@@ -404,6 +385,10 @@ class OpenNIDevice:
             expected="one that no other program uses",
             fix="End other programs that may use it, or plug it out and in again.",
         )
+
+
+def _tracker(_device: Device) -> Tracker:
+    return MediaPipePose()
 
 
 def usb_node(uri: str) -> Path | None:

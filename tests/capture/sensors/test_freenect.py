@@ -47,6 +47,34 @@ np.savez(
 """
 
 
+FOLLOW = """
+import time
+import numpy as np
+from capture.events import Tick
+from capture.sensors.freenect import FreenectDevice
+from capture.sensors.picture import Person
+from capture.sensors.source import SensorSource
+from capture.source import wait
+from puppetline.errors import SourceError
+class Corner:
+    name = "the depth in a corner"
+    def track(self, picture):
+        return [Person(1, np.full((20, 3), picture.depth[0, 0], np.float32), np.ones(20, np.float32))]
+    def close(self):
+        pass
+source = SensorSource("freenect:", lambda: FreenectDevice("freenect:"), lambda _: Corner())
+try:
+    while True:
+        wait(source, time.monotonic() + 1)
+        for event in source.receive():
+            if not isinstance(event, Tick):
+                print("frame", event.positions[0, 0])
+except SourceError as error:
+    print("SourceError", error.found)
+source.close()
+"""
+
+
 @pytest.fixture(scope="session")
 def fakenect(tmp_path_factory):
     """A folder with fakenect under the name of the library, and what stands in front of it."""
@@ -66,20 +94,25 @@ def fakenect(tmp_path_factory):
     return folder
 
 
+def start(fakenect, dump, fault, program, *arguments):
+    """Run a program that finds fakenect where the library would be."""
+    environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
+    return subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+
+
 @pytest.fixture
 def read(fakenect, tmp_path):
     """Read so many pictures of a dump in another process; returns its process and what it read."""
 
     def run(dump, count, fault=""):
-        environment = {**os.environ, "LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump)}
-        process = subprocess.run(
-            [sys.executable, "-c", READ, tmp_path / "read.npz", str(count)],
-            env={**environment, "KINECT_FAULT": fault},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
-        )
+        process = start(fakenect, dump, fault, READ, tmp_path / "read.npz", count)
         return process, np.load(tmp_path / "read.npz")
 
     return run
@@ -89,13 +122,13 @@ def read(fakenect, tmp_path):
 def write_dump(tmp_path):
     """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
 
-    def write(pictures):
+    def write(pictures, interval=0.01):
         folder = tmp_path / "dump"
         folder.mkdir()
         names = []
         for number, (picture, ticks) in enumerate(pictures):
             kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
-            names.append(f"{kind}-{100 + 0.01 * number:.6f}-{ticks % 2**32}.p")
+            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
             (folder / names[-1]).write_bytes(header + picture.tobytes())
         (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
         return folder
@@ -204,6 +237,19 @@ def test_a_sensor_that_is_unplugged_gives_what_it_gave_and_then_a_message(read, 
     process, seen = read(dump, 6, "unplugged")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
     assert "found that the Kinect is gone (libfreenect: USB device disappeared" in process.stdout
+    assert process.stderr == "shut down with 0 open\n"
+
+
+def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugged(fakenect, write_dump):
+    pictures = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
+    dump = write_dump(pictures, interval=0.1)
+    process = start(fakenect, dump, "unplugged", FOLLOW)
+    *frames, end = process.stdout.splitlines()
+    assert end.startswith("SourceError that the Kinect is gone")
+    depths = [float(frame.removeprefix("frame ")) for frame in frames]
+    assert depths
+    assert depths == sorted(set(depths))
+    assert set(depths) <= {float(depth_of(number)[0, 0]) for number in range(4)}
     assert process.stderr == "shut down with 0 open\n"
 
 

@@ -176,7 +176,7 @@ class OpenNIDevice:
         self._recorded = place.kind == "file"
         self._streams: list[Any] = []
         self._waiting: dict[Any, tuple[float, NDArray[Any]]] = {}  # the newest of each stream, not given yet
-        self._left: dict[Any, float] = {}  # pictures of each stream that a recording still has
+        self._left: dict[Any, int] = {}  # pictures of each stream of a recording that ends
         self._before = -math.inf  # the time of the last picture
         self._passed = 0.0  # seconds of the earlier passes of a loop
         with _alone(name), self._told():
@@ -200,10 +200,8 @@ class OpenNIDevice:
         """
         until = time.monotonic() + timeout
         while True:
-            if self._recorded and not any(self._left.values()):
-                raise SourceError(
-                    self._uri, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to it."
-                )
+            if self._left and not any(self._left.values()):
+                raise self._ended()
             with self._told():
                 stream = self._oni.wait_for_any_stream(self._streams, max(0.0, until - time.monotonic()))
                 if stream is not None:
@@ -256,7 +254,7 @@ class OpenNIDevice:
         if self._recorded:
             device.playback.set_speed(-1.0)
             device.playback.set_repeat_enabled(True)  # or closing it at its end can crash
-            self._left = {s: math.inf if place.loop else s.get_number_of_frames() for s in self._streams}
+            self._left = {} if place.loop else {s: s.get_number_of_frames() for s in self._streams}
         else:
             self._choose_mode(formats)
         modes = {stream: stream.video_mode for stream in self._streams}
@@ -321,9 +319,9 @@ class OpenNIDevice:
         rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
         pixels = np.ndarray((frame.height, frame.width), kind, rows, strides=(frame.stride, np.dtype(kind).itemsize))
         self._waiting[stream] = frame.timestamp * 1e-6, (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
+        if self._left:
+            self._left[stream] = stream.get_number_of_frames() - frame.frameIndex
         frame.close()
-        if stream in self._left:
-            self._left[stream] -= 1
 
     def _pair(self) -> Picture | None:
         """Return what all streams show at one moment; forget what has no counterpart."""
@@ -338,11 +336,18 @@ class OpenNIDevice:
         if self._before == -math.inf and apart > _IN_STEP:
             log.warning("%s: %s takes depth and colour %.1f ms apart", self._uri, self.name, 1000 * apart)
         moment = moments[self._streams[0]]
-        if self._recorded and moment + self._passed <= self._before:  # the loop begins again
+        if self._recorded and moment + self._passed <= self._before:  # it begins again
+            if self._left:  # though its last picture, which is damaged, has never come
+                raise self._ended()
             self._passed = self._before + _STEP - moment
         self._before = moment + self._passed
         depth, color = (self._waiting.pop(stream, (0.0, None))[1] for stream in (self._depth, self._color))
         return Picture(self._before, self._lens, color, depth)
+
+    def _ended(self) -> SourceError:
+        return SourceError(
+            self._uri, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to it."
+        )
 
     def _check_plug(self) -> None:
         if not self._recorded and self._place.decode(errors="replace") not in devices(self._oni):

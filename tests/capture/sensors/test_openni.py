@@ -351,6 +351,28 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
             OpenNIDevice(NAME, Place("file", str(damaged)))
 
 
+def test_pictures_that_are_damaged_are_left_out_and_the_recording_ends_all_the_same(recording, opened, tmp_path, rng):
+    content = bytearray(recording[0].read_bytes())
+    data, place = [], 24
+    while (kind := int.from_bytes(content[place + 4 : place + 8], "little")) != 11:
+        own, size = (int.from_bytes(content[place + at : place + at + 4], "little") for at in (12, 16))
+        if kind == 10:
+            data.append(slice(place + own, place + own + size))
+        place += own + size
+    assert len(data) == 20
+    for k in (6, 7, 18):
+        content[data[k]] = rng.bytes(data[k].stop - data[k].start)
+    damaged = tmp_path / "damaged.oni"
+    damaged.write_bytes(content)
+    device = opened("file", str(damaged))
+    given = []
+    with pytest.raises(SourceError, match="it has ended"):  # noqa: PT012
+        while len(given) < 30:
+            picture = device.read(0.3)
+            given += [] if picture is None else [picture]
+    assert [round(10 * picture.time) for picture in given] == [0, 1, 2, 4, 5, 6, 7, 8]
+
+
 def test_recordings_are_opened_and_closed_again_and_again_wherever_they_are(recording):
     """The library crashes if one that does not repeat is closed at its end."""
     path, pictures = recording

@@ -1,5 +1,6 @@
 """What is seen of a source in a few seconds, and in words why nothing moves."""
 
+import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -67,8 +68,8 @@ class Performer:
 
     @property
     def distance(self) -> float:
-        """Metres from the sensor's plane to the middle of what is known."""
-        return float(np.median(self.newest.positions[self.known(), 2]))
+        """Metres over the floor from the sensor to the middle of what is known."""
+        return float(np.hypot(*np.median(self.newest.positions[self.known()], axis=0)[[0, 2]]))
 
     def known(self) -> NDArray[np.bool_]:
         """Return (20,) whether a joint has a place at all."""
@@ -277,7 +278,7 @@ def _of_nobody(sight: Sight) -> Iterator[Reason]:
 
 
 def _of_performer(name: str, performer: Performer, picture: Picture | None) -> Iterator[Reason]:
-    known, seen = performer.known(), performer.seen()
+    known = performer.known()
     if performer.still and performer.frames >= FROZEN:
         yield Reason(
             f"{name} does not move at all: {performer.frames} times the very same pose came.",
@@ -285,8 +286,12 @@ def _of_performer(name: str, performer: Performer, picture: Picture | None) -> I
         )
     if not known.all():
         yield Reason(f"{name}: nothing is known of {_names(~known)}.", "Turn to the sensor, with nothing in between.")
-    if (~seen).sum() > UNCERTAIN:
-        yield Reason(f"{name}: {(~seen).sum()} of 20 joints are guessed: {_names(known & ~seen)}.", _MORE_OF_YOU)
+    guessed = known & ~performer.seen()
+    if guessed.sum() > UNCERTAIN:
+        yield Reason(
+            f"{name}: {guessed.sum()} of 20 joints are guessed: {_names(guessed)}.",
+            "Face the sensor from 1.5 to 3.5 m away, from head to foot in its picture and in good light.",
+        )
     if picture is not None and (outside := known & ~_inside(performer, picture)).any():
         yield Reason(f"{name}: {_names(outside)} outside the picture.", "Step back, or tilt the sensor.")
     if picture is not None and picture.depth is not None and not NEAREST < performer.distance < FARTHEST:
@@ -299,9 +304,6 @@ def _of_performer(name: str, performer: Performer, picture: Picture | None) -> I
             f"{name}: only {performer.rate:.0f} frames a second come.",
             "Give a camera more light, and this machine or network less to do.",
         )
-
-
-_MORE_OF_YOU = "Face the sensor from 1.5 to 3.5 m away, from head to foot in its picture and in good light."
 
 
 def _inside(performer: Performer, picture: Picture) -> NDArray[np.bool_]:
@@ -317,6 +319,6 @@ def _known(frame: SkeletonFrame) -> NDArray[np.bool_]:
 
 
 def _names(joints: NDArray[np.bool_]) -> str:
-    """Name joints as people do: left hand, head."""
-    named = [" ".join(reversed(name.split("_"))) for name in JOINTS]
+    """Name joints as people do: left hand, hip center."""
+    named = [re.sub("(.+)_(left|right)", r"\2 \1", name).replace("_", " ") for name in JOINTS]
     return ", ".join(name for name, chosen in zip(named, joints, strict=True) if chosen)

@@ -118,8 +118,10 @@ def test_joints_that_are_guessed_or_unknown_are_named_as_people_do():
     assert why([replace(frame(0), confidence=sure)]) == []
     sure[8] = 0.3
     (guessed,) = why([replace(frame(0), confidence=sure)])
+    sure[19] = 0  # is not known, and so not guessed
+    assert why([replace(frame(0), confidence=sure)])[1] == guessed
     assert guessed == (
-        "User 1: 9 of 20 joints are guessed: center hip, spine, center shoulder, head, left shoulder, left elbow, "
+        "User 1: 9 of 20 joints are guessed: hip center, spine, shoulder center, head, left shoulder, left elbow, "
         "left wrist, left hand, right shoulder."
     )
 

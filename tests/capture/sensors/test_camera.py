@@ -5,6 +5,7 @@ import os
 import sys
 from contextlib import suppress
 from functools import partial
+from select import select
 
 import numpy as np
 import pytest
@@ -160,6 +161,15 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="devices are files on
 def test_a_camera_that_is_not_there_is_told(camera):
     with pytest.raises(SourceError, match="camera:98: found no /dev/video98; expected a camera that is there: "):
         Camera("camera:98", parse("camera:98", "98"))
+
+
+@linux
+def test_a_source_tells_what_is_wrong_with_its_camera_and_closes(camera):
+    source = open_camera("camera:98", "98")
+    assert select([source.fileno()], [], [], 10)[0]
+    with pytest.raises(SourceError, match="camera:98: found no /dev/video98"):
+        source.receive()
+    source.close()
 
 
 @linux

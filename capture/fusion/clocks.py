@@ -14,6 +14,8 @@ REACH = 3
 """Samples on either side over which a speed is measured: a tenth of a second smooths the jitter of sensors."""
 GAP = 0.2
 """Seconds for which a joint may be unknown and is interpolated."""
+STILL = 0.01
+"""Metres a second by which the joints' speeds must vary, root mean square: less is no motion."""
 OVERLAP = 0.25
 """Share of all motion of the stiller recording that a shift must leave to be compared."""
 
@@ -78,9 +80,9 @@ def offsets(first: SkeletonClip, other: SkeletonClip, count: int) -> list[tuple[
         return np.fft.irfft(spectrum.sum(axis=1), size)
 
     energy_a, energy_b = correlation(a**2, b_known), correlation(a_known, b**2)
-    least = OVERLAP * min((a**2).sum(), (b**2).sum())
-    if least <= 0:
+    if any((motion**2).sum() <= STILL**2 * known.sum() for motion, known in ((a, a_known), (b, b_known))):
         return []
+    least = OVERLAP * min((a**2).sum(), (b**2).sum())
     common = np.where(
         np.minimum(energy_a, energy_b) > least, np.sqrt(np.maximum(energy_a * energy_b, least**2)), np.inf
     )

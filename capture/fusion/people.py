@@ -15,6 +15,8 @@ NEAR, FAR = 0.45, 0.8
 """Metres between two sensors' ideas of where a body is, up to which it is one performer's, and from which it is not."""
 FRESH = 0.5
 """Seconds for which what was seen tells where somebody is, and which way round."""
+RETURN = 2.0
+"""Seconds within which who appears where somebody was is the same one."""
 LEAD = 0.1
 """Seconds of silence after which the next sensor sets the pace of a performer."""
 FOUNDING = 1.0
@@ -106,7 +108,10 @@ class People:
             del known.users[sensor]  # the sensor has taken two people for each other
             known.sights.pop(sensor, None)
         there = [
-            (math.dist(place, _place(sight)), each) for each in self._performers for sight in self._fresh(each, frame)
+            (math.dist(place, _place(sight)), each)
+            for each in self._performers
+            for sight in each.sights.values()
+            if frame.time - sight.time < RETURN
         ]
         distance, nearest = min(there, key=lambda found: found[0], default=(math.inf, None))
         if nearest is None or distance > NEAR:
@@ -117,10 +122,6 @@ class People:
             return None
         nearest.users[sensor] = frame.user
         return nearest
-
-    @staticmethod
-    def _fresh(performer: _Performer, frame: SkeletonFrame) -> list[Sight]:
-        return [sight for sight in performer.sights.values() if frame.time - sight.time < FRESH]
 
     def _right_way_round(self, performer: _Performer, sensor: int, frame: SkeletonFrame) -> SkeletonFrame:
         """Return a frame with the sides as they were before, for many trackers take a back for a front."""

@@ -52,14 +52,14 @@ class FusedFile(Table):
     @model_validator(mode="after")
     def _go_together(self) -> Self:
         for k, sensor in enumerate(self.sensor):
-            if sensor.source.startswith(SCHEME) or sensor.source.endswith("?loop"):
+            if sensor.source.startswith(SCHEME) or sensor.source.endswith(("?loop", "&loop")):
                 raise mistake(
                     "sensor",
                     k,
                     "source",
                     found=repr(sensor.source),
                     expected="a single sensor, or a recording that plays once",
-                    fix="Name the sensor itself, without ?loop: the service plays recordings again by itself.",
+                    fix="Name the sensor itself, without loop: the service plays recordings again by itself.",
                 )
             if k and sensor.position is None:
                 raise mistake(

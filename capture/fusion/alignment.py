@@ -30,7 +30,7 @@ CLEAR = 1.5
 """By how much another way to fit must be worse: who only stands, straight and still, looks the same turned round."""
 
 _HALF_TURN = np.diag([-1.0, 1.0, -1.0])
-_STEP = 1e-3  # seconds over which a velocity is taken
+_STEP = 0.05  # seconds before and after a moment from which its velocity is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,23 +159,23 @@ def _improved(first: SkeletonClip, other: SkeletonClip, pose: Pose, clock: float
     seconds = _together(first, other, clock)
     chosen = chosen[:: 1 + (len(chosen) - 1) // most]
     times, here, trust_here = first.times[chosen], first.positions[chosen], first.confidence[chosen] ** 2.0
+    # The joints' velocities, evenly about each moment: so their noise has nothing to do with that of the positions.
+    (before, _), (after, _) = sampled(first, times - _STEP), sampled(first, times + _STEP)
+    velocity = np.nan_to_num((after - before) / (2 * _STEP))
     rows = np.arange(len(times))[:, None]
     residual, swapped = np.inf, np.zeros(len(times), dtype=bool)
     for _ in range(rounds):
         there, trust = sampled(other, times + clock)
-        later, _ = sampled(other, times + clock + _STEP)
-        velocity = np.nan_to_num((later - there) / _STEP)
         laid = pose.apply(there)
         swapped = _far(laid[:, OPPOSITE], here) < _far(laid, here)
         side = np.where(swapped[:, None], OPPOSITE, np.arange(len(OPPOSITE)))
-        there, laid, velocity, trust = (each[rows, side] for each in (there, laid, velocity, trust))
+        there, laid, trust = (each[rows, side] for each in (there, laid, trust))
         apart = np.nan_to_num(np.linalg.norm(laid - here, axis=2))
         weights = trust_here * trust**2
         residual = float((weights * apart).sum() / weights.sum())
         weights /= (1 + (apart / max(2 * residual, 1e-9)) ** 2) ** 2
         pose = _fit(there, here, weights)
         # Where the joints are behind their own motion, the clock is.
-        velocity = velocity @ pose.rotation.T
         behind = np.nan_to_num(here - pose.apply(there))
         speed = float((weights * (velocity**2).sum(axis=2)).sum())
         clock += float((weights * (behind * velocity).sum(axis=2)).sum()) / max(speed, 1e-9)

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import time
 from contextlib import ExitStack
+from importlib.util import find_spec
 from pathlib import Path
 from select import select
 
@@ -195,7 +196,8 @@ class VirtualSensor:
 @pytest.fixture(scope="session")
 def openni_folder(tmp_path_factory):
     """Folder of the real OpenNI2 library with its driver of files and that of virtual sensors, for this process."""
-    pytest.importorskip("openni", reason="the OpenNI2 bindings are not here (pip install openni)")
+    if find_spec("openni") is None:
+        missing("openni", "the OpenNI2 bindings are not here (pip install openni)")
     library = ctypes.util.find_library("OpenNI2")
     files = [] if library is None else list(Path("/usr/lib").glob(f"*/{library}"))
     if not files or not HEADERS.is_dir() or shutil.which("g++") is None:

@@ -4,10 +4,10 @@ OUT ?= out
 GDSCRIPT := integrations/godot tests/integrations/godot benchmarks
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format bench lock peers clean
+.PHONY: help setup demo test test-camera lint format bench lock peers clean
 
 help: ## Show this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 10
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 setup: .venv/.installed ## Make .venv from the pinned requirements (the other targets do this by themselves)
 
@@ -25,6 +25,18 @@ demo: setup ## Animate the example characters into out/
 test: export OPENBLAS_NUM_THREADS = 1
 test: setup ## Run every test, two at a time (PYTEST="-m 'not slow'" for a quick round)
 	$(BIN)/pytest -n 2 --dist loadfile $(PYTEST)
+
+# MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
+test-camera: export OPENBLAS_NUM_THREADS = 1
+test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
+	.venv-camera/bin/pytest tests/capture/sensors tests/engine_bridge/live/test_video.py
+	.venv-camera/bin/pytest -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors
+
+.venv-camera/.installed: requirements-camera.txt pyproject.toml
+	$(PYTHON) -m venv .venv-camera
+	.venv-camera/bin/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-camera.txt
+	.venv-camera/bin/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
 
 lint: setup ## Check style, types and which package may import which
 	$(BIN)/ruff check .
@@ -45,9 +57,12 @@ bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--
 peers: ## Install the outside programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund
 
-lock: setup ## Pin the newest versions of all dependencies (needs uv)
-	uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
-		--no-emit-index-url --extra dev --upgrade pyproject.toml -o requirements.txt
+COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
+	--no-emit-index-url --upgrade pyproject.toml
+
+lock: ## Pin the newest versions of all dependencies (needs uv)
+	$(COMPILE) --extra dev -o requirements.txt
+	$(COMPILE) --extra camera --extra test -o requirements-camera.txt
 
 clean: ## Remove the environment and everything made
-	rm -rf .venv $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-camera $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

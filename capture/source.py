@@ -8,12 +8,16 @@ read or its time is due, whichever is first, and then takes what has come::
         for event in source.receive(): …
 """
 
+import select
 import time
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from capture.events import TICK, Event, Tick
+
+LONGEST_WAIT = 1.0
+"""Seconds, so that a report goes on while nothing comes."""
 
 
 @dataclass
@@ -81,6 +85,14 @@ class SkeletonSource(Protocol):
 
     def close(self) -> None:
         """Let go of sockets and files; closing again does nothing."""
+
+
+def wait(source: SkeletonSource, deadline: float) -> None:
+    """Wait until something has come, or the source or the deadline is due, `time.monotonic`, or a second has passed."""
+    seconds = min(source.due(), deadline) - time.monotonic()
+    descriptor = source.fileno()
+    readable = [] if descriptor is None else [descriptor]
+    select.select(readable, [], [], min(max(seconds, 0.0), LONGEST_WAIT))
 
 
 class Silence:

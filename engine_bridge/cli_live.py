@@ -128,7 +128,9 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
 def _looped(uri: str) -> str:
     from engine_bridge.live.sources import LOOP, RECORDED
 
-    return uri + LOOP if uri.startswith(RECORDED) and not uri.endswith(LOOP) else uri
+    if not uri.startswith(RECORDED) or uri.endswith(("?loop", "&loop")):
+        return uri
+    return uri + ("&loop" if "?" in uri else LOOP)
 
 
 def _target(text: str, rate: float | None) -> dict[str, Any]:
@@ -165,6 +167,85 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
         return
     users = ", ".join(map(str, summary.users)) or "nobody"
     click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+
+
+@click.command()
+@click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
+@click.option("-o", "--output", required=True, type=FILE, help="The .png to write.")
+@click.option(
+    "--seconds",
+    default=3.0,
+    show_default=True,
+    type=Finite(0, min_open=True),
+    help="How long, from the first thing that comes.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
+    """Draw what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
+    from contextlib import closing
+
+    from capture.sensors.look import draw
+    from capture.sensors.sight import reasons, summary, told, watch
+    from engine_bridge.files import check_writable, written_whole
+    from engine_bridge.live.sources import open_source
+
+    check_writable(output, ".png")
+    if sys.stderr.isatty():
+        click.echo(f"looking at {source} …", err=True)
+    with closing(open_source(source)) as opened:
+        sight = watch(opened, seconds)
+    why = reasons(sight)
+    with written_whole(output) as partial:
+        draw(sight, why).save(partial, format="PNG")
+    if as_json:
+        click.echo(json.dumps(summary(sight, why), indent=2))
+    else:
+        click.echo(f"{output}: {source}, {sight.seconds:.1f} s")
+        for _, performer in sorted(sight.performers.items()):
+            click.echo(f"  {told(performer)}")
+        for reason in why:
+            click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+    if not sight.performers:
+        raise click.exceptions.Exit(1)
+
+
+@click.command()
+@click.argument("logs", nargs=-1, required=True, type=FILE)
+@click.option("-o", "--output", required=True, type=FILE, help="The .toml to write, for --source fused:FILE.toml.")
+@click.option(
+    "--source",
+    "sources",
+    multiple=True,
+    metavar="URI",
+    help="The sensor that made each recording, in their order.  [default: play the recordings]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def align(logs: tuple[Path, ...], output: Path, sources: tuple[str, ...], as_json: bool) -> None:
+    """Find where sensors stand from recordings LOGS of the same performance, one by each sensor."""
+    from dataclasses import asdict
+
+    from engine_bridge.live.align import align as run
+
+    if len(logs) < 2:
+        raise click.UsageError("Give two recordings or more.")
+    summaries = run(logs, sources, output)
+    if as_json:
+        click.echo(json.dumps([asdict(each) for each in summaries], indent=2))
+        return
+    click.echo(f"{output}: {len(logs)} sensors; {logs[0]} gives the frame")
+    for each in summaries:
+        x, y, z = each.position
+        tilt, turn, roll = each.rotation
+        click.echo(
+            f"  {each.log}: at ({x:.2f}, {y:.2f}, {z:.2f}) m, tilt {tilt:.1f}°, turn {turn:.1f}°, roll {roll:.1f}°, "
+            f"clock {1000 * each.clock:+.1f} ms"
+        )
+        click.echo(
+            f"    joints {each.residual_cm:.1f} cm apart (mean) in {each.seconds:.1f} s; "
+            f"left and right differ in {100 * each.swapped:.0f} % of the frames"
+        )
+        for note in each.notes:
+            click.echo(f"    note: {note}")
 
 
 @click.command()
@@ -288,4 +369,4 @@ def keys(file: Path) -> None:
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
 
 
-COMMANDS = (serve, record, listen, bake, ladder, doctor, token, keys)
+COMMANDS = (serve, record, look, align, listen, bake, ladder, doctor, token, keys)

@@ -84,9 +84,10 @@ def _write(path: Path, key: str, arrays: Arrays) -> None:
     """Write a file beside and then rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
+    content: dict[str, Any] = {CONTENT: np.array([key, *arrays]), **arrays}
     try:
         with beside.open("wb") as file:
-            np.savez(file, allow_pickle=False, **{CONTENT: np.array([key, *arrays]), **arrays})
+            np.savez(file, **content)
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)

@@ -1,6 +1,7 @@
 """Where tests find the data and programs that are not part of the project."""
 
 import hashlib
+import importlib.util
 import json
 import os
 import shutil
@@ -31,7 +32,7 @@ def _compile_anew_where_something_changed() -> None:
 
 _compile_anew_where_something_changed()
 
-OPTIONAL = {"data", "godot", "mono", "node"}
+OPTIONAL = {"camera", "data", "freenect", "godot", "mono", "node", "openni"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
 
@@ -60,6 +61,13 @@ def real_data() -> Path:
 @pytest.fixture(scope="session")
 def real_logs(real_data: Path) -> Path:
     return real_data / "logs"
+
+
+@pytest.fixture(scope="session")
+def camera() -> None:
+    """Skip where OpenCV and MediaPipe are not installed."""
+    if not importlib.util.find_spec("mediapipe"):
+        missing("camera", "OpenCV and MediaPipe are not here (make test-camera)")
 
 
 @pytest.fixture(scope="session")

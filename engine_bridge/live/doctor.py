@@ -1,6 +1,5 @@
-"""What works on this machine and what does not: `puppetline doctor`. It takes about two seconds and changes nothing."""
+"""What works on this machine and what does not: `puppetline doctor`. It takes a few seconds and changes nothing."""
 
-import ctypes.util
 import os
 import platform
 import shutil
@@ -9,10 +8,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from engine_bridge.live import sensors
+from engine_bridge.live.finding import Finding
 
 LIBRARIES: dict[str, str] = {
     "click": "click",
@@ -41,46 +42,10 @@ PORTS: tuple[tuple[str, int, str], ...] = (
 )
 """Ports that are used where nothing else is said."""
 
-SENSORS: dict[str, str] = {
-    "045e:02ae": "Kinect v1 (Xbox 360)",
-    "045e:02bf": "Kinect v1 for Windows",
-    "045e:02c4": "Kinect v2",
-    "045e:02d8": "Kinect v2",
-    "045e:097d": "Azure Kinect",
-    "1d27:0600": "Asus Xtion",
-    "1d27:0601": "Asus Xtion Pro Live",
-    "1d27:0609": "PrimeSense Carmine",
-}
-"""USB vendor and product of depth sensors."""
-
-SENSOR_LIBRARIES: dict[str, str] = {"OpenNI2": "OpenNI 2", "NiTE2": "NiTE 2", "freenect": "libfreenect"}
-
 LITTLE_ROOM = 2e9
 """Bytes; less than this on a disk is soon filled by takes."""
 
-_USB = Path("/sys/bus/usb/devices")
 _LISTENING = 0.3  # seconds for others that announce themselves
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name : str
-    ok : bool or None
-        None for what is not there and need not be.
-    detail : str
-        What was found.
-    fix : str
-        What to do, empty where there is nothing to do.
-    """
-
-    name: str
-    ok: bool | None
-    detail: str
-    fix: str = ""
 
 
 def examine(takes: Path = Path("takes")) -> list[Finding]:
@@ -99,9 +64,7 @@ def examine(takes: Path = Path("takes")) -> list[Finding]:
         *_own_folders(),
         _folder("takes", takes),
         _clock(),
-        *_cameras(),
-        *_depth_sensors(),
-        *_sensor_libraries(),
+        *sensors.examine(),
         _systemd(),
         _network(),
     ]
@@ -237,52 +200,6 @@ def _clock() -> Finding:
         f"monotonic to {resolution * 1e9:.0f} ns, {time.strftime('%Y-%m-%d %H:%M:%S %Z')}",
         "" if fine else "Latencies will read coarse: this system's clock is.",
     )
-
-
-def _cameras() -> Iterator[Finding]:
-    cameras = sorted(Path("/dev").glob("video*"))
-    if not cameras:
-        yield Finding("cameras", None, "no /dev/video*")
-    for camera in cameras:
-        may = os.access(camera, os.R_OK | os.W_OK)
-        yield Finding(
-            str(camera),
-            may,
-            "can be opened" if may else "no permission",
-            "" if may else "Add this user to the group video, and log in again.",
-        )
-
-
-def _depth_sensors() -> Iterator[Finding]:
-    found = False
-    for device in sorted(_USB.glob("*")):
-        sensor = SENSORS.get(f"{_read(device / 'idVendor')}:{_read(device / 'idProduct')}")
-        if sensor is None:
-            continue
-        found = True
-        node = Path(f"/dev/bus/usb/{_read(device / 'busnum'):0>3}/{_read(device / 'devnum'):0>3}")
-        may = os.access(node, os.R_OK | os.W_OK)
-        yield Finding(
-            sensor,
-            may,
-            f"{node}" if may else f"{node}: no permission",
-            "" if may else "Install the udev rules of its driver, then plug it in again.",
-        )
-    if not found:
-        yield Finding("depth sensors", None, "none of those that are known on USB")
-
-
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="ascii").strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
-
-
-def _sensor_libraries() -> Iterator[Finding]:
-    for library, name in SENSOR_LIBRARIES.items():
-        found = ctypes.util.find_library(library)
-        yield Finding(name, True if found else None, found or "not installed")
 
 
 def _systemd() -> Finding:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from capture.events import Cue, Event
+from capture.events import Cue, Event, Tick
 from capture.recording import Recorder, as_recorded
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
@@ -73,6 +73,7 @@ class Line:
         self.events = self.skeletons = self.faults = 0
         self._uri, self._folder = uri, folder
         self._reopen_at = math.inf
+        self._trouble = ""  # why nothing comes, until something does
         self._recorder: Recorder | None = None
         self._time = -math.inf
         self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
@@ -97,6 +98,9 @@ class Line:
         except Exception as error:  # a device that fails in its own way is a device that is gone
             self._go_silent(error)
             return []
+        if self._trouble and any(not isinstance(event, Tick) for event in events):
+            self._trouble = ""
+            log.info("the source is back", extra=fields(stage=self.stage.name, source=self._uri))
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
@@ -225,7 +229,7 @@ class Line:
 
     def _go_silent(self, error: Exception) -> None:
         """Go on without the source; a recording that has ended is not opened again."""
-        log.warning("the source is silent: %s", error, extra=fields(stage=self.stage.name))
+        self._say("the source is silent", error)
         last = max(self.source.now(), self._time)
         self.source.close()
         if not self.recorded:
@@ -236,9 +240,14 @@ class Line:
         try:
             source = open_source(self._uri, self._folder)
         except PuppetlineError as error:
-            _rarely.warning("the source cannot be opened", stage=self.stage.name, why=str(error))
+            self._say("the source cannot be opened", error)
             self._reopen_at = time.monotonic() + AGAIN
             return
-        log.info("the source is back", extra=fields(stage=self.stage.name, source=self._uri))
         source.counts.add(self.source.counts)
         self.source, self._reopen_at = source, math.inf
+
+    def _say(self, what: str, error: Exception) -> None:
+        """Log why nothing comes, and not again with each attempt."""
+        if str(error) != self._trouble:
+            self._trouble = str(error)
+            log.warning("%s: %s", what, error, extra=fields(stage=self.stage.name))

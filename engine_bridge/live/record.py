@@ -1,7 +1,6 @@
 """From a live source into a take: `puppetline record`."""
 
 import math
-import select
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +9,9 @@ from pathlib import Path
 from capture.recording import Recorder
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
-from capture.source import SkeletonSource
+from capture.source import SkeletonSource, wait
 from engine_bridge.files import check_writable
 from puppetline.errors import OutputError, SourceError
-
-LONGEST_WAIT = 1.0
-"""Seconds, so that the report goes on while nothing comes."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,7 @@ def record(
     with Recorder(path) as recorder:
         try:
             while time.monotonic() < deadline:
-                _wait(source, deadline)
+                wait(source, deadline)
                 for event in source.receive():
                     recorder.write(event)
                     first, last = event.time if first is None else first, event.time
@@ -129,11 +125,3 @@ def _make_way(path: Path, force: bool) -> None:
             expected="a file of your own",
             fix="Choose another name with -o.",
         ) from error
-
-
-def _wait(source: SkeletonSource, deadline: float) -> None:
-    """Wait until something has come, or the source or the deadline is due."""
-    wait = min(source.due(), deadline) - time.monotonic()
-    descriptor = source.fileno()
-    readable = [] if descriptor is None else [descriptor]
-    select.select(readable, [], [], min(max(wait, 0.0), LONGEST_WAIT))

@@ -1,4 +1,4 @@
-"""A source's URI: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``vmc:PORT``."""
+"""What a URI opens: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and more, see `SCHEMES`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from puppetline.errors import SourceError
 
 LOOP = "?loop"
 
-RECORDED = ("demo:", "replay:")
+RECORDED = ("demo:", "replay:", "video:", "openni:file=")
 """Sources that end."""
 
 
@@ -22,7 +22,7 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     uri : str
         A scheme, a colon, and what the scheme wants; see `SCHEMES`.
     folder : Path
-        What the files of ``replay:`` are relative to.
+        What the files of ``replay:`` and ``video:`` are relative to.
 
     Raises
     ------
@@ -59,10 +59,45 @@ def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:
     return TakeSource.of_file(uri, folder / rest.removesuffix(LOOP), rest.endswith(LOOP))
 
 
+def _freenect(uri: str, rest: str, _folder: Path) -> SkeletonSource:
+    from capture.sensors.freenect import open_freenect
+
+    return open_freenect(uri, rest)
+
+
+def _camera(uri: str, rest: str, _folder: Path) -> SkeletonSource:
+    from capture.sensors.camera import open_camera
+
+    return open_camera(uri, rest)
+
+
+def _video(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    from capture.sensors.camera import open_video
+
+    return open_video(uri, rest, folder)
+
+
+def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    from capture.sensors.openni import open_openni
+
+    return open_openni(uri, rest, folder)
+
+
+def _fused(uri: str, rest: str, folder: Path) -> SkeletonSource:
+    from engine_bridge.live.fused_file import open_fused
+
+    return open_fused(uri, folder / rest, RECORDED, open_source)
+
+
 SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "demo": _demo,
     "replay": _replay,
     "osc": lambda _uri, rest, _folder: open_osc(rest),
     "vmc": lambda _uri, rest, _folder: open_vmc(rest),
+    "freenect": _freenect,
+    "camera": _camera,
+    "video": _video,
+    "openni": _openni,
+    "fused": _fused,
 }
 """An example performance; a take or any skeleton log; senders in the network, all dialects; and VMC."""

@@ -29,6 +29,7 @@ COMMANDS = [
     "bench",
     "serve",
     "record",
+    "look",
     "listen",
     "bake",
     "ladder",

@@ -10,6 +10,7 @@ import threading
 
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 from capture.formats import read_log
 from engine_bridge.cli import main
@@ -43,6 +44,7 @@ def run(tmp_path):
         (["serve", "--puppet", "a.toml", "--port", "70000"], "70000"),
         (["serve", "--puppet", "a.toml", "--people", "all"], "'all'"),
         (["record", "--source", "osc:1"], "Missing option '-o'"),
+        (["look", "--source", "osc:1"], "Missing option '-o'"),
         (["listen", "--seconds", "nan"], "not a finite number"),
     ],
 )
@@ -56,7 +58,7 @@ def test_wrong_use_is_told(arguments, message):
     ("arguments", "message"),
     [
         (["--source", "osc:99999"], "expected PORT, HOST or HOST:PORT"),
-        (["--source", "tv:1"], "found the scheme 'tv'; expected one of demo, replay, osc, vmc"),
+        (["--source", "tv:1"], "found the scheme 'tv'; expected one of demo, replay, osc, vmc, "),
         (["--source", "demo:dance"], "found no performance 'dance'"),
         (["--source", "replay:none.log"], "none.log"),
         (["--source", "osc:0", "--idle", "none.log"], "none.log"),
@@ -166,3 +168,43 @@ def test_a_restarted_service_does_not_wait_for_what_it_does_not_need():
     program = f"import sys, engine_bridge.live.service; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_look_draws_who_is_seen_and_says_so(run, tmp_path):
+    seen = run("look", "--source", "demo:walk?loop", "-o", "look.png", "--seconds", 1, "--json")
+    report = json.loads(seen.stdout)
+    assert [(each["user"], each["joints_seen"]) for each in report["performers"]] == [(1, 20)]
+    assert (report["picture"], report["reasons"]) == (None, [])
+    with Image.open(tmp_path / "look.png") as picture:
+        picture.load()
+        assert (picture.format, picture.mode) == ("PNG", "RGB")
+
+
+def test_look_at_nobody_says_why_draws_that_too_and_fails(run, tmp_path):
+    with socket.socket(type=socket.SOCK_DGRAM) as sender, socket.socket(type=socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        port = other.getsockname()[1]
+        other.close()
+        done = threading.Event()
+
+        def chatter():
+            while not done.wait(0.1):
+                sender.sendto(b"nonsense", ("127.0.0.1", port))
+
+        chatting = threading.Thread(target=chatter)
+        chatting.start()
+        try:
+            said = run("look", "--source", f"osc:{port}", "-o", "look.png", "--seconds", 0.5, code=1)
+        finally:
+            done.set()
+            chatting.join()
+    assert "  What came were no performers: " in said.stdout
+    assert "    → Set the sender to one of the formats of docs/senders.md." in said.stdout
+    assert "Traceback" not in said.stderr
+    with Image.open(tmp_path / "look.png") as picture:
+        picture.load()
+
+
+@pytest.mark.parametrize(("output", "message"), [("look.jpg", "expected '.png'"), ("none/look.png", "no folder none")])
+def test_look_says_at_once_where_it_cannot_write(run, output, message):
+    assert message in run("look", "--source", "osc:0", "-o", output, code=1).stderr

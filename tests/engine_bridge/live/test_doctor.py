@@ -7,24 +7,15 @@ from pathlib import Path
 import pytest
 
 from engine_bridge.live import doctor
-from engine_bridge.live.doctor import LIBRARIES, PORTS, Finding, examine, text
+from engine_bridge.live.doctor import LIBRARIES, PORTS, examine, text
+from engine_bridge.live.finding import Finding
+
+SENSORS = ("libfreenect", "OpenNI 2", "MediaPipe", "OpenCV", "NiTE 2")
 
 
 def named(findings, name):
     (finding,) = [each for each in findings if each.name == name]
     return finding
-
-
-@pytest.fixture
-def sysfs(tmp_path, monkeypatch):
-    """USB as the kernel shows it: a hub, a Kinect v1 and an Azure Kinect."""
-    folder = tmp_path / "usb"
-    for name, ids in {"usb1": ("1d6b", "0002"), "1-1": ("045e", "02ae"), "1-2": ("045e", "097d")}.items():
-        (folder / name).mkdir(parents=True)
-        for file, value in zip(("idVendor", "idProduct", "busnum", "devnum"), (*ids, "1", "7"), strict=True):
-            (folder / name / file).write_text(value + "\n")
-    (folder / "1-0:1.0").mkdir()  # an interface has no ids
-    monkeypatch.setattr(doctor, "_USB", folder)
 
 
 def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_path):
@@ -33,9 +24,18 @@ def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_p
     assert sorted(tmp_path.rglob("*")) == before
     names = [finding.name for finding in findings]
     assert len(names) == len(set(names))
-    assert {"Python", "processor", "cache", "state", "takes", "clock", "systemd", "multicast DNS", *LIBRARIES} <= set(
-        names
-    )
+    assert {
+        "Python",
+        "processor",
+        "cache",
+        "state",
+        "takes",
+        "clock",
+        "systemd",
+        "multicast DNS",
+        *LIBRARIES,
+        *SENSORS,
+    } <= set(names)
     assert {f"port {port}/{kind}" for kind, port, _ in PORTS} <= set(names)
     for library in LIBRARIES:
         assert named(findings, library).ok is True
@@ -101,17 +101,6 @@ def test_little_room_is_a_finding(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor, "LITTLE_ROOM", 1e18)
     finding = doctor._folder("takes", tmp_path)
     assert (finding.ok, finding.fix) == (False, "Make room on that disk.")
-
-
-def test_depth_sensors_are_known_by_their_numbers(sysfs):
-    sensors = list(doctor._depth_sensors())
-    assert [sensor.name for sensor in sensors] == ["Kinect v1 (Xbox 360)", "Azure Kinect"]
-    assert all("/dev/bus/usb/001/007" in sensor.detail for sensor in sensors)
-
-
-def test_without_sensors_it_says_so_and_is_content(tmp_path, monkeypatch):
-    monkeypatch.setattr(doctor, "_USB", tmp_path)
-    assert [(sensor.name, sensor.ok) for sensor in doctor._depth_sensors()] == [("depth sensors", None)]
 
 
 def test_findings_are_lines_to_read_and_json():

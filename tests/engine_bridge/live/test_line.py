@@ -77,6 +77,21 @@ def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
     line.close()
 
 
+def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_path, sender, kung_fu, caplog):
+    caplog.set_level("INFO")
+    line = Line(sender.uri, make_stage(), tmp_path)
+    trouble = SourceError("osc", found="x", expected="y", fix="z")
+    for _ in range(3):
+        line.source.receive = lambda: (_ for _ in ()).throw(trouble)
+        line.take_in()
+        run(line, until=lambda: not isinstance(line.source, Silence))
+    assert caplog.messages == [f"the source is silent: {trouble}"]
+    sender.send(kung_fu[0])
+    run(line, until=lambda: line.skeletons == 1)
+    assert caplog.messages[1:] == ["the source is back"]
+    line.close()
+
+
 def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting(make_stage, tmp_path, sender):
     line = Line(sender.uri, make_stage(), tmp_path)
     sender.raw(b"garbage!")

@@ -1,0 +1,1 @@
+"""Several sensors before the same performers: poses, clocks, and one skeleton out of many."""

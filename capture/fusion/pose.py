@@ -1,0 +1,72 @@
+"""Where one sensor stands as another one sees it, and the best rigid fit of points to points."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Takes positions from a sensor's own frame into the common one.
+
+    Attributes
+    ----------
+    rotation : (3, 3) float64
+        Proper and orthogonal.
+    position : (3,) float64
+        Of the sensor, metres, in the common frame.
+    """
+
+    rotation: Array
+    position: Array
+
+    @classmethod
+    def of_degrees(cls, tilt: float, turn: float, roll: float, position: Array) -> Self:
+        """Make the pose of a sensor that is rolled, then tilted down, then turned to its own left.
+
+        Parameters
+        ----------
+        tilt, turn, roll : float
+            Degrees about x, y and z, right-handed.
+        position : (3,) float64
+            Metres.
+        """
+        (sx, sy, sz), (cx, cy, cz) = np.sin(angles := np.radians([tilt, turn, roll])), np.cos(angles)
+        about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+        about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+        return cls(about_y @ about_x @ about_z, np.asarray(position, dtype=np.float64))
+
+    @property
+    def degrees(self) -> tuple[float, float, float]:
+        """Tilt, turn and roll as `of_degrees` takes them."""
+        r = self.rotation
+        tilt = np.arcsin(np.clip(-r[1, 2], -1.0, 1.0))
+        turn, roll = np.arctan2(r[0, 2], r[2, 2]), np.arctan2(r[1, 0], r[1, 1])
+        return float(np.degrees(tilt)), float(np.degrees(turn)), float(np.degrees(roll))
+
+    def apply(self, positions: Array) -> Array:
+        """Return positions (…, 3) of the sensor's frame in the common one."""
+        return positions @ self.rotation.T + self.position
+
+
+def fit(points: Array, onto: Array, weights: Array) -> Pose:
+    """Return the pose that brings points nearest to others, without scaling (Kabsch).
+
+    Parameters
+    ----------
+    points, onto : (n, 3) float64
+        Finite.
+    weights : (n,) float64
+        Not negative, and not all zero.
+    """
+    share = (weights / weights.sum())[:, None]
+    middle, target = (share * points).sum(axis=0), (share * onto).sum(axis=0)
+    u, _, v = np.linalg.svd((share * (points - middle)).T @ (onto - target))
+    sides = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
+    rotation = (u * sides @ v).T
+    return Pose(rotation, target - rotation @ middle)

@@ -1,0 +1,451 @@
+"""Depth sensors, and recordings of them, through the OpenNI2 library.
+
+``openni:`` is the first sensor that the library finds; ``openni:serial=…`` and ``openni:uri=…`` name one;
+``openni:file=take.oni`` plays a recording, with ``&fast`` as fast as people can be found in it and with ``?loop`` again
+and again. The library is the system's, or that in the folder that the environment variable OPENNI2_REDIST names.
+"""
+
+import ctypes
+import ctypes.util
+import logging
+import math
+import os
+import re
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.sensors.mediapipe import MediaPipePose, library
+from capture.sensors.oni_file import check_whole
+from capture.sensors.picture import Device, Lens, Picture, Tracker
+from capture.sensors.source import SensorSource
+from puppetline.errors import SourceError
+
+REDIST = "OPENNI2_REDIST"
+"""Names the folder of the library and of its drivers."""
+RULES = "60-libopenni2-0.rules"
+"""The udev rules that let users open sensors, of Debian's libopenni2-0."""
+
+SAME_MOMENT = 0.02
+"""Seconds between depth and colour of one picture."""
+_IN_STEP = 0.001
+OTHER_CLOCKS = 1.0
+"""Seconds between them that say that each has a clock of its own."""
+
+_NAMES = ("libOpenNI2.so", "libOpenNI2.so.0", "libOpenNI2.dylib", "OpenNI2.dll")
+_SERIAL_NUMBER = 3  # of the properties of devices
+_PATIENCE = 5.0  # seconds that one opening waits for another
+_USB = re.compile(r"[0-9a-f]{4}/[0-9a-f]{4}@(\d+)/(\d+)")  # vendor, product, bus and device, of OpenNI2's own drivers
+_STEP = 1 / 30  # seconds between the end of a recording and its beginning in a loop
+_EXPECTED = "nothing, serial=NUMBER, uri=TEXT or file=NAME.oni behind openni:, a file with &fast or ?loop"
+
+log = logging.getLogger(__name__)
+_library = threading.Lock()  # for what changes the library's devices
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What a user says about where pictures come from.
+
+    Attributes
+    ----------
+    kind : "any", "serial", "uri" or "file"
+    value : str
+        Of that kind, empty for any.
+    fast, loop : bool
+        How a file is played.
+    """
+
+    kind: Literal["any", "serial", "uri", "file"] = "any"
+    value: str = ""
+    fast: bool = False
+    loop: bool = False
+
+
+def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
+    """Open a sensor or a recording and find people in what it shows.
+
+    Parameters
+    ----------
+    uri, rest : str
+        The whole, and what follows its scheme.
+    folder : Path
+        What files are relative to.
+
+    Raises
+    ------
+    SourceError
+        The text cannot be read, a library is missing, or the file is none that plays. What is wrong with a sensor, the
+        source raises.
+    """
+    place = parse(uri, rest)
+    openni2(uri)
+    library()
+    if place.kind == "file":
+        file = OpenNIDevice(uri, place, folder)
+        return SensorSource(uri, lambda: file, _tracker, recorded=True, fast=place.fast)
+    return SensorSource(uri, lambda: OpenNIDevice(uri, place), _tracker)
+
+
+def parse(uri: str, rest: str) -> Place:
+    """Read the part of a URI after its colon.
+
+    Raises
+    ------
+    SourceError
+        It says something else than what this module's head allows.
+    """
+    where, *options = re.split("[&?]", rest)
+    kind, _, value = where.partition("=")
+    if not rest:
+        return Place()
+    if kind == "file" and value and set(options) <= {"fast", "loop"}:
+        return Place("file", value, "fast" in options, "loop" in options)
+    if kind in ("serial", "uri") and value and not options:
+        return Place("serial" if kind == "serial" else "uri", value)
+    raise SourceError(uri, found=repr(rest), expected=_EXPECTED, fix="openni: alone takes the first sensor there is.")
+
+
+def openni2(where: str) -> Any:
+    """Return the bindings, with the library loaded and its drivers started.
+
+    Parameters
+    ----------
+    where : str
+        Who asks, for the message.
+
+    Raises
+    ------
+    SourceError
+        The bindings or the library are not installed, or the library cannot start.
+    """
+    try:
+        from openni import openni2 as bindings
+    except ImportError as error:
+        raise SourceError(
+            where, found=f"no OpenNI2 bindings ({error})", expected="them", fix="pip install 'puppetline[openni]'"
+        ) from error
+    if not bindings.is_initialized():
+        with _alone(where):
+            _load(where, bindings)
+    return bindings
+
+
+def devices(bindings: Any) -> list[str]:
+    """Return the URIs of the sensors that are plugged in; the library has files that are open among them."""
+    known = [uri.decode(errors="replace") for uri in bindings.Device.enumerate_uris()]
+    return [uri for uri in known if not Path(uri).is_file()]
+
+
+class OpenNIDevice:
+    """A sensor or a recording; implements `capture.sensors.picture.Device`.
+
+    Depth is registered to colour and both are of the same moment, as far as the sensor can; the log says what it
+    cannot.
+    Pictures are as the sensor sees, not mirrored. A recording is given as fast as it is read.
+
+    Parameters
+    ----------
+    name : str
+        The URI of the source.
+    place : Place
+    folder : Path
+        What files are relative to.
+
+    Attributes
+    ----------
+    name : str
+        What the sensor calls itself.
+
+    Raises
+    ------
+    SourceError
+        There is no such sensor, it is in use or may not be opened, or the recording is none.
+    """
+
+    def __init__(self, name: str, place: Place, folder: Path = Path()) -> None:
+        self._uri = name
+        self._oni = openni2(name)
+        self._recorded = place.kind == "file"
+        self._streams: list[Any] = []
+        self._waiting: dict[Any, tuple[float, NDArray[Any]]] = {}  # the newest of each stream, not given yet
+        self._left: dict[Any, int] = {}  # pictures of each stream of a recording that ends
+        self._before = -math.inf  # the time of the last picture
+        self._passed = 0.0  # seconds of the earlier passes of a loop
+        with _alone(name), self._told():
+            self._device = self._opened(place, folder)
+            try:
+                info = self._device.device_info
+                self.name = " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
+                self._place = info.uri
+                self._prepare(place)
+            except BaseException:
+                self.close()
+                raise
+
+    def read(self, timeout: float) -> Picture | None:
+        """Wait for the next picture for at most so many seconds; None if none has come.
+
+        Raises
+        ------
+        SourceError
+            The sensor was unplugged, or the recording has ended.
+        """
+        until = time.monotonic() + timeout
+        while True:
+            if self._left and not any(self._left.values()):
+                raise self._ended()
+            with self._told():
+                stream = self._oni.wait_for_any_stream(self._streams, max(0.0, until - time.monotonic()))
+                if stream is not None:
+                    self._take(stream)
+            if stream is None:
+                self._check_plug()
+                return None
+            picture = self._pair()
+            if picture is not None:
+                return picture
+
+    def close(self) -> None:
+        """Stop the sensor and let go of it."""
+        for handle in (*self._streams, self._device):
+            with suppress(self._oni.OpenNIError):
+                handle.close()
+
+    def _opened(self, place: Place, folder: Path) -> Any:
+        if place.kind == "file":
+            check_whole(self._uri, folder / place.value)
+            return self._oni.Device(os.fsencode(folder / place.value))
+        there = devices(self._oni)
+        if place.kind == "serial":
+            for uri in there:
+                with suppress(self._oni.OpenNIError):
+                    device = self._oni.Device(uri.encode())
+                    if _serial(device) == place.value:
+                        return device
+                    device.close()
+        elif there and place.kind == "any":
+            return self._oni.Device(there[0].encode())
+        elif place.value in there:
+            return self._oni.Device(place.value.encode())
+        raise SourceError(
+            self._uri,
+            found=f"sensors {', '.join(there)}" if there else "no sensor",
+            expected="one that is plugged in" if place.kind == "any" else f"one with the {place.kind} {place.value}",
+            fix="Plug it in, with its power supply; puppetline doctor lists what is on USB.",
+        )
+
+    def _prepare(self, place: Place) -> None:
+        """Make streams of what the sensor has, set them up and start them."""
+        oni, device = self._oni, self._device
+        self._depth, self._color = (
+            device.create_stream(sensor) if device.has_sensor(sensor) else None
+            for sensor in (oni.SENSOR_DEPTH, oni.SENSOR_COLOR)
+        )
+        self._streams = [stream for stream in (self._depth, self._color) if stream is not None]
+        formats = {self._depth: oni.PIXEL_FORMAT_DEPTH_1_MM, self._color: oni.PIXEL_FORMAT_RGB888}
+        if self._recorded:
+            device.playback.set_speed(-1.0)
+            device.playback.set_repeat_enabled(True)  # or closing it at its end can crash
+            self._left = {} if place.loop else {s: s.get_number_of_frames() for s in self._streams}
+        else:
+            self._choose_mode(formats)
+        modes = {stream: stream.video_mode for stream in self._streams}
+        sizes = {(mode.resolutionX, mode.resolutionY) for mode in modes.values()}
+        if len(sizes) != 1 or any(mode.pixelFormat != formats[stream] for stream, mode in modes.items()):
+            raise SourceError(
+                self._uri,
+                found=f"pictures of {', '.join(f'{width}×{height}' for width, height in sorted(sizes)) or 'no kind'}",
+                expected="depths in millimetres and colours as RGB, of one size",
+                fix="Record it with such pictures." if self._recorded else "It cannot be used through OpenNI2.",
+            )
+        self._mirrored = {stream: self._is_mirrored(stream) for stream in self._streams}
+        if len(self._streams) == 2 and not self._recorded:
+            self._join()
+        self._lens = self._lens_of(self._streams[-1])
+        for stream in self._streams:
+            stream.start()
+
+    def _choose_mode(self, formats: dict[Any, Any]) -> None:
+        """Have all streams give pictures of one size, as near to 640×480 and 30 a second as there is."""
+        modes = [
+            {
+                (mode.resolutionX, mode.resolutionY, mode.fps)
+                for mode in stream.get_sensor_info().videoModes
+                if mode.pixelFormat == formats[stream]
+            }
+            for stream in self._streams
+        ]
+        common = set.intersection(*modes) if modes else None
+        if common:
+            best = min(common, key=lambda mode: math.dist(mode, (640, 480, 30)))
+            for stream in self._streams:
+                stream.configure_mode(*best, formats[stream])
+
+    def _is_mirrored(self, stream: Any) -> bool:
+        """Have a stream not be mirrored; return whether it still is, as a recording that was made so."""
+        if not self._recorded:
+            with suppress(self._oni.OpenNIError):
+                stream.set_mirroring_enabled(False)
+        with suppress(self._oni.OpenNIError):
+            return bool(stream.get_mirroring_enabled())
+        return False
+
+    def _join(self) -> None:
+        """Have depth be where colour is, and when; the library does not tell whether a sensor can do the latter."""
+        device, mode = self._device, self._oni.IMAGE_REGISTRATION_DEPTH_TO_COLOR
+        if device.is_image_registration_mode_supported(mode):
+            device.set_image_registration_mode(mode)
+        else:
+            log.warning("%s: %s cannot register depth to colour, so depth is a little off", self._uri, self.name)
+        device.set_depth_color_sync_enabled(True)
+
+    def _lens_of(self, stream: Any) -> Lens:
+        mode = stream.video_mode
+        width, height = mode.resolutionX, mode.resolutionY
+        return Lens(width, height, width / 2 / math.tan(stream.get_horizontal_fov() / 2))
+
+    def _take(self, stream: Any) -> None:
+        """Read a picture that is there."""
+        frame = stream.read_frame()
+        kind = np.uint16 if stream is self._depth else np.dtype((np.uint8, 3))
+        rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
+        pixels = np.ndarray((frame.height, frame.width), kind, rows, strides=(frame.stride, np.dtype(kind).itemsize))
+        self._waiting[stream] = frame.timestamp * 1e-6, (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
+        if self._left:
+            self._left[stream] = stream.get_number_of_frames() - frame.frameIndex
+        frame.close()
+
+    def _pair(self) -> Picture | None:
+        """Return what all streams show at one moment; forget what has no counterpart."""
+        if len(self._waiting) < len(self._streams):
+            return None
+        moments = {stream: moment for stream, (moment, _) in self._waiting.items()}
+        earliest = min(self._streams, key=moments.__getitem__)
+        apart = max(moments.values()) - moments[earliest]
+        if SAME_MOMENT < apart < OTHER_CLOCKS:
+            del self._waiting[earliest]
+            return None
+        if self._before == -math.inf and apart > _IN_STEP:
+            log.warning("%s: %s takes depth and colour %.1f ms apart", self._uri, self.name, 1000 * apart)
+        moment = moments[self._streams[0]]
+        if self._recorded and moment + self._passed <= self._before:  # it begins again
+            if self._left:  # though its last picture, which is damaged, has never come
+                raise self._ended()
+            self._passed = self._before + _STEP - moment
+        self._before = moment + self._passed
+        depth, color = (self._waiting.pop(stream, (0.0, None))[1] for stream in (self._depth, self._color))
+        return Picture(self._before, self._lens, color, depth)
+
+    def _ended(self) -> SourceError:
+        return SourceError(
+            self._uri, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to it."
+        )
+
+    def _check_plug(self) -> None:
+        if not self._recorded and self._place.decode(errors="replace") not in devices(self._oni):
+            raise SourceError(
+                self._uri,
+                found=f"that {self.name} was unplugged",
+                expected="a sensor that stays",
+                fix="Plug it in again; it goes on by itself.",
+            )
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Turn the library's errors into ours."""
+        try:
+            yield
+        except self._oni.OpenNIError as error:
+            raise self._failed(error) from error
+
+    def _failed(self, error: Exception) -> SourceError:
+        _, said, _ = error.args
+        reason = (said.decode(errors="replace") if isinstance(said, bytes) else said) or "without a reason"
+        if self._recorded:
+            return SourceError(
+                self._uri,
+                found=f"a file that OpenNI2 does not play ({reason})",
+                expected="a whole .oni recording",
+                fix="Record it again.",
+            )
+        for node in filter(None, map(usb_node, devices(self._oni))):
+            if not os.access(node, os.R_OK | os.W_OK):
+                return SourceError(
+                    self._uri,
+                    found=f"a sensor at {node} that this user may not open",
+                    expected="permission to read and write there",
+                    fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
+                )
+        return SourceError(
+            self._uri,
+            found=f"a sensor that does not work ({reason})",
+            expected="one that no other program uses",
+            fix="End other programs that may use it, or plug it out and in again.",
+        )
+
+
+def _tracker(_device: Device) -> Tracker:
+    return MediaPipePose()
+
+
+def usb_node(uri: str) -> Path | None:
+    """Return the file by which a sensor of OpenNI2's own drivers is opened."""
+    match = _USB.fullmatch(uri)
+    return match and Path(f"/dev/bus/usb/{int(match[1]):03}/{int(match[2]):03}")
+
+
+@contextmanager
+def _alone(where: str) -> Iterator[None]:
+    """Keep others from opening and starting; the library is not made for it, and may never return."""
+    if not _library.acquire(timeout=_PATIENCE):
+        raise SourceError(
+            where,
+            found=f"that OpenNI2 has been opening another sensor for more than {_PATIENCE:g} s",
+            expected="that it comes back",
+            fix="Plug that sensor out and in again; if that does not help, start Puppetline again.",
+        )
+    try:
+        yield
+    finally:
+        _library.release()
+
+
+def _load(where: str, bindings: Any) -> None:
+    """Start the library: as bindings.initialize does, which changes the folder that this process works in."""
+    try:
+        if bindings.loaded_dll_directory is None:
+            path = _path()
+            bindings.c_api.load_dll(path)
+            bindings.loaded_dll_directory = str(Path(path).parent)
+        bindings.initialize()
+    except (OSError, bindings.OpenNIError) as error:
+        raise SourceError(
+            where,
+            found=f"no OpenNI2 library that starts ({error})",
+            expected=f"the system's, or that in the folder which {REDIST} names",
+            fix="Install it (Debian: apt install libopenni2-0); puppetline doctor says what is there.",
+        ) from error
+
+
+def _path() -> str:
+    """Return the library's path, or a name that the system finds it by."""
+    folder = os.environ.get(REDIST)
+    if folder is None:
+        return ctypes.util.find_library("OpenNI2") or "libOpenNI2.so.0"
+    found = [path for name in _NAMES if (path := Path(folder) / name).is_file()]
+    if not found:
+        raise FileNotFoundError(f"none of {', '.join(_NAMES)} in {folder}")
+    return str(found[0].absolute())
+
+
+def _serial(device: Any) -> str:
+    text = device.get_property(_SERIAL_NUMBER, ctypes.c_char * 256).value
+    return text.decode(errors="replace")

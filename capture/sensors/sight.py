@@ -1,0 +1,324 @@
+"""What is seen of a source in a few seconds, and in words why nothing moves."""
+
+import re
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.events import Event, Lost
+from capture.sensors.picture import Picture
+from capture.sensors.source import SensorSource
+from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
+from capture.source import SkeletonSource, wait
+from puppetline.errors import SourceError
+
+PATIENCE = 10.0
+"""Seconds in which something must have come."""
+
+BLACK, DARK = 10.0, 40.0
+"""Mean brightness of a picture, of 255, under which nothing is seen in it, and under which little is."""
+NO_DEPTH, LITTLE_DEPTH = 0.02, 0.25
+"""Share of a picture with depth under which there is none, and under which there is little."""
+NEAREST, FARTHEST = 0.8, 4.5
+"""Metres between which depth sensors see somebody well."""
+SILENT = 1.0
+"""Seconds without a frame after which a performer has gone, though nobody said so."""
+SLOW = 12.0
+"""Frames a second under which a performance is seen to stutter."""
+FROZEN = 10
+"""Frames of the very same pose after which nobody can be behind them."""
+UNCERTAIN = 8
+"""Joints that may be guessed: senders of 15 joints leave 5 to guess, and a side view hides some."""
+
+
+@dataclass
+class Performer:
+    """What has come of one performer.
+
+    Attributes
+    ----------
+    newest : SkeletonFrame
+    since : float
+        Time of the first frame.
+    frames : int
+    still : bool
+        Whether every frame had the very same positions.
+    """
+
+    newest: SkeletonFrame
+    since: float
+    frames: int = 1
+    still: bool = True
+
+    def take(self, frame: SkeletonFrame) -> None:
+        """Go on with a newer frame."""
+        self.still &= np.array_equal(frame.positions, self.newest.positions, equal_nan=True)
+        self.newest = frame
+        self.frames += 1
+
+    @property
+    def rate(self) -> float | None:
+        """Frames a second, where there are enough to tell."""
+        seconds = self.newest.time - self.since
+        return (self.frames - 1) / seconds if seconds > 0.5 else None
+
+    @property
+    def distance(self) -> float:
+        """Metres over the floor from the sensor to the middle of what is known."""
+        return float(np.hypot(*np.median(self.newest.positions[self.known()], axis=0)[[0, 2]]))
+
+    def known(self) -> NDArray[np.bool_]:
+        """Return (20,) whether a joint has a place at all."""
+        return _known(self.newest)
+
+    def seen(self) -> NDArray[np.bool_]:
+        """Return (20,) whether a joint was seen rather than guessed."""
+        return self.known() & (self.newest.confidence > INFERRED)
+
+
+@dataclass
+class Sight:
+    """What was seen of a source.
+
+    Attributes
+    ----------
+    source : str
+        Its URI.
+    listens : bool
+        Whether it waits for senders in the network.
+    seconds : float
+        For which it was looked at.
+    received : int
+        Pictures, packets, or lines of a file.
+    refused : dict
+        Packets that were not understood, by the reason.
+    picture : Picture or None
+        The last one in which people were looked for; None for a source that has none.
+    performers : dict
+        Those who were there at the end, by user.
+    gone : set
+        Users who were there before.
+    failure : str
+        Why it can give no more; empty while it can.
+    """
+
+    source: str
+    listens: bool
+    seconds: float = 0.0
+    received: int = 0
+    refused: dict[str, int] = field(default_factory=dict)
+    picture: Picture | None = None
+    performers: dict[int, Performer] = field(default_factory=dict)
+    gone: set[int] = field(default_factory=set)
+    failure: str = ""
+
+    def take(self, event: Event) -> None:
+        """Go on with what a source gives."""
+        if isinstance(event, SkeletonFrame) and _known(event).any():
+            self.gone.discard(event.user)
+            if event.user in self.performers:
+                self.performers[event.user].take(event)
+            else:
+                self.performers[event.user] = Performer(event, event.time)
+        elif isinstance(event, Lost) and event.user in self.performers:
+            del self.performers[event.user]
+            self.gone.add(event.user)
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why nothing moves, or not as it should.
+
+    Attributes
+    ----------
+    what : str
+        A sentence.
+    fix : str
+        What to do, a sentence; empty where the first says it.
+    """
+
+    what: str
+    fix: str = ""
+
+
+def watch(source: SkeletonSource, seconds: float, patience: float = PATIENCE) -> Sight:
+    """Look at a source for so many seconds from the first thing that comes, and return what was seen.
+
+    Parameters
+    ----------
+    source : SkeletonSource
+        It is not closed.
+    seconds : float
+    patience : float
+        Seconds in which the first thing must come.
+    """
+    pictures = isinstance(source, SensorSource)
+    sight = Sight(source.name, listens=not pictures and source.fileno() is not None)
+    start = time.monotonic()
+    deadline, begun = start + patience, False
+    try:
+        while time.monotonic() < deadline:
+            wait(source, deadline)
+            for event in source.receive():
+                sight.take(event)
+            if not begun and (source.counts.received or sight.performers):
+                deadline, begun = time.monotonic() + seconds, True
+    except SourceError as error:
+        sight.failure = str(error)
+    for user in [user for user, each in sight.performers.items() if source.now() - each.newest.time > SILENT]:
+        sight.take(Lost(source.now(), user))
+    sight.seconds = time.monotonic() - start
+    sight.received = source.counts.received
+    sight.refused = dict(source.counts.refused)
+    if isinstance(source, SensorSource):
+        sight.picture = source.seen
+    return sight
+
+
+def told(performer: Performer) -> str:
+    """Say in a few words how well somebody is seen."""
+    rate = "" if performer.rate is None else f", {performer.rate:.0f} frames a second"
+    seen = f"{performer.seen().sum()} of 20 joints seen"
+    return f"user {performer.newest.user}: {seen}, {performer.distance:.2f} m away{rate}"
+
+
+def reasons(sight: Sight) -> list[Reason]:
+    """Return why nothing moves or not as it should, the most important first; empty where all is well."""
+    found = [] if sight.picture is None else list(_of_picture(sight.picture))
+    if not sight.performers:
+        return [*found, *_of_nobody(sight)]
+    for user, performer in sorted(sight.performers.items()):
+        found += _of_performer(f"User {user}", performer, sight.picture)
+    return [*found, Reason(sight.failure)] if sight.failure else found
+
+
+def summary(sight: Sight, why: Sequence[Reason]) -> dict[str, Any]:
+    """Return what was seen as plain values for JSON."""
+    return {
+        "source": sight.source,
+        "seconds": sight.seconds,
+        "received": sight.received,
+        "refused": sight.refused,
+        "picture": None if sight.picture is None else _picture_summary(sight.picture),
+        "performers": [
+            {
+                "user": user,
+                "joints_seen": int(performer.seen().sum()),
+                "distance": performer.distance,
+                "rate": performer.rate,
+                "confidence": dict(zip(JOINTS, performer.newest.confidence.tolist(), strict=True)),
+            }
+            for user, performer in sorted(sight.performers.items())
+        ],
+        "gone": sorted(sight.gone),
+        "reasons": [asdict(reason) for reason in why],
+    }
+
+
+def _picture_summary(picture: Picture) -> dict[str, Any]:
+    return {
+        "width": picture.lens.width,
+        "height": picture.lens.height,
+        "brightness": None if picture.color is None else float(picture.color.mean()),
+        "depth_known": None if picture.depth is None else float((picture.depth > 0).mean()),
+    }
+
+
+def _of_picture(picture: Picture) -> Iterator[Reason]:
+    if picture.color is not None:
+        brightness = float(picture.color.mean())
+        if brightness < BLACK:
+            yield Reason(
+                "The picture is black.", "Uncover the lens, switch on the light, end other programs that use it."
+            )
+        elif brightness < DARK:
+            yield Reason("The picture is dark.", "Light the performer from the front.")
+    if picture.depth is not None:
+        share = float((picture.depth > 0).mean())
+        if share < NO_DEPTH:
+            yield Reason(
+                "The sensor measures no depth.",
+                "Keep the sun off, uncover the sensor's other windows, and stand at least a metre away.",
+            )
+        elif share < LITTLE_DEPTH:
+            yield Reason(
+                f"The sensor measures depth in {share:.0%} of the picture.",
+                "Keep the sun off, and glass, mirrors and black cloth out of view.",
+            )
+
+
+def _of_nobody(sight: Sight) -> Iterator[Reason]:
+    if sight.failure:
+        yield Reason(sight.failure)
+    elif sight.refused:
+        kinds = ", ".join(f"{reason} ({count} ×)" for reason, count in sorted(sight.refused.items()))
+        yield Reason(
+            f"What came were no performers: {kinds}.",
+            "Set the sender to one of the formats of docs/senders.md.",
+        )
+    elif not sight.received and sight.listens:
+        yield Reason(
+            f"Nothing has come in {sight.seconds:.0f} s.",
+            "Start the sender, have it send to this machine and port, and let UDP through the firewall.",
+        )
+    elif not sight.received:
+        yield Reason(f"No picture has come in {sight.seconds:.0f} s.", "Look after the cable and the power supply.")
+    elif sight.listens:
+        yield Reason("Packets come, with nobody in them.", "See whether the sender's own window shows somebody.")
+    else:
+        yield Reason(
+            "Nobody is in view.", "Stand 1.5 to 3.5 m away and face the sensor, so that it sees you from head to foot."
+        )
+    for user in sorted(sight.gone):
+        yield Reason(f"User {user} was there and is gone.")
+
+
+def _of_performer(name: str, performer: Performer, picture: Picture | None) -> Iterator[Reason]:
+    known = performer.known()
+    if performer.still and performer.frames >= FROZEN:
+        yield Reason(
+            f"{name} does not move at all: {performer.frames} times the very same pose came.",
+            "See whether the sender tracks somebody, or only shows a character at rest.",
+        )
+    if not known.all():
+        yield Reason(f"{name}: nothing is known of {_names(~known)}.", "Turn to the sensor, with nothing in between.")
+    guessed = known & ~performer.seen()
+    if guessed.sum() > UNCERTAIN:
+        yield Reason(
+            f"{name}: {guessed.sum()} of 20 joints are guessed: {_names(guessed)}.",
+            "Face the sensor from 1.5 to 3.5 m away, from head to foot in its picture and in good light.",
+        )
+    if picture is not None and (outside := known & ~_inside(performer, picture)).any():
+        yield Reason(f"{name}: {_names(outside)} outside the picture.", "Step back, or tilt the sensor.")
+    if picture is not None and picture.depth is not None and not NEAREST < performer.distance < FARTHEST:
+        yield Reason(
+            f"{name} is {performer.distance:.1f} m away.",
+            f"Stay between {NEAREST:g} and {FARTHEST:g} m from the sensor.",
+        )
+    if performer.rate is not None and performer.rate < SLOW:
+        yield Reason(
+            f"{name}: only {performer.rate:.0f} frames a second come.",
+            "Give a camera more light, and this machine or network less to do.",
+        )
+
+
+def _inside(performer: Performer, picture: Picture) -> NDArray[np.bool_]:
+    """Return (20,) whether a joint is before the sensor and within its picture."""
+    positions = performer.newest.positions
+    before = positions[:, 2] > 0
+    pixels = picture.lens.project(np.where(before[:, None], positions, 1.0))
+    return before & (pixels >= 0).all(axis=1) & (pixels < [picture.lens.width, picture.lens.height]).all(axis=1)
+
+
+def _known(frame: SkeletonFrame) -> NDArray[np.bool_]:
+    return (frame.confidence > LOST) & np.isfinite(frame.positions).all(axis=1)
+
+
+def _names(joints: NDArray[np.bool_]) -> str:
+    """Name joints as people do: left hand, hip center."""
+    named = [re.sub("(.+)_(left|right)", r"\2 \1", name).replace("_", " ") for name in JOINTS]
+    return ", ".join(name for name, chosen in zip(named, joints, strict=True) if chosen)

@@ -1,0 +1,326 @@
+"""A device and a tracker behind the protocol of live sources: pictures in, performers out.
+
+One thread waits for pictures, another one finds the people in the newest; opening is theirs too, for a device may take
+seconds, or never come back. What they find wakes whoever runs the source through its file descriptor.
+
+Events of a live device are on the monotonic clock, at the moments of their pictures, as evenly spaced as the device's
+own clock says; where nothing comes, ticks follow at a distance, so as not to be ahead of the picture that is being
+tracked. Of a recording, every picture is tracked, at the recording's own times.
+"""
+
+import logging
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from capture.events import TICK, Event, Lost, Tick
+from capture.sensors.picture import Device, Picture, Tracker
+from capture.skeleton import SkeletonFrame
+from capture.source import Counts
+from puppetline.errors import SourceError
+
+OPENING = 10.0
+"""Seconds in which a device is open and has given its first picture, or is taken for dead."""
+SILENT = 2.0
+"""Seconds without a picture after which a device is taken for gone."""
+OLDEST = 0.1
+"""Seconds; a picture older than that is never tracked, as nobody wants to see it any more."""
+PATIENCE = 1.0
+"""Seconds by which a recording in real time may be late before the rest of it comes as much later."""
+
+_READ = 0.1  # seconds that a device is waited for at a time: closing takes as long
+_CLOSING = 0.5  # seconds that closing waits for a device or tracker that does not come back
+_RISE = 0.01  # of a longer difference between the clocks, taken over with each picture
+
+_News = SkeletonFrame | Lost | Tick
+
+log = logging.getLogger(__name__)
+
+
+class SensorSource:
+    """A device that people are found in; implements `capture.source.SkeletonSource`.
+
+    Parameters
+    ----------
+    name : str
+        The URI.
+    open_device : callable
+        Returns the device; called in another thread. What it raises is raised by `receive`.
+    open_tracker : callable
+        Returns what finds people in that device's pictures; as `open_device`. The tracker is closed before the device.
+    recorded : bool
+        Whether it is a recording: every picture counts, and its times are kept.
+    fast : bool
+        Whether to play a recording as fast as it can be tracked, not in real time.
+
+    Attributes
+    ----------
+    name : str
+    counts : Counts
+        Received are pictures; dropped are those that were overtaken or too old, and frames that were overtaken.
+    beginning : None
+    seen : Picture or None
+        The newest picture in which people were looked for.
+    """
+
+    beginning: dict[str, Any] | None = None
+
+    def __init__(
+        self,
+        name: str,
+        open_device: Callable[[], Device],
+        open_tracker: Callable[[Device], Tracker],
+        recorded: bool = False,
+        fast: bool = False,
+    ) -> None:
+        self.name = name
+        self.counts = Counts()
+        self.seen: Picture | None = None
+        self._open_device, self._open_tracker = open_device, open_tracker
+        self._recorded, self._fast = recorded, fast
+        self._given = 0.0 if recorded else time.monotonic() - OLDEST  # the time of the last event
+        self._waker, self._waiter = socket.socketpair()
+        self._waker.setblocking(False)
+        self._waiter.setblocking(False)
+
+        # What the threads and the caller share, and the condition that guards it.
+        self._changed = threading.Condition()
+        self._picture: tuple[float, Picture] | None = None  # when it was taken, and what is to be tracked next
+        self._news: list[_News] = []
+        self._deadline = time.monotonic() + OPENING  # for the next picture
+        self._failure: SourceError | None = None
+        self._over = False  # nothing more is to be read
+        self._read_all = False  # nor tracked, once the last picture is
+        self._shut = False  # device and tracker are closed
+
+        self._thread = threading.Thread(target=self._run, name=f"{name} reader", daemon=True)
+        self._thread.start()
+
+    def fileno(self) -> int:
+        """Return what becomes readable when somebody was found."""
+        return self._waiter.fileno()
+
+    def due(self) -> float:
+        """Return when a tick is due, or when a device that gives nothing is given up."""
+        if self._shut:
+            return time.monotonic()
+        return self._deadline if self._recorded else min(self._deadline, self._given + TICK + OLDEST)
+
+    def now(self) -> float:
+        """Return the time on the clock of the events."""
+        return self._given if self._recorded else time.monotonic()
+
+    def receive(self) -> list[Event]:
+        """Return who was found or lost since the last call, or a tick in silence; never waits.
+
+        Raises
+        ------
+        SourceError
+            The device or the tracker cannot be opened or fails, the device gives no pictures, a recording has ended.
+        """
+        with suppress(BlockingIOError):
+            self._waiter.recv(4096)
+        with self._changed:
+            news, self._news = self._news, []
+            failure = self._failure if self._shut else None
+            silent = time.monotonic() >= self._deadline
+            self._changed.notify_all()
+        if not news and failure is not None:
+            raise failure
+        if not news and silent:
+            raise self._silent()
+        tick = time.monotonic() - OLDEST
+        if not (news or self._recorded) and tick - self._given >= TICK:
+            news.append(Tick(tick))
+        return [self._in_order(event) for event in news]
+
+    def close(self) -> None:
+        """Let go of device and tracker, unless they do not come back."""
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
+        self._thread.join(_CLOSING)
+        self._waker.close()
+        self._waiter.close()
+
+    def _in_order(self, event: _News) -> _News:
+        """Return an event that is not before those that were given, as one of a slow tracker may be."""
+        if event.time < self._given:
+            event = replace(event, time=math.nextafter(self._given, math.inf))
+        self._given = event.time
+        return event
+
+    def _run(self) -> None:
+        """Read pictures until something fails or the source is closed."""
+        what = "the device"
+        try:
+            with ExitStack() as stack:
+                device = self._open_device()
+                stack.callback(device.close)
+                what = "the tracker"
+                tracker = self._open_tracker(device)
+                stack.callback(tracker.close)
+                log.info("%s: %s gives the pictures, %s finds people in them", self.name, device.name, tracker.name)
+                tracking = threading.Thread(
+                    target=self._track, args=[tracker], name=f"{self.name} tracker", daemon=True
+                )
+                tracking.start()
+                stack.callback(tracking.join)
+                stack.callback(self._end)
+                what = device.name
+                self._read(device)
+        except Exception as error:  # whatever a driver throws, somebody must be told
+            self._fail(what, error)
+        self._shut = True
+        self._wake()
+
+    def _read(self, device: Device) -> None:
+        clock = _Clock()
+        begun = None
+        while not self._over:
+            picture = device.read(_READ)
+            if picture is None:
+                continue
+            now = time.monotonic()
+            if self._recorded:
+                taken = picture.time
+                if begun is None or now - begun - taken > PATIENCE:
+                    begun = now - taken
+                self._offer(taken, picture, now if self._fast else begun + taken)
+            else:
+                self._offer(clock.monotonic(picture.time, now), picture, now)
+
+    def _offer(self, taken: float, picture: Picture, due: float) -> None:
+        """Hand a picture over when it is due; that of a live device instead of the one before."""
+        with self._changed:
+            self.counts.received += 1
+            if self._recorded:
+                self._deadline = math.inf  # as long as the tracker takes
+                self._changed.wait_for(lambda: self._over, max(0.0, due - time.monotonic()))
+                self._changed.wait_for(lambda: self._over or self._picture is None)
+            elif due - taken > OLDEST:
+                self.counts.dropped += 1
+                return
+            elif self._picture is not None:
+                self.counts.dropped += 1
+            self._picture = taken, picture
+            self._deadline = time.monotonic() + SILENT
+            self._changed.notify_all()
+
+    def _track(self, tracker: Tracker) -> None:
+        """Find people in one picture after the other."""
+        present: set[int] = set()
+        last = -math.inf
+        try:
+            while (next_one := self._take()) is not None:
+                taken, picture = next_one
+                last = max(taken, math.nextafter(last, math.inf))
+                people = tracker.track(picture)
+                self.seen = picture
+                frames = [
+                    SkeletonFrame(last, person.user, person.positions.astype(np.float64), person.confidence)
+                    for person in people
+                ]
+                found = {frame.user for frame in frames}
+                self._tell([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
+                present = found
+        except Exception as error:  # as of a device
+            self._fail(tracker.name, error)
+
+    def _take(self) -> tuple[float, Picture] | None:
+        """Wait for a picture to track; None when there will be none."""
+        with self._changed:
+            while True:
+                self._changed.wait_for(lambda: self._over or self._read_all or self._picture is not None)
+                found, self._picture = self._picture, None
+                self._changed.notify_all()
+                if self._over or found is None:
+                    return None
+                if self._recorded or time.monotonic() - found[0] <= OLDEST:
+                    return found
+                self.counts.dropped += 1
+
+    def _tell(self, news: list[_News]) -> None:
+        """Give news to the caller: those of a live device instead of what is older and of the same kind."""
+        with self._changed:
+            if self._recorded:
+                self._changed.wait_for(lambda: self._over or not self._news)
+            kinds = {_kind(event) for event in news}
+            overtaken = kinds & {_kind(event) for event in self._news}
+            self.counts.dropped += sum(kind is SkeletonFrame for kind, _ in overtaken)
+            left = [event for event in self._news if _kind(event) not in overtaken]
+            self._news = left + news
+            self._wake()
+
+    def _end(self) -> None:
+        """Have the tracker finish."""
+        with self._changed:
+            self._read_all = True
+            if self._recorded:
+                self._deadline = math.inf
+            self._changed.notify_all()
+
+    def _fail(self, what: str, error: Exception) -> None:
+        """Have `receive` raise an error, once all is closed; nothing more is read or tracked."""
+        if not isinstance(error, SourceError):
+            log.debug("%s: %s failed", self.name, what, exc_info=error)
+            error = SourceError(
+                self.name,
+                found=f"that {what} failed ({type(error).__name__}: {error})",
+                expected="pictures with people in them",
+                fix="Plug the device out and in again; puppetline doctor says what is installed.",
+            )
+        with self._changed:
+            self._failure = self._failure or error
+            self._over = True
+            self._changed.notify_all()
+
+    def _silent(self) -> SourceError:
+        return SourceError(
+            self.name,
+            found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
+            expected="a device that gives pictures",
+            fix="Look after its cable and its power supply, and whether another program uses it.",
+        )
+
+    def _wake(self) -> None:
+        with suppress(BlockingIOError, OSError):  # a full pipe is readable, and a closed one has no reader
+            self._waker.send(b"\0")
+
+
+def _kind(event: _News) -> tuple[type[_News], int | None]:
+    return type(event), None if isinstance(event, Tick) else event.user
+
+
+class _Clock:
+    """Tells when pictures were taken, from a device's own times and from when they came.
+
+    The quickest pictures on their way set the difference between the two clocks. It falls at once and rises slowly, so
+    that neither a picture that came late nor a clock that runs slow moves it far.
+    """
+
+    def __init__(self) -> None:
+        self._before = math.inf
+        self._ahead = 0.0
+
+    def monotonic(self, taken: float, now: float) -> float:
+        """Return the moment of a picture, on the monotonic clock and not after `now`.
+
+        Parameters
+        ----------
+        taken, now : float
+            Seconds on the device's clock, and `time.monotonic` when the picture came.
+        """
+        ahead = now - taken
+        if taken <= self._before:  # the first one, or the device's clock was set anew
+            self._ahead = ahead
+        self._ahead += (ahead - self._ahead) * (1.0 if ahead < self._ahead else _RISE)
+        self._before = taken
+        return taken + self._ahead

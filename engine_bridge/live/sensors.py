@@ -1,0 +1,154 @@
+"""What `puppetline doctor` says of sensors and cameras: what is plugged in, what reads it, and what is in the way."""
+
+import ctypes.util
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from capture.sensors import freenect, openni
+from capture.sensors.camera import opencv
+from capture.sensors.mediapipe import library as mediapipe
+from engine_bridge.live.finding import Finding
+from puppetline.errors import SourceError
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of depth sensor.
+
+    Attributes
+    ----------
+    name : str
+    scheme : str
+        Of the source that reads it; empty where none does.
+    package, rules : str
+        Debian's package with the udev rules that let users open it.
+    """
+
+    name: str
+    scheme: str = ""
+    package: str = ""
+    rules: str = ""
+
+
+_OPENNI = "openni:", "libopenni2-0", openni.RULES
+
+KINDS: dict[str, Kind] = {
+    "045e:02ae": Kind("Kinect v1 (Xbox 360)", "freenect:", "libfreenect0.5", freenect.RULES),
+    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni.RULES),
+    "045e:02c4": Kind("Kinect v2"),
+    "045e:02d8": Kind("Kinect v2"),
+    "045e:097d": Kind("Azure Kinect"),
+    "1d27:0600": Kind("Asus Xtion", *_OPENNI),
+    "1d27:0601": Kind("Asus Xtion Pro Live", *_OPENNI),
+    "1d27:0609": Kind("PrimeSense Carmine", *_OPENNI),
+}
+"""By USB vendor and product."""
+
+_USB = Path("/sys/bus/usb/devices")
+_NODES = Path("/dev/bus/usb")
+_VIDEO = Path("/sys/class/video4linux")
+_CAMERAS = Path("/dev")
+
+
+def examine() -> Iterator[Finding]:
+    """Look at cameras, depth sensors, and the libraries that read them."""
+    plugged = [*_plugged()]
+    wanted = {kind.scheme for kind, _ in plugged}
+    yield from _cameras()
+    yield from _depth_sensors(plugged)
+    yield _library("libfreenect", _kinects, "freenect: wants it", needed="freenect:" in wanted)
+    yield _library("OpenNI 2", _openni, "openni: wants it", needed="openni:" in wanted)
+    yield _library("MediaPipe", _mediapipe, "cameras and depth sensors want it", needed=bool(wanted - {""}))
+    yield _library("OpenCV", _opencv, "cameras want it", needed=False)
+    nite = ctypes.util.find_library("NiTE2")
+    yield Finding("NiTE 2", True if nite else None, nite or "not installed")
+
+
+def _cameras() -> Iterator[Finding]:
+    cameras = sorted(_CAMERAS.glob("video*"))
+    if not cameras:
+        yield Finding("cameras", None, "no /dev/video*")
+    for camera in cameras:
+        name = _read(_VIDEO / camera.name / "name") or "unnamed"
+        may = os.access(camera, os.R_OK | os.W_OK)
+        yield Finding(
+            str(camera),
+            may,
+            f"{name}, can be opened" if may else f"{name}, no permission",
+            "" if may else f"Add this user to the group {camera.group()}, and log in again.",
+        )
+
+
+def _plugged() -> Iterator[tuple[Kind, Path]]:
+    """Go through the depth sensors on USB, and their device files."""
+    for device in sorted(_USB.glob("*")):
+        kind = KINDS.get(f"{_read(device / 'idVendor')}:{_read(device / 'idProduct')}")
+        if kind is not None:
+            yield kind, _NODES / f"{_read(device / 'busnum'):0>3}" / f"{_read(device / 'devnum'):0>3}"
+
+
+def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
+    if not plugged:
+        yield Finding("depth sensors", None, "none of those that are known on USB")
+    for kind, node in plugged:
+        if not kind.scheme:
+            yield Finding(kind.name, None, f"{node}, which nothing here reads: its own programs can send OSC")
+        elif os.access(node, os.R_OK | os.W_OK):
+            yield Finding(kind.name, True, f"{node}, for {kind.scheme}")
+        else:
+            yield Finding(
+                kind.name,
+                False,
+                f"{node}: no permission",
+                f"Install the udev rules {kind.rules}, which Debian's {kind.package} brings, "
+                "call udevadm control --reload, and plug it in again.",
+            )
+
+
+def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -> Finding:
+    """Say of a library what `look` says, or that it is missing or broken.
+
+    Parameters
+    ----------
+    name : str
+    look : callable
+        Loads it, or raises a SourceError; its cause is an error of importing where the library is Python's.
+    use : str
+        What wants it.
+    needed : bool
+        Whether something that is plugged in cannot do without.
+    """
+    try:
+        return Finding(name, True, look(name))
+    except SourceError as error:
+        absent = error.__cause__ is None or isinstance(error.__cause__, ModuleNotFoundError)
+        if absent and not needed:
+            return Finding(name, None, f"not installed; {use}")
+        return Finding(name, False, error.found.removeprefix("that it "), error.fix)
+
+
+def _kinects(name: str) -> str:
+    return f"there; {freenect.plugged_in(name) or 'no'} Kinect v1 plugged in"
+
+
+def _openni(name: str) -> str:
+    return f"there; {', '.join(openni.devices(openni.openni2(name))) or 'no sensor'} plugged in"
+
+
+def _mediapipe(_name: str) -> str:
+    mediapipe()
+    return version("mediapipe")
+
+
+def _opencv(_name: str) -> str:
+    return str(opencv().__version__)
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""

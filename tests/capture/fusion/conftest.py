@@ -1,0 +1,125 @@
+"""Performers made by code, seen by virtual sensors of known poses."""
+
+import numpy as np
+import pytest
+from puppetline.examples.performances import clean
+from scipy.signal import lfilter
+
+from capture.clip import SkeletonClip
+from capture.fusion.pose import Pose
+from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, TRACKED
+
+LEFT, RIGHT = JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]
+HIP_LEFT, HIP_RIGHT = JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]
+TRUNK = [JOINT_INDEX[name] for name in ("hip_center", "spine", "shoulder_center")]
+
+JITTER, DRIFT, GUESS = 0.003, 0.01, 0.08
+"""Metres on each axis: from frame to frame, slow, and slow of a joint that is hidden behind the body."""
+
+
+def turning(clip, begin, end):
+    """Return a clip whose performer turns round once, about the place where he stands."""
+    part = np.clip((clip.times - begin) / (end - begin), 0, 1)
+    angle = 2 * np.pi * part**2 * (3 - 2 * part)
+    middle = clip.positions[:, :1].copy()
+    middle[..., 1] = 0
+    cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+    turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=1).reshape(-1, 3, 3)
+    positions = np.einsum("tij,tkj->tki", turn, clip.positions - middle) + middle
+    return SkeletonClip(clip.format, clip.user, clip.times, positions, clip.confidence)
+
+
+def facing(positions):
+    """Return where the chest points to (T, 3)."""
+    across = positions[:, RIGHT] - positions[:, LEFT] + positions[:, HIP_RIGHT] - positions[:, HIP_LEFT]
+    forward = np.cross([0.0, 1.0, 0.0], across)
+    return forward / np.linalg.norm(forward, axis=1, keepdims=True)
+
+
+def hidden(positions):
+    """Return which joints (T, 20) a sensor at the origin cannot see for the trunk: behind it, and near its axis."""
+    trunk = positions[:, TRUNK].mean(axis=1, keepdims=True)
+    away = np.linalg.norm(positions[..., ::2], axis=2) - np.linalg.norm(trunk[..., ::2], axis=2)
+    sight = trunk[..., ::2] / np.linalg.norm(trunk[..., ::2], axis=2, keepdims=True)
+    beside = np.abs(positions[..., 0] * sight[..., 1] - positions[..., 2] * sight[..., 0])
+    return (away > 0.06) & (beside < 0.2)
+
+
+class VirtualSensor:
+    """Sees what a clip in the common frame shows, from a pose, by a clock of its own.
+
+    A hidden joint is guessed, 8 cm off; from behind, left and right are taken for each other.
+    """
+
+    def __init__(self, pose, clock=0.0, seed=None, swaps=True):
+        self.pose, self.clock, self.seed, self.swaps = pose, clock, seed, swaps
+
+    def record(self, clip, phase=0.0):
+        times = clip.times[:-1] + phase
+        mixed = (phase / np.diff(clip.times))[:, None, None]
+        truth = (1 - mixed) * clip.positions[:-1] + mixed * clip.positions[1:]
+        positions = (truth - self.pose.position) @ self.pose.rotation
+        confidence = np.full(positions.shape[:2], TRACKED, dtype=np.float32)
+        if self.seed is not None:
+            random = np.random.default_rng(self.seed)
+            behind = hidden(positions)
+            confidence[behind] = INFERRED
+            slow = lfilter([1 - 0.9], [1, -0.9], random.standard_normal((len(times) + 60, 20, 3)), axis=0)[60:]
+            slow /= slow.std()
+            positions += JITTER * random.standard_normal(positions.shape)
+            positions += np.where(behind, GUESS, DRIFT)[..., None] * slow
+        if self.swaps:
+            back = (facing(truth) * (truth[:, 0] - self.pose.position)).sum(axis=1) > 0
+            positions[back] = positions[back][:, OPPOSITE]
+            confidence[back] = confidence[back][:, OPPOSITE]
+        return SkeletonClip("virtual", clip.user, times + self.clock, positions, confidence)
+
+
+def truth(clip, times):
+    """Return where the joints were (T, 20, 3) at some times."""
+    flat = clip.positions.reshape(len(clip.times), -1)
+    return np.stack([np.interp(times, clip.times, column) for column in flat.T], axis=1).reshape(-1, 20, 3)
+
+
+@pytest.fixture(scope="session")
+def true_positions():
+    return truth
+
+
+@pytest.fixture(scope="session")
+def here():
+    """The pose of the first sensor."""
+    return Pose(np.eye(3), np.zeros(3))
+
+
+@pytest.fixture(scope="session")
+def walk():
+    return clean("walk")
+
+
+@pytest.fixture(scope="session")
+def kung_fu():
+    return clean("kung_fu")
+
+
+@pytest.fixture(scope="session")
+def turn():
+    """Somebody who walks, and turns round once meanwhile."""
+    return turning(clean("walk"), 2.0, 7.0)
+
+
+@pytest.fixture
+def virtual_sensor():
+    return VirtualSensor
+
+
+@pytest.fixture(scope="session")
+def beside():
+    """The pose of a sensor to the performer's right, turned to him."""
+    return Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+
+
+@pytest.fixture(scope="session")
+def behind():
+    """The pose of a sensor at the performer's back."""
+    return Pose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))

@@ -1,0 +1,149 @@
+from dataclasses import replace
+from heapq import merge
+
+import numpy as np
+import pytest
+
+from capture.events import Lost
+from capture.fusion.people import FRESH, LEAD, REMEMBERED, People
+from capture.skeleton import OPPOSITE, SkeletonFrame
+
+SURE = np.ones(20, dtype=np.float32)
+
+
+@pytest.fixture
+def people():
+    return People()
+
+
+@pytest.fixture
+def body(walk):
+    """Make a frame of somebody who stands somewhere."""
+
+    def make(time, user=1, x=0.0, confidence=1.0, swapped=False):
+        positions = walk.positions[0] + [x, 0, 0]
+        sure = np.full(20, confidence, dtype=np.float32)
+        return SkeletonFrame(time, user, positions[OPPOSITE] if swapped else positions, sure)
+
+    return make
+
+
+def together(people, *recordings):
+    """Show recordings to people in the order of time; return the frames."""
+    streams = [[(frame.time, k, frame) for frame in each] for k, each in enumerate(recordings)]
+    seen = [people.see(sensor, frame) for _, sensor, frame in merge(*streams, key=lambda each: each[:2])]
+    return [frame for frame in seen if frame is not None]
+
+
+def placed(sensor, clip):
+    return [replace(frame, positions=sensor.pose.apply(frame.positions)) for frame in clip.frames()]
+
+
+@pytest.mark.parametrize("from_where", ["beside", "behind"])
+def test_without_noise_a_turn_is_exact_though_both_exchange_left_and_right(
+    turn, from_where, request, virtual_sensor, here, people, true_positions
+):
+    sensors = [virtual_sensor(here), virtual_sensor(request.getfixturevalue(from_where))]
+    frames = together(people, *(placed(sensor, sensor.record(turn)) for sensor in sensors))
+    assert [frame.time for frame in frames] == turn.times[:-1].tolist()
+    positions = np.stack([frame.positions for frame in frames])
+    assert np.abs(positions - true_positions(turn, turn.times[:-1])).max() < 0.05  # the other one is a frame behind
+    assert np.abs(positions - true_positions(turn, turn.times[:-1])).mean() < 1e-3
+
+
+@pytest.mark.parametrize("seed", [1, 5, 9])
+@pytest.mark.parametrize("from_where", ["beside", "behind"])
+def test_two_sensors_beat_the_better_one_alone_in_the_turn(
+    turn, seed, from_where, request, virtual_sensor, here, people, true_positions
+):
+    """The one alone is even told which side is left."""
+    poses = [here, request.getfixturevalue(from_where)]
+    sensors = [virtual_sensor(pose, seed=seed + k) for k, pose in enumerate(poses)]
+    frames = together(people, *(placed(s, s.record(turn, phase=0.013 * k)) for k, s in enumerate(sensors)))
+    assert {frame.user for frame in frames} == {1}
+    assert all((frame.confidence > 0).all() and np.isfinite(frame.positions).all() for frame in frames)
+
+    def error(times, positions):
+        during = (times > 2.0) & (times < 7.0)
+        return np.linalg.norm(positions - true_positions(turn, times), axis=2)[during]
+
+    fused = error(np.array([frame.time for frame in frames]), np.stack([frame.positions for frame in frames]))
+    alone = []
+    for k, pose in enumerate(poses):
+        clip = virtual_sensor(pose, seed=seed + k, swaps=False).record(turn)
+        alone.append(error(clip.times, pose.apply(clip.positions)))
+    assert fused.mean() < 0.65 * min(each.mean() for each in alone)
+    assert np.percentile(fused, 95) < 0.65 * min(np.percentile(each, 95) for each in alone)
+    assert fused.mean() < 0.025
+
+
+def test_the_first_sensor_sets_the_pace_and_the_next_one_goes_on_without_it(people, body):
+    frames = together(
+        people,
+        [body(k / 30) for k in range(30)],
+        [body(k / 30 + 0.01, user=7) for k in range(60)],
+    )
+    times = np.array([frame.time for frame in frames])
+    assert times[:30].tolist() == [k / 30 for k in range(30)]
+    assert LEAD < times[30] - times[29] < LEAD + 1.1 / 30
+    np.testing.assert_allclose(np.diff(times[30:]), 1 / 30)
+    assert {frame.user for frame in frames} == {1}
+
+
+def test_people_apart_are_two_and_each_keeps_the_number(people, body):
+    a = [body(k / 30, user=1 + j, x=float(j)) for k in range(20) for j in range(2)]
+    b = [body(k / 30 + 0.01, user=8 - j, x=j + 0.1) for k in range(20) for j in range(2)]
+    frames = together(people, a, b)
+    for user, x in ((1, 0.0), (2, 1.0)):
+        own = [frame for frame in frames if frame.user == user]
+        assert len(own) == 20
+        assert all(x - 1e-9 <= (frame.positions - body(0).positions)[:, 0].mean() < x + 0.1 for frame in own)
+
+
+def test_a_tracker_that_takes_two_people_for_each_other_is_put_right(people, body):
+    a = [body(k / 30, user=1 + (j if k < 15 else 1 - j), x=1.0 * j) for k in range(30) for j in range(2)]
+    b = [body(k / 30 + 0.01, user=1 + j, x=1.0 * j) for k in range(30) for j in range(2)]
+    frames = together(people, a, b)
+    assert {frame.user for frame in frames} == {1, 2}
+    for frame in frames:
+        assert (frame.positions - body(0).positions)[:, 0].mean() == pytest.approx(frame.user - 1, abs=1e-6)
+
+
+def test_who_is_lost_to_all_is_lost_and_who_is_lost_to_one_is_not(people, body):
+    together(people, [body(0.0, user=3)], [body(0.01, user=4)])
+    assert people.lose(0, 3, 0.1) == []
+    assert people.see(1, body(0.2, user=4)).user == 1
+    assert people.lose(1, 4, 0.3) == [Lost(0.3, 1)]
+    assert people.lose(1, 4, 0.4) == []
+    assert people.see(0, body(0.5)).user == 2
+
+
+def test_who_is_away_for_long_is_forgotten(people, body):
+    assert people.see(0, body(0.0)).user == 1
+    assert people.forget(REMEMBERED - 1) == []
+    assert people.see(0, body(REMEMBERED, user=1)).user == 1  # the sensor's own number is enough
+    assert people.forget(2 * REMEMBERED + 1) == [Lost(2 * REMEMBERED + 1, 1)]
+
+
+def test_at_the_beginning_the_surer_sensor_says_which_side_is_left(people, body):
+    frames = together(
+        people,
+        [body(k / 30, swapped=True, confidence=0.8) for k in range(60)],
+        [body(k / 30 + 0.01) for k in range(60)],
+    )
+    for frame in frames[1:]:
+        np.testing.assert_allclose(frame.positions, body(0).positions)
+
+
+def test_afterwards_they_are_as_they_were(people, body):
+    for k in range(60):
+        people.see(0, body(k / 30))
+    for k in range(60, 90):
+        np.testing.assert_allclose(people.see(0, body(k / 30, swapped=True)).positions, body(0).positions)
+    later = people.see(0, body(3.0 + FRESH, swapped=True))
+    np.testing.assert_allclose(later.positions, body(0, swapped=True).positions)
+
+
+def test_nobody_is_seen_where_no_joint_is_known(people, body):
+    assert people.see(0, body(0.0, confidence=0.0)) is None
+    assert people.see(0, body(0.1)).user == 1

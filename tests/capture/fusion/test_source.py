@@ -1,0 +1,234 @@
+import socket
+import time
+from select import select
+
+import numpy as np
+import pytest
+
+from capture.clip import SkeletonClip
+from capture.events import Lost, Tick
+from capture.fusion.source import FusedSource, Member
+from capture.replay import TakeSource
+from capture.skeleton import SkeletonFrame
+from capture.source import Counts, wait
+from puppetline.errors import SourceError
+
+PATIENCE = 20.0
+
+
+class Scripted:
+    """A live source that gives what a test puts into it; what is an exception is raised."""
+
+    beginning = None
+
+    def __init__(self, name):
+        self.name, self.counts, self.news = name, Counts(), []
+        self._waker, self._waiter = socket.socketpair()
+        self.closed = False
+
+    def show(self, *events):
+        self.news += events
+        self._waker.send(b"\0")
+
+    def fileno(self):
+        return self._waiter.fileno()
+
+    def due(self):
+        return time.monotonic() + 1000
+
+    def now(self):
+        return time.monotonic()
+
+    def receive(self):
+        news, self.news = self.news, []
+        if news:
+            self._waiter.recv(100)
+        for event in news:
+            if isinstance(event, Exception):
+                raise event
+        self.counts.received += len(news)
+        return news
+
+    def close(self):
+        self.closed = True
+        self._waker.close()
+        self._waiter.close()
+
+
+@pytest.fixture
+def opened():
+    """The sources that were opened, by their URI, the newest last."""
+    return {"a": [], "b": []}
+
+
+@pytest.fixture
+def source(opened, here, beside):
+    def opener(uri):
+        opened[uri].append(Scripted(uri))
+        return opened[uri][-1]
+
+    fused = FusedSource("fused:two.toml", [Member("a", here), Member("b", beside, 0.04)], opener)
+    yield fused
+    fused.close()
+
+
+@pytest.fixture
+def frame(walk):
+    """Make what a sensor sees of somebody who stands still."""
+
+    def make(pose, taken, user=1):
+        positions = (walk.positions[0] - pose.position) @ pose.rotation
+        return SkeletonFrame(taken, user, positions, np.ones(20, dtype=np.float32))
+
+    return make
+
+
+def next_events(source, ticks=False):
+    give_up = time.monotonic() + PATIENCE
+    while time.monotonic() < give_up:
+        wait(source, give_up)
+        events = [event for event in source.receive() if ticks or not isinstance(event, Tick)]
+        if events:
+            return events
+    raise AssertionError("nothing came")
+
+
+def test_one_performer_comes_of_two_sensors_in_the_frame_and_by_the_clock_of_the_first(
+    source, opened, frame, here, beside, walk
+):
+    start = time.monotonic()
+    opened["a"][0].show(frame(here, start))
+    opened["b"][0].show(frame(beside, start + 0.04 + 0.001, user=5))
+    [seen] = next_events(source)
+    assert (seen.time, seen.user) == (start, 1)
+    np.testing.assert_allclose(seen.positions, walk.positions[0], atol=1e-9)
+    opened["b"][0].show(frame(beside, start + 0.25, user=5))  # the first is silent
+    [seen] = next_events(source)
+    assert (seen.time, seen.user) == (pytest.approx(start + 0.21), 1)
+    np.testing.assert_allclose(seen.positions, walk.positions[0], atol=1e-9)
+    assert source.counts.received == 3
+
+
+def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
+    source.receive()
+    assert select([source.fileno()], [], [], 0)[0] == []
+    for name, pose in (("a", here), ("b", beside)):
+        opened[name][0].show(frame(pose, time.monotonic()))
+        assert select([source.fileno()], [], [], PATIENCE)[0] == [source.fileno()]
+        source.receive()
+
+
+def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opened, frame, here, beside):
+    descriptor = source.fileno()
+    opened["a"][0].show(RuntimeError("the cable"))
+    source.receive()
+    assert opened["a"][0].closed
+    start = time.monotonic()
+    opened["b"][0].show(frame(beside, start + 0.04))
+    assert next_events(source)[0].time == pytest.approx(start)
+    while len(opened["a"]) == 1:
+        assert time.monotonic() < start + PATIENCE
+        wait(source, start + PATIENCE)
+        source.receive()
+    assert len(opened["b"]) == 1
+    again = time.monotonic()
+    opened["a"][1].show(frame(here, again))
+    assert [(event.time, event.user) for event in next_events(source)] == [(again, 1)]
+    assert source.fileno() == descriptor
+    assert source.counts.received == 2  # counted on where the member failed
+
+
+def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, frame, here, beside):
+    tries = []
+
+    def opener(uri):
+        tries.append(uri)
+        if tries.count("a") in (2, 3):
+            raise SourceError(uri, found="nothing there", expected="a device", fix="Plug it in.")
+        opened[uri].append(Scripted(uri))
+        return opened[uri][-1]
+
+    source = FusedSource("fused:", [Member("a", here), Member("b", beside)], opener)
+    opened["a"][0].show(SourceError("a", found="x", expected="y", fix="z"))
+    give_up = time.monotonic() + PATIENCE
+    while len(opened["a"]) == 1:
+        assert time.monotonic() < give_up
+        wait(source, give_up)
+        source.receive()
+    assert tries == ["a", "b", "a", "a", "a"]
+    source.close()
+    assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
+
+
+def test_what_cannot_be_opened_at_first_is_an_error_and_nothing_stays_open(opened, here, beside):
+    def opener(uri):
+        if uri == "b":
+            raise SourceError("b", found="nothing there", expected="a device", fix="Plug it in.")
+        opened[uri].append(Scripted(uri))
+        return opened[uri][-1]
+
+    with pytest.raises(SourceError, match="nothing there"):
+        FusedSource("fused:", [Member("a", here), Member("b", beside)], opener)
+    assert opened["a"][0].closed
+
+
+def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_lost_him(
+    source, opened, frame, here, beside
+):
+    start = time.monotonic()
+    opened["a"][0].show(frame(here, start))
+    opened["b"][0].show(frame(beside, start + 0.04))
+    next_events(source)
+    opened["a"][0].show(Lost(start + 0.01, 1))
+    assert isinstance(next_events(source, ticks=True)[0], Tick)
+    opened["b"][0].show(Lost(time.monotonic() + 0.04, 1))
+    [lost] = next_events(source)
+    assert (type(lost), lost.user) == (Lost, 1)
+
+
+def test_only_the_newest_frame_of_each_performer_is_given(source, opened, frame, here):
+    start = time.monotonic()
+    opened["a"][0].show(*(frame(here, start + 0.001 * k) for k in range(5)))
+    assert [event.time for event in next_events(source)] == [start + 0.004]
+    assert source.counts.dropped == 4
+
+
+def to_the_end(source):
+    """Return all events, and the error that says it is over."""
+    events = []
+    while True:
+        try:
+            events += next_events(source)
+        except SourceError as error:
+            return events, error
+
+
+def part(clip, start, end):
+    return SkeletonClip("", clip.user, *(each[start:end] for each in (clip.times, clip.positions, clip.confidence)))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.4, -0.4])
+def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk, here, beside, virtual_sensor, late):
+    """The second begins as much later or earlier than the first; its clock is 100 s ahead."""
+    other = virtual_sensor(beside, 100.0).record(walk)
+    begin = round(abs(late) * 30)
+    first = part(walk, begin if late < 0 else 0, 40)
+    second = part(other, begin if late > 0 else 0, 30)
+    clips = {"a": first, "b": second}
+    source = FusedSource(
+        "fused:",
+        [Member("a", here), Member("b", beside, 100.0)],
+        lambda uri: TakeSource.of_clips(uri, [clips[uri]]),
+        recorded=True,
+    )
+    start = time.monotonic()
+    events, error = to_the_end(source)
+    assert error.found == "that all its recordings have ended"
+    source.close()
+    assert np.isfinite(source.now())
+    times = np.array([event.time for event in events])
+    assert abs(times[0] - start) < PATIENCE
+    truth = part(walk, 0, 40)  # the earlier one begins at 0
+    np.testing.assert_allclose(times - times[0], truth.times, atol=1e-6)
+    np.testing.assert_allclose(np.stack([event.positions for event in events]), truth.positions, atol=0.02)
+    assert {event.user for event in events} == {1}

@@ -1,0 +1,297 @@
+"""Debian's libfreenect, and its fakenect with pictures that are made here, in processes of their own."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.sensors import freenect
+from capture.sensors.freenect import LENS, FreenectDevice, open_freenect
+from capture.skeleton import JOINT_INDEX, PARENTS
+from puppetline.errors import SourceError
+
+from ...conftest import missing
+
+INSTALLED = sorted(Path("/usr/lib").glob("*/libfreenect.so.0.5"))
+FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
+FRAME = 2_002_000
+"""Ticks from one picture to the next."""
+
+READ = """
+import sys
+import numpy as np
+from capture.sensors.freenect import FreenectDevice
+from puppetline.errors import SourceError
+pictures = []
+device = None
+try:
+    device = FreenectDevice("freenect:")
+    while len(pictures) < int(sys.argv[2]) and (picture := device.read(0.5)):
+        pictures.append(picture)
+    print("closed", device.close(), device.close())
+except SourceError as error:
+    print("SourceError", error)
+    if device:
+        device.close()
+np.savez(
+    sys.argv[1],
+    times=[picture.time for picture in pictures],
+    depths=[picture.depth for picture in pictures],
+    colors=[picture.color for picture in pictures],
+)
+"""
+
+
+FOLLOW = """
+import time
+import numpy as np
+from capture.events import Tick
+from capture.sensors.freenect import FreenectDevice
+from capture.sensors.picture import Person
+from capture.sensors.source import SensorSource
+from capture.source import wait
+from puppetline.errors import SourceError
+class Corner:
+    name = "the depth in a corner"
+    def track(self, picture):
+        return [Person(1, np.full((20, 3), picture.depth[0, 0], np.float32), np.ones(20, np.float32))]
+    def close(self):
+        pass
+source = SensorSource("freenect:", lambda: FreenectDevice("freenect:"), lambda _: Corner())
+try:
+    while True:
+        wait(source, time.monotonic() + 1)
+        for event in source.receive():
+            if not isinstance(event, Tick):
+                print("frame", event.positions[0, 0])
+except SourceError as error:
+    print("SourceError", error.found)
+source.close()
+"""
+
+
+@pytest.fixture(scope="session")
+def fakenect(tmp_path_factory):
+    """A folder with fakenect under the name of the library, and what stands in front of it."""
+    compiler = shutil.which("gcc")
+    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
+        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
+    folder = tmp_path_factory.mktemp("fakenect")
+    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    (folder / "libfakenect.so.0.5").write_bytes(behind)
+    source = Path(__file__).with_name("kinect.c")
+    name = "libfreenect.so.0.5"
+    link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
+        check=True,
+    )
+    return folder
+
+
+def start(fakenect, dump, fault, program, *arguments):
+    """Run a program that finds fakenect where the library would be."""
+    environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
+    return subprocess.run(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+
+
+@pytest.fixture
+def read(fakenect, tmp_path):
+    """Read so many pictures of a dump in another process; returns its process and what it read."""
+
+    def run(dump, count, fault=""):
+        process = start(fakenect, dump, fault, READ, tmp_path / "read.npz", count)
+        return process, np.load(tmp_path / "read.npz")
+
+    return run
+
+
+@pytest.fixture
+def write_dump(tmp_path):
+    """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
+
+    def write(pictures, interval=0.01):
+        folder = tmp_path / "dump"
+        folder.mkdir()
+        names = []
+        for number, (picture, ticks) in enumerate(pictures):
+            kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
+            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
+            (folder / names[-1]).write_bytes(header + picture.tobytes())
+        (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
+        return folder
+
+    return write
+
+
+def depth_of(number):
+    """A slope in millimetres from left to right and from above, with a hole, another one for each number."""
+    rows, columns = np.mgrid[:480, :640]
+    depth = (1000 + 100 * number + 3 * columns + rows).astype(np.uint16)
+    depth[100:110, 200:230] = 0
+    return depth
+
+
+def color_of(number):
+    """Red grows to the right, green downwards, blue says the number."""
+    rows, columns = np.mgrid[:480, :640]
+    return np.dstack([columns * 255 // 639, rows * 255 // 479, np.full((480, 640), 40 * number)]).astype(np.uint8)
+
+
+def test_depth_and_colour_come_as_the_sensor_took_them_on_a_clock_that_never_starts_again(read, write_dump):
+    start = 2**32 - 2 * FRAME  # the sensor's clock starts again on the way, and colour comes half a frame later
+    dump = write_dump(
+        [
+            each
+            for number in range(5)
+            for each in (
+                (depth_of(number), start + number * FRAME),
+                (color_of(number), start + number * FRAME + FRAME // 2),
+            )
+        ]
+    )
+    process, seen = read(dump, 5)
+    np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(5)])
+    np.testing.assert_array_equal(seen["colors"], [color_of(number) for number in range(5)])
+    np.testing.assert_allclose(np.diff(seen["times"]), FRAME / 60e6, atol=1e-9)
+    assert seen["times"][0] == start / 60e6
+    assert "closed None None" in process.stdout
+    assert process.stderr == "shut down with 0 open\n"
+
+
+def test_a_body_is_where_it_stands_when_depth_is_lifted_by_the_lens(read, write_dump, render):
+    joints, radius = PERFORMANCES["walk"]().positions[0], 0.05
+    depth, color = render(joints, LENS, radius=radius)
+    _, seen = read(write_dump([(depth, 0), (color, 0)]), 1)
+    np.testing.assert_array_equal(seen["depths"][0], depth)
+    np.testing.assert_array_equal(seen["colors"][0], color)
+    rows, columns = np.nonzero(seen["depths"][0])
+    skin = LENS.unproject(np.stack([columns, rows], axis=-1) + 0.5, seen["depths"][0][rows, columns] / 1000)
+    ends = joints[[[JOINT_INDEX[a], JOINT_INDEX[b]] for a, b in PARENTS.items()]]
+    along = ends[:, 1] - ends[:, 0]
+    share = np.einsum("psk,sk->ps", skin[:, None] - ends[:, 0], along) / (along**2).sum(axis=1)
+    nearest = ends[:, 0] + np.clip(share, 0, 1)[..., None] * along
+    away = np.linalg.norm(skin[:, None] - nearest, axis=2).min(axis=1)
+    assert len(skin) > 5000
+    np.testing.assert_allclose(away, radius, atol=2e-3)  # depths are whole millimetres
+
+
+def test_depth_without_a_colour_of_the_same_moment_is_no_picture(read, write_dump):
+    dump = write_dump(
+        [
+            (color_of(0), 0),
+            (depth_of(0), 300),
+            (depth_of(1), FRAME),  # its colour is lost
+            (depth_of(2), 2 * FRAME),
+            (color_of(2), 2 * FRAME - 300),
+            (color_of(3), 3 * FRAME),  # and this one's depth
+            (depth_of(4), 4 * FRAME + 200),
+            (color_of(4), 4 * FRAME),
+        ]
+    )
+    _, seen = read(dump, 3)
+    np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in (0, 2, 4)])
+    np.testing.assert_array_equal(seen["colors"], [color_of(number) for number in (0, 2, 4)])
+    np.testing.assert_allclose(seen["times"] * 60e6, [300, 2 * FRAME, 4 * FRAME + 200])
+
+
+def test_a_sensor_that_stops_gives_none_in_time_and_is_closed(read, write_dump):
+    dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
+    process, seen = read(dump, 6, "still")
+    np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
+    assert process.stdout == "closed None None\n"
+    assert process.stderr == "shut down with 0 open\n"
+
+
+@pytest.mark.parametrize(
+    ("fault", "found", "fix"),
+    [
+        ("absent", "no Kinect v1 on USB", "into its power supply too"),
+        ("forbidden", "no permission to open the Kinect on USB", "60-libfreenect0.5.rules"),
+        ("busy", "a Kinect that another program uses", "End the other program"),
+        ("broken", "(libfreenect: freenect_camera_init(): Failed to fetch zero plane info for device)", "Unplug it"),
+    ],
+)
+def test_a_sensor_that_cannot_be_opened_is_a_message_and_nothing_stays_open(read, write_dump, fault, found, fix):
+    process, _ = read(write_dump([]), 1, fault)
+    (message,) = (line for line in process.stdout.splitlines() if line.startswith("SourceError"))
+    assert found in message
+    assert fix in message
+    assert process.stderr == "shut down with 0 open\n"
+
+
+def test_a_sensor_that_is_unplugged_gives_what_it_gave_and_then_a_message(read, write_dump):
+    dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
+    process, seen = read(dump, 6, "unplugged")
+    np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
+    assert "found that the Kinect is gone (libfreenect: USB device disappeared" in process.stdout
+    assert process.stderr == "shut down with 0 open\n"
+
+
+def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugged(fakenect, write_dump):
+    pictures = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
+    dump = write_dump(pictures, interval=0.1)
+    process = start(fakenect, dump, "unplugged", FOLLOW)
+    *frames, end = process.stdout.splitlines()
+    assert end.startswith("SourceError that the Kinect is gone")
+    depths = [float(frame.removeprefix("frame ")) for frame in frames]
+    assert depths
+    assert depths == sorted(set(depths))
+    assert set(depths) <= {float(depth_of(number)[0, 0]) for number in range(4)}
+    assert process.stderr == "shut down with 0 open\n"
+
+
+def test_what_the_stand_in_logs_is_what_the_library_logs():
+    if not INSTALLED:
+        missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
+    library = INSTALLED[0].read_bytes()
+    for text in (
+        b"Could not open camera: %d\n",
+        b"Failed to claim camera interface: %s\n",
+        b"USB device disappeared, cancelling stream %02x :(\n",
+    ):
+        assert text in library
+
+
+def test_the_library_itself_says_which_sensors_there_are():
+    if not INSTALLED:
+        missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
+    with pytest.raises(SourceError) as refused:
+        FreenectDevice("freenect:99", 99)
+    assert "no number 99" in refused.value.found or refused.value.found == "no Kinect v1 on USB"
+
+
+def test_the_udev_rule_that_the_message_names_is_the_packages_and_opens_what_it_says():
+    rules = Path("/lib/udev/rules.d", freenect.RULES)
+    if not rules.exists():
+        missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
+    line = 'SUBSYSTEM=="usb", ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", GROUP="plugdev", MODE="0666"'
+    assert line in rules.read_text().splitlines()
+
+
+def test_without_the_library_the_package_is_named(monkeypatch):
+    monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
+    with pytest.raises(SourceError, match=r"no libfreenect on this machine.*apt install libfreenect0\.5"):
+        open_freenect("freenect:", "")
+
+
+@pytest.mark.parametrize("rest", ["x", "-1", "1?mirror", "100", "٣"])
+def test_what_is_no_number_is_refused(rest):
+    with pytest.raises(SourceError, match="the number of a Kinect v1"):
+        open_freenect(f"freenect:{rest}", rest)
+
+
+def test_what_lies_in_the_middle_of_the_picture_is_straight_ahead():
+    assert LENS.unproject(np.array([320.0, 240.0]), np.array(2.0)).tolist() == [0.0, 0.0, 2.0]

@@ -1,0 +1,131 @@
+import os
+
+import pytest
+
+from capture.sensors import freenect
+from engine_bridge.live import sensors
+from engine_bridge.live.finding import Finding
+from puppetline.errors import SourceError
+
+
+@pytest.fixture
+def usb(tmp_path, monkeypatch):
+    """Plug devices into USB, as the kernel shows it; their files are there and this user may not open them."""
+    monkeypatch.setattr(sensors, "_USB", tmp_path / "usb")
+    monkeypatch.setattr(sensors, "_NODES", tmp_path / "nodes")
+    (tmp_path / "usb" / "1-0:1.0").mkdir(parents=True)  # an interface has no ids
+
+    def plug(*ids):
+        for number, each in enumerate(ids):
+            device = tmp_path / "usb" / f"1-{number}"
+            device.mkdir()
+            for file, value in zip(
+                ("idVendor", "idProduct", "busnum", "devnum"), (*each.split(":"), "1", str(number)), strict=True
+            ):
+                (device / file).write_text(value + "\n")
+            node = tmp_path / "nodes" / "001" / f"{number:03}"
+            node.parent.mkdir(parents=True, exist_ok=True)
+            node.touch()
+        return tmp_path / "nodes" / "001"
+
+    return plug
+
+
+def found(findings, name):
+    (finding,) = [each for each in findings if each.name == name]
+    return finding
+
+
+def without(monkeypatch, *paths):
+    """Have this user not be allowed to open files, which root always is."""
+    allowed = os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path not in paths and allowed(path, mode))
+
+
+def test_depth_sensors_are_known_by_their_numbers_and_told_with_what_reads_them(usb):
+    nodes = usb("1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601")  # the first is a hub
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("Kinect v1 (Xbox 360)", True, f"{nodes}/001, for freenect:"),
+        Finding("Azure Kinect", None, f"{nodes}/002, which nothing here reads: its own programs can send OSC"),
+        Finding("Asus Xtion Pro Live", True, f"{nodes}/003, for openni:"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "package", "rules"),
+    [
+        ("045e:02ae", "libfreenect0.5", "60-libfreenect0.5.rules"),
+        ("045e:02bf", "libopenni2-0", "60-libopenni2-0.rules"),
+        ("1d27:0600", "libopenni2-0", "60-libopenni2-0.rules"),
+    ],
+)
+def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, monkeypatch, kind, package, rules):
+    nodes = usb(kind)
+    without(monkeypatch, nodes / "000")
+    (finding,) = sensors._depth_sensors([*sensors._plugged()])
+    assert (finding.ok, finding.detail) == (False, f"{nodes}/000: no permission")
+    assert finding.fix == (
+        f"Install the udev rules {rules}, which Debian's {package} brings, call udevadm control --reload, "
+        "and plug it in again."
+    )
+
+
+def test_without_sensors_and_cameras_it_says_so_and_is_content(usb, tmp_path, monkeypatch):
+    monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
+    assert list(sensors._depth_sensors([*sensors._plugged()])) == [
+        Finding("depth sensors", None, "none of those that are known on USB")
+    ]
+    assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
+
+
+def test_cameras_are_told_with_their_names_and_whether_they_may_be_opened(tmp_path, monkeypatch):
+    monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
+    monkeypatch.setattr(sensors, "_VIDEO", tmp_path / "names")
+    for number in range(2):
+        (tmp_path / f"video{number}").touch()
+    (tmp_path / "names" / "video0").mkdir(parents=True)
+    (tmp_path / "names" / "video0" / "name").write_text("Integrated Camera\n")
+    without(monkeypatch, tmp_path / "video1")
+    group = (tmp_path / "video1").group()
+    assert list(sensors._cameras()) == [
+        Finding(f"{tmp_path}/video0", True, "Integrated Camera, can be opened"),
+        Finding(
+            f"{tmp_path}/video1",
+            False,
+            "unnamed, no permission",
+            f"Add this user to the group {group}, and log in again.",
+        ),
+    ]
+
+
+def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, monkeypatch):
+    monkeypatch.setattr(freenect, "LIBRARIES", ())
+    missing = found(sensors.examine(), "libfreenect")
+    assert missing == Finding("libfreenect", None, "not installed; freenect: wants it")
+    usb("045e:02ae")
+    needed = found(sensors.examine(), "libfreenect")
+    assert (needed.ok, needed.detail) == (False, "no libfreenect on this machine")
+    assert needed.fix.startswith("Install it: apt install libfreenect0.5")
+
+
+@pytest.mark.parametrize(
+    ("cause", "ok"),
+    [(ModuleNotFoundError("No module named 'mediapipe'"), None), (ImportError("libGL.so.1: cannot open"), False)],
+)
+def test_what_is_not_installed_and_what_does_not_load_are_told_apart(cause, ok):
+    def look(name):
+        raise SourceError(name, found=f"that it cannot be loaded ({cause})", expected="it", fix="Mend it.") from cause
+
+    finding = sensors._library("MediaPipe", look, "cameras want it", needed=False)
+    detail = "not installed; cameras want it" if ok is None else f"cannot be loaded ({cause})"
+    assert finding == Finding("MediaPipe", ok, detail, "" if ok is None else "Mend it.")
+
+
+def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):
+    usb("045e:02ae")
+    monkeypatch.setattr(freenect, "plugged_in", lambda _where: 2)
+    monkeypatch.setattr(sensors, "mediapipe", lambda: None)
+    monkeypatch.setattr(sensors, "version", {"mediapipe": "0.10.21"}.get)
+    findings = [*sensors.examine()]
+    assert found(findings, "libfreenect") == Finding("libfreenect", True, "there; 2 Kinect v1 plugged in")
+    assert found(findings, "MediaPipe") == Finding("MediaPipe", True, "0.10.21")

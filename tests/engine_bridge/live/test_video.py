@@ -1,0 +1,57 @@
+"""Somebody in a video moves a character: the commands as a user runs them, with the real tracker."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from capture.body import height
+from capture.formats import read_log
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
+
+PICTURES = 65
+PERFORMING = 2
+
+
+@pytest.fixture
+def squats(real_data):
+    return real_data / "video" / "tfjs" / "pose_squats.mp4"
+
+
+def puppetline(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "puppetline", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+
+
+def test_a_character_squats_with_the_performer(serve, blob_puppet, squats):
+    # a still second wants more pictures than the film's five
+    source = f"video:{squats}?height=1.65"
+    service = serve("--puppet", blob_puppet, "--source", source, "--loop", "--calibrate", "at_once")
+    service.client("blob/controls").until(lambda message: message.header.state == PERFORMING, "controls")
+    result = puppetline("listen", service.stream.removeprefix("tcp://"), "--seconds", 3, "--json", "--kind", "controls")
+    report = json.loads(result.stdout)
+    [heard] = report["heard"]
+    assert heard["topic"] == "blob/controls"
+    assert (heard["state"], heard["missing"]) == ("performing", 0)
+    assert heard["rate"] == pytest.approx(5, abs=1)  # the film's
+
+
+def test_a_video_is_recorded_whole(squats, tmp_path):
+    take = tmp_path / "squats.log"
+    summary = json.loads(puppetline("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json").stdout)
+    assert (summary["frames"], summary["users"]) == (PICTURES, [1])
+    [clip] = read_log(take)
+    np.testing.assert_allclose(np.diff(clip.times), 0.2, atol=1e-6)
+    assert [height(pose) for pose in clip.positions] == pytest.approx([1.65] * PICTURES, abs=1e-3)
+
+
+def test_no_video_is_one_line_and_exit_code_1(blob_puppet, tmp_path):
+    result = puppetline("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", "--source", "video:none.mp4")
+    assert result.returncode == 1
+    [line] = [line for line in result.stderr.splitlines() if line.startswith("puppetline: ")]
+    assert "found no file none.mp4" in line
+    assert "Traceback" not in result.stderr

@@ -29,8 +29,8 @@ test: setup ## Run every test, two at a time (PYTEST="-m 'not slow'" for a quick
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
 test-camera: export OPENBLAS_NUM_THREADS = 1
 test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
-	.venv-camera/bin/pytest tests/capture/sensors tests/engine_bridge/live/test_video.py
-	.venv-camera/bin/pytest -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors
+	.venv-camera/bin/pytest -n 2 --dist loadfile tests/capture/sensors tests/engine_bridge/live/test_video.py
+	.venv-camera/bin/pytest -n 2 --dist loadfile -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors
 
 .venv-camera/.installed: requirements-camera.txt pyproject.toml
 	$(PYTHON) -m venv .venv-camera

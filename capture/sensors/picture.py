@@ -1,7 +1,7 @@
 """What a sensor gives and what a tracker makes of it: pictures, and the people in them.
 
-Positions are in the frame of `capture.skeleton`: y up, z away from the sensor, the performer's right at +x, which is left
-in the picture.
+Positions are in the frame of `capture.skeleton`: y up, z away from the sensor, the performer's right at +x, which is
+left in the picture.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Lens:
     focal: float
 
     def unproject(self, pixels: NDArray[np.floating], depth: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the positions (…, 3) of pixels (…, 2), right and down from the upper left corner, at depths in metres."""
+        """Return the positions (…, 3) of pixels (…, 2), counted right and down, at depths in metres."""
         right, down = pixels[..., 0] - self.width / 2, pixels[..., 1] - self.height / 2
         return np.stack([-right * depth / self.focal, -down * depth / self.focal, depth], axis=-1)
 

@@ -22,10 +22,10 @@ def errors(found, pose, clip):
 def test_without_noise_pose_and_clock_are_exact(name, from_where, request, virtual_sensor, here):
     clip, pose = clean(name), request.getfixturevalue(from_where)
     found = align(virtual_sensor(here).record(clip), virtual_sensor(pose, 1.7).record(clip), "two")
-    np.testing.assert_allclose(found.pose.rotation, pose.rotation, atol=1e-4)
-    np.testing.assert_allclose(found.pose.position, pose.position, atol=5e-4)
-    assert found.clock == pytest.approx(1.7, abs=1e-4)
-    assert found.residual < 1e-3
+    np.testing.assert_allclose(found.pose.rotation, pose.rotation, atol=1e-9)
+    np.testing.assert_allclose(found.pose.position, pose.position, atol=1e-9)
+    assert found.clock == pytest.approx(1.7, abs=1e-9)
+    assert found.residual < 1e-9
     assert found.swapped > 0.98 if from_where == "behind" else found.swapped < 0.1
 
 

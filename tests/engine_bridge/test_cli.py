@@ -31,6 +31,7 @@ COMMANDS = [
     "record",
     "look",
     "listen",
+    "align",
     "bake",
     "ladder",
     "doctor",

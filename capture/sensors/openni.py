@@ -2,7 +2,8 @@
 
 ``openni:`` is the first sensor that the library finds; ``openni:serial=…`` and ``openni:uri=…`` name one;
 ``openni:file=take.oni`` plays a recording, with ``&fast`` as fast as people can be found in it and with ``?loop`` again
-and again. The library is the system's, or that in the folder that the environment variable OPENNI2_REDIST names.
+and again. The library is the system's, or that in the folder that the environment variable OPENNI2_REDIST names. NiTE2
+finds people in what a sensor shows, where it is installed and starts; otherwise, and in recordings, MediaPipe does.
 """
 
 import ctypes
@@ -23,6 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.sensors.mediapipe import MediaPipePose, library
+from capture.sensors.nite import REDIST as NITE2_REDIST
+from capture.sensors.nite import NiTE, library_path
 from capture.sensors.oni_file import check_whole
 from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
@@ -87,10 +90,11 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     """
     place = parse(uri, rest)
     openni2(uri)
-    library()
+    if place.kind == "file" or library_path() is None:
+        library()
     if place.kind == "file":
         file = OpenNIDevice(uri, place, folder)
-        return SensorSource(uri, lambda: file, _tracker, recorded=True, fast=place.fast)
+        return SensorSource(uri, lambda: file, lambda _device: MediaPipePose(), recorded=True, fast=place.fast)
     return SensorSource(uri, lambda: OpenNIDevice(uri, place), _tracker)
 
 
@@ -212,6 +216,17 @@ class OpenNIDevice:
             picture = self._pair()
             if picture is not None:
                 return picture
+
+    def nite(self) -> NiTE:
+        """Return NiTE2 tracking the people that this sensor sees; to be closed before the sensor.
+
+        Raises
+        ------
+        SourceError
+            It does not start.
+        """
+        with _alone(self._uri):
+            return NiTE(self._device._handle, self._mirrored.get(self._depth, False))
 
     def close(self) -> None:
         """Stop the sensor and let go of it."""
@@ -392,8 +407,16 @@ class OpenNIDevice:
         )
 
 
-def _tracker(_device: Device) -> Tracker:
-    return MediaPipePose()
+def _tracker(device: Device) -> Tracker:
+    """Return what finds people in what a sensor shows, and say why it is not NiTE2."""
+    if library_path() is None or not isinstance(device, OpenNIDevice):
+        log.info("%s: no NiTE2 library (%s may name its folder), so MediaPipe finds people", device.name, NITE2_REDIST)
+        return MediaPipePose()
+    try:
+        return device.nite()
+    except SourceError as error:
+        log.warning("%s: MediaPipe finds people, as NiTE2 does not start: %s", device.name, error)
+        return MediaPipePose()
 
 
 def usb_node(uri: str) -> Path | None:

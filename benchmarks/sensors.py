@@ -2,7 +2,7 @@
 
 python -m benchmarks.sensors [--json FILE]
 
-Wants the extra `camera`; takes two to three minutes. FILE has all figures.
+Wants the extra `camera`; takes two minutes, twice that where other programs run. FILE has all figures.
 """
 
 import argparse

@@ -21,6 +21,7 @@ from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS
 
 from ...conftest import missing
+from ..network.conftest import STANDING
 
 PATIENCE = 10.0
 """Seconds after which a test gives up."""
@@ -229,30 +230,6 @@ def virtual_sensors(_virtual_sensors):
     yield _virtual_sensors
     for sensor in _virtual_sensors:
         sensor.unplug()
-
-
-STANDING = {
-    "hip_center": (0.0, 0.0, 0.0),
-    "spine": (0.0, 0.07, 0.01),
-    "shoulder_center": (0.0, 0.41, 0.02),
-    "head": (0.01, 0.61, 0.0),
-    "shoulder_left": (-0.19, 0.36, 0.02),
-    "elbow_left": (-0.24, 0.11, 0.05),
-    "wrist_left": (-0.26, -0.12, 0.02),
-    "hand_left": (-0.27, -0.20, 0.0),
-    "shoulder_right": (0.19, 0.35, 0.02),
-    "elbow_right": (0.35, 0.52, -0.02),
-    "wrist_right": (0.41, 0.75, -0.08),
-    "hand_right": (0.43, 0.83, -0.11),
-    "hip_left": (-0.08, -0.06, 0.0),
-    "knee_left": (-0.10, -0.54, -0.01),
-    "ankle_left": (-0.11, -0.92, 0.05),
-    "foot_left": (-0.12, -0.96, -0.05),
-    "hip_right": (0.08, -0.06, 0.0),
-    "knee_right": (0.11, -0.53, -0.05),
-    "ankle_right": (0.12, -0.90, 0.03),
-    "foot_right": (0.14, -0.95, -0.08),
-}
 
 
 @pytest.fixture

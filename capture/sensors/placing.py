@@ -6,50 +6,24 @@ is on the ray through its pixel, which is what a tracker is best at, as far behi
 says. Bones keep their mean length, as what a tracker makes of it varies by a fifth from picture to picture.
 
 The tracker's metres become those of the room by what is known of the performer: depth where a sensor gives it,
-otherwise the height. A joint whose depth is known is put there.
+otherwise the height. A joint whose depth is known is put there (`capture.sensors.lifting`).
 """
 
 import math
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
+from capture.sensors.lifting import NEIGHBORS, lift
 from capture.sensors.picture import Lens
-from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
+from capture.skeleton import INFERRED, JOINTS, OPPOSITE
 
 Floats = NDArray[np.float64]
 
 NEAREST = 0.2
 """Metres; nobody whose hips are nearer can be seen whole enough."""
-
-SEEN = 0.5
-"""Confidence from which a joint is taken to be in sight: it is looked for in the depth picture."""
-
-_BONES = [(JOINT_INDEX[joint], JOINT_INDEX[parent]) for joint, parent in PARENTS.items()]
-_CHILDREN, _PARENTS = (list(ends) for ends in zip(*_BONES, strict=True))
-
-_BENEATH = {
-    "hip_center": 0.10,
-    "spine": 0.11,
-    "shoulder_center": 0.06,
-    "head": 0.09,
-    "shoulder": 0.05,
-    "elbow": 0.04,
-    "wrist": 0.025,
-    "hand": 0.015,
-    "hip": 0.09,
-    "knee": 0.05,
-    "ankle": 0.04,
-    "foot": 0.03,
-}
-SKIN_TO_JOINT: Floats = np.array([_BENEATH[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS])
-"""(20,) metres from the skin that a sensor sees to the joint within: half of an adult's thickness there."""
-
-_WINDOW = 0.02  # metres from a joint within which depth is looked at: less than half of a wrist
-_BELONGS = 0.25  # metres from where a joint is expected beyond which depth is that of something else
-_LEAST = 0.25  # of the window that must belong to the joint
-_ENOUGH = 5  # joints with depth that tell how large a body is
 
 _PASSES = 3  # between what the picture shows and the bones' lengths; more of them change little
 _MEMORY = 150.0  # pictures that a mean is of in the end: 5 s of a usual camera
@@ -105,14 +79,17 @@ class Placing:
         distance = distance_of(posture, rays, confidence)
         if not NEAREST < distance < math.inf or (distance + posture[:, 2]).min() <= 0:
             return None
-        lifted = None if depth is None else _lift(depth, lens, pixels, posture[:, 2] + distance, confidence)
-        known = np.zeros(len(JOINTS), bool)
         depths = posture[:, 2] + distance
+        if not self._lengths.known:  # until pictures tell, bones are as long as the tracker guesses
+            self._typical_lengths(posture, np.zeros(len(JOINTS), np.float32))
+        known = np.zeros(len(JOINTS), bool)
+        lifted = (
+            None if depth is None else lift(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
+        )
         if lifted is not None:
-            metres, scale = lifted
+            metres, known, scale = lifted
             self._scale.add(np.array([scale]), np.ones(1))
-            known = np.isfinite(metres)
-            depths = np.where(known, metres, depths * scale) / self._scale.value
+            depths = metres / self._scale.value
             confidence = np.where(known, confidence, np.minimum(confidence, np.float32(INFERRED)))
         lengths = self._typical_lengths(rays * depths[:, None], confidence)
         if lifted is None:
@@ -132,8 +109,8 @@ class Placing:
     def _typical_lengths(self, joints: Floats, confidence: NDArray[np.float32]) -> Floats:
         """Return the mean length of each joint's bone, both sides being alike; joints in sight count the most."""
         lengths, weights = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
-        lengths[_CHILDREN] = np.linalg.norm(joints[_CHILDREN] - joints[_PARENTS], axis=1)
-        weights[_CHILDREN] = np.minimum(confidence[_CHILDREN], confidence[_PARENTS]) + 1e-3
+        lengths[1:] = np.linalg.norm(joints[1:] - joints[NEIGHBORS[1:]], axis=1)
+        weights[1:] = np.minimum(confidence[1:], confidence[NEIGHBORS[1:]]) + 1e-3
         both = weights + weights[OPPOSITE]
         self._lengths.add((weights * lengths + (weights * lengths)[OPPOSITE]) / np.maximum(both, 1e-9), both / 2)
         return self._lengths.value
@@ -171,61 +148,18 @@ def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) ->
         return float(-(weights * slopes * offsets).sum() / (weights * slopes**2).sum())
 
 
-def _lift(
-    depth: NDArray[np.uint16], lens: Lens, pixels: Floats, guessed: Floats, confidence: NDArray[np.float32]
-) -> tuple[Floats, float] | None:
-    """Return the depths of joints in metres, NaN where unknown, and how many metres one of the tracker's is.
-
-    Parameters
-    ----------
-    guessed : (20,) float64
-        Depths in the tracker's metres.
-
-    Returns
-    -------
-    (depths, scale) or None
-        None where too few joints have any depth.
-    """
-    windows = [
-        _window(depth, pixel, _WINDOW * lens.focal / z) if sure >= SEEN else np.empty(0)
-        for pixel, z, sure in zip(pixels, guessed, confidence, strict=True)
-    ]
-    ratios = [
-        (np.median(window) + skin) / z
-        for window, skin, z in zip(windows, SKIN_TO_JOINT, guessed, strict=True)
-        if len(window)
-    ]
-    if len(ratios) < _ENOUGH:
-        return None
-    scale = float(np.median(ratios))  # whatever hides a joint, or lies behind it, is in the minority
-    depths = np.full(len(JOINTS), np.nan)
-    for joint, (window, skin, z) in enumerate(zip(windows, SKIN_TO_JOINT, guessed, strict=True)):
-        own = window[np.abs(window + skin - z * scale) < _BELONGS]
-        if len(own) > _LEAST * len(window):
-            depths[joint] = np.median(own) + skin
-    return depths, scale
-
-
-def _window(depth: NDArray[np.uint16], pixel: Floats, radius: float) -> Floats:
-    """Return the known depths around a pixel, metres."""
-    if not (0 <= pixel[0] < depth.shape[1] and 0 <= pixel[1] < depth.shape[0]):
-        return np.empty(0)
-    column, row = (int(value) for value in pixel)
-    reach = max(2, round(radius))
-    window = depth[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1]
-    return window[window > 0] / 1000.0
-
-
-def _settle(rays: Floats, depths: Floats, lengths: Floats, known: NDArray[np.bool_]) -> Floats:
+@numba.njit(cache=True, nogil=True)
+def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Give bones their lengths, near the rays that their joints are seen along; known joints stay."""
-    placed = rays * depths[:, None]
+    placed = rays * depths.reshape(-1, 1)
     for _ in range(_PASSES):
         seen = rays * placed[:, 2:]
         placed = seen.copy()
-        for joint, parent in _BONES:  # parents come first
+        for joint in range(1, len(rays)):
             if not known[joint]:
-                bone = seen[joint] - seen[parent]
-                placed[joint] = placed[parent] + bone * (lengths[joint] / max(float(np.linalg.norm(bone)), 1e-6))
+                near = NEIGHBORS[joint]
+                bone = seen[joint] - seen[near]
+                placed[joint] = placed[near] + bone * (lengths[joint] / max(np.sqrt((bone**2).sum()), 1e-6))
     return placed
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from capture import body
+from capture.sensors.lifting import SKIN_TO_JOINT
 from capture.sensors.picture import Lens
-from capture.sensors.placing import SKIN_TO_JOINT, Placing, distance_of
+from capture.sensors.placing import Placing, distance_of
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, OPPOSITE, PARENTS, TRACKED
 
 LENS = Lens(640, 480, 525.0)

@@ -44,7 +44,8 @@ class Cue:
     ----------
     time : float
     do : str
-        ``"calibrate"``, ``"mirror"``, ``"choose_user"``; ``"begin"`` to use a calibration from now on.
+        ``"calibrate"``, ``"mirror"``, ``"choose_user"``; ``"begin"`` to use a calibration from now on; ``"level"`` from
+        a sensor that sees the floor: tilt and roll in degrees, height in metres.
     arguments : dict
         Of JSON's types.
     """

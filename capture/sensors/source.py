@@ -6,6 +6,8 @@ seconds, or never come back. What they find wakes whoever runs the source throug
 Events of a live device are on the monotonic clock, at the moments of their pictures, as evenly spaced as the device's
 own clock says; where nothing comes, ticks follow at a distance, so as not to be ahead of the picture that is being
 tracked. Of a recording, every picture is tracked, at the recording's own times.
+
+Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands, `capture.sensors.floor`.
 """
 
 import logging
@@ -15,12 +17,13 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from capture.events import TICK, Event, Lost, Tick
+from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.sensors.floor import FloorWatch
 from capture.sensors.picture import Device, Picture, Tracker
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
@@ -39,7 +42,7 @@ _READ = 0.1  # seconds that a device is waited for at a time: closing takes as l
 _CLOSING = 0.5  # seconds that closing waits for a device or tracker that does not come back
 _RISE = 0.01  # of a longer difference between the clocks, taken over with each picture
 
-_News = SkeletonFrame | Lost | Tick
+_News = SkeletonFrame | Lost | Tick | Cue
 
 log = logging.getLogger(__name__)
 
@@ -218,6 +221,7 @@ class SensorSource:
         """Find people in one picture after the other."""
         present: set[int] = set()
         last = -math.inf
+        watch = FloorWatch()
         try:
             while (next_one := self._take()) is not None:
                 taken, picture = next_one
@@ -231,6 +235,12 @@ class SensorSource:
                 found = {frame.user for frame in frames}
                 self._tell([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
                 present = found
+                if (floor := watch.see(last, picture)) is not None:  # once nobody waits for it
+                    log.info(
+                        "%s: the sensor is %.2f m above the floor, looks %.1f° down and leans by %.1f°",
+                        *(self.name, floor.height, floor.tilt, abs(floor.roll)),
+                    )
+                    self._tell([Cue(last, "level", asdict(floor))])
         except Exception as error:  # as of a device
             self._fail(tracker.name, error)
 
@@ -296,7 +306,7 @@ class SensorSource:
 
 
 def _kind(event: _News) -> tuple[type[_News], int | None]:
-    return type(event), None if isinstance(event, Tick) else event.user
+    return type(event), None if isinstance(event, Tick | Cue) else event.user
 
 
 class _Clock:

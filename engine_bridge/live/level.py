@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT
+from capture.fusion.pose import Pose
 from capture.skeleton import JOINT_INDEX
 
 STRAIGHT = math.cos(math.radians(20))
@@ -29,18 +30,19 @@ class Level:
         Degrees that it looks down; negative where it looks up.
     height : float
         Metres above the floor, 0 where that is not known.
+    roll : float
+        Degrees that it leans, as of `capture.fusion.pose.Pose.of_degrees`.
     """
 
     tilt: float = 0.0
     height: float = 0.0
+    roll: float = 0.0
 
     def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, from the floor where its height is known."""
         if self == Level():
             return positions
-        angle = math.radians(self.tilt)
-        turn = np.array([[1, 0, 0], [0, math.cos(angle), math.sin(angle)], [0, -math.sin(angle), math.cos(angle)]])
-        return positions @ turn + [0.0, self.height, 0.0]
+        return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0])).apply(positions)
 
 
 def level_of(pose: NDArray[np.float64]) -> Level | None:

@@ -14,7 +14,7 @@ from engine_bridge.live.role import Calibration
 from engine_bridge.live.stage import Stage
 from puppetline.errors import OutputError
 
-VERSION = 1
+VERSION = 2
 
 log = logging.getLogger(__name__)
 

@@ -7,15 +7,16 @@ where they were shown last to what they follow now, so that nothing ever jumps.
 import hashlib
 import math
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture import body
 from capture.events import TICK
-from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge import puppet as puppet_file
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
@@ -79,9 +80,19 @@ class Calibration:
     level: Level
 
     @property
+    def height(self) -> float:
+        """How tall the performer is, metres."""
+        return body.height(self.rest)
+
+    @property
+    def reach(self) -> float:
+        """How far the performer's hands reach from the shoulders, metres, on average."""
+        return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
+
+    @property
     def memory(self) -> list[Any]:
         """All of it, for `engine_bridge.live.memory`."""
-        return [self.rest, [self.level.tilt, self.level.height]]
+        return [self.rest, list(astuple(self.level))]
 
     @classmethod
     def of_memory(cls, memory: list[Any]) -> "Calibration":
@@ -92,10 +103,10 @@ class Calibration:
         ValueError
             It was something else.
         """
-        rest, (tilt, height) = memory
+        rest, level = memory
         if np.shape(rest) != (len(JOINTS), 3):
             raise ValueError(f"a pose of shape {np.shape(rest)}")
-        return cls(rest, Level(float(tilt), float(height)))
+        return cls(rest, Level(*map(float, level)))
 
 
 @dataclass(frozen=True)
@@ -176,6 +187,7 @@ class Role:
         self._last_second = LastSecond()
         self._look_again = False  # somebody who came back may be somebody else
         self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
+        self._floor: Level | None = None  # how the sensor stands by the floor that it sees
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
         self._shown_at = self._idle_since = self._eased_since = -math.inf
@@ -190,6 +202,16 @@ class Role:
         soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
         self._deformer.solve(self._deformer.handles)
         self._deformer.reset()
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """Of who performs; None while nobody does."""
+        return None if self._part is None else self._part.calibration
+
+    @property
+    def level(self) -> Level:
+        """How the sensor stands, as far as is known."""
+        return self._level
 
     @property
     def digest(self) -> str:
@@ -220,6 +242,15 @@ class Role:
             self._ease(time)
         self.user = self._part = self._held = None
         self._drop_next()
+
+    def set_level(self, level: Level) -> None:
+        """Take over how the sensor stands: at once, or with the next calibration where somebody performs."""
+        if self._floor is not None:  # it was moved, and who comes back is seen from elsewhere
+            self._remembered = {}
+        self._floor = level
+        if self._part is None:
+            self._level = self._as_told(level)
+            self._watched.reset()
 
     def calibrate(self, time: float) -> bool:
         """Take the performer's pose of this moment for the character's rest pose; False if nothing of it is known."""
@@ -333,10 +364,13 @@ class Role:
             self._calibrate(last.pose(NOW), time)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
-        found = level_of(rest) or self._level
+        found = self._floor or level_of(rest) or self._level
+        self._prepare(Calibration(rest, self._as_told(found)), time)
+
+    def _as_told(self, found: Level) -> Level:
+        """Return how the sensor stands: what the settings say counts more than what was found out."""
         tilt, height = self._manner.tilt, self._manner.height
-        level = Level(found.tilt if tilt is None else tilt, found.height if height is None else height)
-        self._prepare(Calibration(rest, level), time)
+        return Level(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
         """Have a retargeting worked out beside the stream, in place of one that is still waiting for its turn."""
@@ -414,7 +448,7 @@ class Role:
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
         self.remember(other.remembered())
-        self._level, self._sequence = other._level, other._sequence
+        self._level, self._floor, self._sequence = other._level, other._floor, other._sequence
         self._shown_at, self._idle_since = other._shown_at, other._idle_since
         self._shown = self._places_of(other)
         self._eased_from, self._eased_since = self._shown, self._shown_at
@@ -440,7 +474,8 @@ class Role:
             "state": self.state,
             "mirror": self.mirror,
             "look_again": self._look_again,
-            "level": [self._level.tilt, self._level.height],
+            "level": list(astuple(self._level)),
+            "floor": None if self._floor is None else list(astuple(self._floor)),
             "part": None if self._part is None else self._part.memory,
             "retargeting": None if self._part is None else self._part.retargeting.memory,
             "next_part": None if self.next_part is None else self.next_part.memory,
@@ -460,6 +495,7 @@ class Role:
         self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
         self._look_again = bool(memory["look_again"])
         self._level = Level(*map(float, memory["level"]))
+        self._floor = None if memory["floor"] is None else Level(*map(float, memory["floor"]))
         self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
         if self._part is not None:
             restore(self._part.retargeting, memory["retargeting"])

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from engine_bridge.live.discovery import Announcement
 from engine_bridge.live.doors import Door, doors
 from engine_bridge.live.frame import Frame
 from engine_bridge.live.guard import Guard
+from engine_bridge.live.level import Level
 from engine_bridge.live.line import Line
 from engine_bridge.live.logs import OnceASecond, fields
 from engine_bridge.live.osc_output import OscOutput, OscTarget
@@ -387,6 +389,7 @@ def stage_status(line: Line) -> dict[str, Any]:
     """Return what the status says of a stage, but for its figures."""
     now, casting, counts = line.source.now(), line.stage.casting, line.source.counts
     playing = {role.user: role for role in line.stage.roles if role.user is not None}
+    level = next((role.level for role in line.stage.roles if role.level != Level()), Level())
     return {
         "name": line.stage.name,
         "source": line.source.name,
@@ -400,8 +403,18 @@ def stage_status(line: Line) -> dict[str, Any]:
                 "character": playing[user].character.name if user in playing else None,
                 "seen": round(max(0.0, now - presence.seen), 3),
                 "distance": round(presence.distance, 2),
+                **_measures(playing.get(user)),
             }
             for user, presence in casting.present.items()
         ],
+        "sensor": {name: round(value, 2) for name, value in asdict(level).items()},
         "recording": line.recording,
     }
+
+
+def _measures(role: Role | None) -> dict[str, float | None]:
+    """Return what the status says of the body of whoever plays a role, None until they are calibrated."""
+    calibration = None if role is None else role.calibration
+    if calibration is None:
+        return {"height": None, "reach": None}
+    return {"height": round(calibration.height, 2), "reach": round(calibration.reach, 2)}

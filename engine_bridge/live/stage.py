@@ -6,7 +6,7 @@ which is these events, plays to the very same controls again.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,12 @@ from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.live.casting import Casting, People, Presence
 from engine_bridge.live.frame import Frame
+from engine_bridge.live.level import Level
 from engine_bridge.live.memory import pack, unpack
 from engine_bridge.live.role import Role
 from puppetline.errors import ServiceError
 
-VERSION = 1
+VERSION = 2
 """Of the memory."""
 
 BLIND = 5 * TICK
@@ -130,20 +131,11 @@ class Stage:
         return [frame for role in self.roles if (frame := role.pass_time(time, received)) is not None]
 
     def _follow(self, cue: Cue) -> None:
-        names = [role.character.name for role in self.roles]
-        character = cue.arguments.get("character")
-        if character is not None and character not in names:
-            raise ServiceError(
-                f"stage {self.name}",
-                found=f"no character {character!r}",
-                expected=f"one of {', '.join(names)}",
-                fix="Name one of these.",
-            )
-        chosen = [role for role in self.roles if character in (None, role.character.name)]
+        chosen = self._named(cue.arguments.get("character"))
         match cue.do:
             case "calibrate":
                 if not [role for role in chosen if role.calibrate(cue.time)]:
-                    raise self._nobody(character)
+                    raise self._nobody(cue.arguments.get("character"))
             case "mirror":
                 for role in chosen:
                     on = cue.arguments.get("on")
@@ -152,16 +144,48 @@ class Stage:
                 for role in chosen:
                     role.begin(cue.time)
             case "choose_user":
-                user = cue.arguments.get("user")
-                if user is not None and user not in self.casting.present:
-                    here = ", ".join(map(str, self.casting.present)) or "nobody"
-                    raise ServiceError(
-                        f"stage {self.name}",
-                        found=f"no user {user} before the sensor",
-                        expected=f"one of them: {here}",
-                        fix="The status of describe says who is there.",
-                    )
-                self.casting.choose(self.roles.index(chosen[0]), user, cue.time)
+                self._choose(chosen[0], cue.arguments.get("user"), cue.time)
+            case "level":
+                level = self._level_of(cue)
+                for role in chosen:
+                    role.set_level(level)
+
+    def _named(self, character: str | None) -> list[Role]:
+        """Return the role of that name, or all roles for None."""
+        names = [role.character.name for role in self.roles]
+        if character is not None and character not in names:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"no character {character!r}",
+                expected=f"one of {', '.join(names)}",
+                fix="Name one of these.",
+            )
+        return [role for role in self.roles if character in (None, role.character.name)]
+
+    def _choose(self, role: Role, user: int | None, time: float) -> None:
+        if user is not None and user not in self.casting.present:
+            here = ", ".join(map(str, self.casting.present)) or "nobody"
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"no user {user} before the sensor",
+                expected=f"one of them: {here}",
+                fix="The status of describe says who is there.",
+            )
+        self.casting.choose(self.roles.index(role), user, time)
+
+    def _level_of(self, cue: Cue) -> Level:
+        try:
+            level = Level(**{each.name: float(cue.arguments[each.name]) for each in fields(Level)})
+        except (KeyError, TypeError, ValueError):
+            level = Level(math.nan)
+        if not all(map(math.isfinite, astuple(level))):
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"a sensor that stands like {cue.arguments}",
+                expected="tilt and roll in degrees, height in metres",
+                fix="Measure it again; until then it counts as before.",
+            )
+        return level
 
     def _nobody(self, character: str | None) -> ServiceError:
         return ServiceError(

@@ -115,11 +115,12 @@ def _stages(status: dict[str, Any]) -> Table:
 
 
 def _users(status: dict[str, Any]) -> Table:
-    table = _table("user", "state", "character", "seen s ago")
+    table = _table("user", "state", "character", "seen s ago", "tall m", "reach m")
     for stage in status["stages"]:
         for user in stage["users"]:
             who = f"{user['user']}" if len(status["stages"]) == 1 else f"{stage['name']} {user['user']}"
-            _add(table, who, user["state"], user["character"] or "–", f"{user['seen']:.1f}")
+            measures = ("–" if user[name] is None else f"{user[name]:.2f}" for name in ("height", "reach"))
+            _add(table, who, user["state"], user["character"] or "–", f"{user['seen']:.1f}", *measures)
     return table
 
 

@@ -9,9 +9,13 @@ import pytest
 
 from capture.events import TICK, Tick
 from capture.sensors import source as module
+from capture.sensors.picture import Picture
 from capture.sensors.source import SensorSource
 from capture.skeleton import SkeletonFrame
 from puppetline.errors import SourceError
+
+from .rooms import LENS as ROOM_LENS
+from .rooms import room
 
 
 def _told(events):
@@ -206,6 +210,18 @@ def test_of_a_recording_every_picture_is_tracked_at_its_own_time(watch, scripted
     assert [frame.time for frame in frames] == scripted_tracker.seen == times
     assert watched.error() is end
     assert (watched.source.counts.received, watched.source.counts.dropped) == (50, 0)
+
+
+def test_a_depth_sensor_says_how_it_stands_as_soon_as_the_floor_tells(watch, scripted_device, scripted_tracker, caplog):
+    caplog.set_level(logging.INFO, "capture")
+    depth = room(12, 0, 1.3)
+    for k in range(8):
+        scripted_device.pictures.put(Picture(0.25 * k, ROOM_LENS, None, depth))
+    *before, cue, after = watch(scripted_device, scripted_tracker, recorded=True, fast=True).events(7)
+    assert [frame.time for frame in before] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert (cue.time, cue.do, after.time) == (1.0, "level", 1.25)
+    assert cue.arguments == pytest.approx({"tilt": 12, "roll": 0, "height": 1.3}, abs=0.1)
+    assert caplog.messages[-1] == "test:: the sensor is 1.30 m above the floor, looks 12.0° down and leans by 0.0°"
 
 
 def test_a_recording_takes_its_time_unless_it_is_to_be_fast(watch, scripted_device, scripted_tracker):

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from capture.fusion.pose import Pose
 from capture.skeleton import JOINT_INDEX, JOINTS
 from engine_bridge.live.level import Level, level_of
 
@@ -33,6 +34,13 @@ def test_somebody_who_stands_upright_tells_how_the_sensor_stands(upright, degree
 
 def test_levelling_undoes_the_sensor_exactly(upright):
     np.testing.assert_allclose(Level(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+
+
+@pytest.mark.parametrize(("tilt", "roll", "height"), [(25.0, 0.0, 1.4), (10.0, -7.0, 0.8), (-15.0, 90.0, 0.0)])
+def test_levelling_puts_a_sensor_where_a_pose_has_it(upright, tilt, roll, height):
+    pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
+    seen = (upright - pose.position) @ pose.rotation
+    np.testing.assert_allclose(Level(tilt, height, roll)(seen), upright, atol=1e-12)
 
 
 def test_a_level_sensor_changes_nothing(upright):

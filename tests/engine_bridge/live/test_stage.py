@@ -1,13 +1,16 @@
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from capture.events import TICK, Cue, Lost, Tick
+from capture.fusion.pose import Pose
 from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
+from engine_bridge.live.level import Level
 from engine_bridge.live.line import PREPARATION
 from engine_bridge.live.memory import pack
 from engine_bridge.live.role import Manner
@@ -364,3 +367,74 @@ def test_joints_are_filtered_and_levelled_before_the_calibration_as_well(make_st
     for event, frame in zip(kung_fu[:40], frames, strict=True):
         if frame.state == "calibrating":
             np.testing.assert_array_equal(frame.joints, smoothing.step(event.time, event.positions, event.confidence))
+
+
+TILTED = Pose.of_degrees(12.0, 0.0, 4.0, np.array([0.0, 1.3, 0.0]))
+
+
+def seen_from_above(frames):
+    """Return frames as a sensor sees them that looks down and leans."""
+    return [replace(frame, positions=(frame.positions - TILTED.position) @ TILTED.rotation) for frame in frames]
+
+
+def level(time, **changed):
+    return Cue(time, "level", {"tilt": 12.0, "roll": 4.0, "height": 1.3} | changed)
+
+
+def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_stage, kung_fu):
+    """Joints are what a level sensor at the floor's height would have given, before and after the calibration."""
+    upright = play(make_stage(manner=Manner(tilt=0.0, height=0.0)), kung_fu)["dog"]
+    tilted = play(make_stage(), [level(kung_fu[0].time - TICK), *seen_from_above(kung_fu)])["dog"]
+    assert [frame.state for frame in tilted[-len(upright) :]] == [frame.state for frame in upright]
+    for one, other in zip(tilted[-len(upright) :], upright, strict=True):
+        np.testing.assert_allclose(one.joints, other.joints, atol=1e-9)
+        np.testing.assert_allclose(one.targets, other.targets, atol=1e-3)  # the still second's medians
+
+
+def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
+    stage = make_stage(manner=Manner(tilt=3.0, height=0.7))
+    play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:60]])
+    assert stage.roles[0].level == Level(3.0, 0.7, 4.0)
+
+
+def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
+    moment = 120
+    steady = play(make_stage(), kung_fu)["dog"]
+    moved_stage = make_stage()
+    moved = play(moved_stage, [*kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
+    assert steady[moment].state == "performing"
+    for one, other in zip(steady, moved, strict=True):
+        np.testing.assert_array_equal(one.targets, other.targets)
+    moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
+    moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
+    assert moved_stage.roles[0].level == Level(12.0, 1.3, 4.0)
+
+
+def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage, kung_fu, moved):
+    last = kung_fu[149].time
+    away = ticks(last, 2.0)
+    back = [moved(frame, time=last + 2.0 + (k + 1) * TICK) for k, frame in enumerate(kung_fu[:60])]
+    for between, known in (([], True), ([level(last + 2.0, tilt=20.0)], False)):
+        stage = make_stage()
+        play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:150], *away, *between, *back[:1]])
+        assert (stage.roles[0].next_part is not None) == known
+
+
+@pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])
+def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(make_stage, wrong):
+    stage = make_stage()
+    with pytest.raises(ServiceError, match="a sensor that stands like"):
+        stage.step(level(1.0, **wrong), 0)
+    with pytest.raises(ServiceError, match="a sensor that stands like"):
+        stage.step(Cue(1.0, "level", {}), 0)
+    assert stage.roles[0].level == Level()
+
+
+def test_a_stage_recalls_how_the_sensor_stands(make_stage, kung_fu):
+    stage, other = make_stage(), make_stage()
+    events = [level(kung_fu[0].time - TICK), *seen_from_above(kung_fu)]
+    given = with_beginnings_of(stage, events[:100])
+    assert given[0] is events[0]
+    assert other.recall(json.loads(json.dumps(stage.memory)))
+    for one, two in zip(play(stage, events[100:])["dog"], play(other, events[100:])["dog"], strict=True):
+        np.testing.assert_array_equal(one.R, two.R)

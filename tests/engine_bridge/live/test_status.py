@@ -19,8 +19,8 @@ STATUS = {
             "refused": {"[red]not OSC": 2, "short": 1},
             "latency_ms": {"p50": 1.234, "p95": 2.5, "p99": 3.456, "max": 9.0},
             "users": [
-                {"user": 1, "state": "performing", "character": "dog", "seen": 0.02},
-                {"user": 5, "state": "waiting", "character": None, "seen": 1.5},
+                {"user": 1, "state": "performing", "character": "dog", "seen": 0.02, "height": 1.684, "reach": 0.6},
+                {"user": 5, "state": "waiting", "character": None, "seen": 1.5, "height": None, "reach": None},
             ],
             "recording": "evening",
         }
@@ -58,9 +58,9 @@ def test_the_table_has_sources_users_rates_percentiles_clients_and_drops():
         "Puppetline 1.2.3 up 1:02:05 123 MB 26 % of a core 3 of 64 clients 2 refused 5000 messages sent",
         "source users frames/s p50 ms p95 ms p99 ms max ms dropped refused",
         "kinect osc:7110 ● evening 2 30.0 1.23 2.50 3.46 9.00 4 2 [red]not OSC, 1 short",
-        "user state character seen s ago",
-        "1 performing dog 0.0",
-        "5 waiting – 1.5",
+        "user state character seen s ago tall m reach m",
+        "1 performing dog 0.0 1.68 0.60",
+        "5 waiting – 1.5 – –",
         "character state performer frames/s frames residual",
         "dog performing 1 29.9 890 0.012",
         "cat waiting – 0.0 10 –",

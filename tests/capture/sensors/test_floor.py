@@ -1,0 +1,74 @@
+"""Rooms without noise and with that of a Kinect v1, 1.5 mm at one metre."""
+
+import numpy as np
+import pytest
+
+from capture.sensors.floor import Floor, FloorWatch, find_floor
+from capture.sensors.picture import Picture
+
+from .rooms import LENS, room
+
+STANDS = [(0, 0, 1.0), (0, 0, 0.6), (10, 0, 1.2), (25, 3, 1.8), (40, 0, 2.2), (-8, 0, 0.5), (5, -6, 1.0)]
+
+
+@pytest.mark.parametrize("stands", STANDS)
+@pytest.mark.parametrize(("noise", "degrees", "metres"), [(0.0, 0.15, 0.01), (0.0015, 0.25, 0.015)])
+@pytest.mark.parametrize("table", [False, True])
+def test_the_floor_tells_how_the_sensor_stands(stands, noise, degrees, metres, table):
+    found = find_floor(room(*stands, noise, table=table), LENS)
+    tilt, roll, height = stands
+    assert found.tilt == pytest.approx(tilt, abs=degrees)
+    assert found.roll == pytest.approx(roll, abs=degrees)
+    assert found.height == pytest.approx(height, abs=metres)
+
+
+@pytest.mark.parametrize("tilt", [0, 30])
+def test_wall_ceiling_and_performer_are_no_floor(tilt):
+    assert find_floor(room(tilt, 0, 1.0, floor=False), LENS) is None
+
+
+def test_a_table_alone_is_no_floor():
+    depth = room(10, 0, 1.4, table=True, floor=False)
+    assert find_floor(depth, LENS) is None
+
+
+def test_little_or_no_depth_tells_nothing():
+    depth = room(0, 0, 1.0)
+    assert find_floor(np.zeros_like(depth), LENS) is None
+    depth[20:] = 0
+    assert find_floor(depth, LENS) is None
+
+
+def test_a_strip_of_floor_tells_nothing():
+    depth = room(20, 0, 1.0)
+    depth[:, :280] = depth[:, 330:] = 0
+    assert find_floor(depth, LENS) is None
+
+
+def told(pictures):
+    """Return what a watch says of pictures, ten a second, with their times."""
+    watch = FloorWatch()
+    said = [(k / 10, watch.see(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
+    return [(time, floor) for time, floor in said if floor is not None]
+
+
+def test_how_the_sensor_stands_is_said_once_when_it_is_sure():
+    [(time, floor)] = told([room(10, 0, 1.2)] * 50)
+    assert time == pytest.approx(0.8, abs=0.11)  # five measurements, a fifth of a second apart
+    assert floor.near(Floor(10, 0, 1.2), 0.1, 0.004)
+
+
+def test_a_sensor_that_is_moved_is_said_to_stand_otherwise_and_one_that_is_shaken_is_not():
+    before, shaken, after = room(10, 0, 1.2), room(11, 0, 1.22), room(16, 0, 1.2)
+    first, second = told([before] * 30 + [shaken] * 60 + [after] * 60)
+    assert first[1].near(Floor(10, 0, 1.2), 0.1, 0.004)
+    assert 9.0 <= second[0] <= 15.0
+    assert second[1].near(Floor(16, 0, 1.2), 0.1, 0.004)
+
+
+def test_nothing_is_said_while_the_sensor_swings():
+    assert told([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
+
+
+def test_pictures_without_depth_tell_nothing():
+    assert told([None] * 30) == []

@@ -19,7 +19,7 @@ STANDS = [*product((5, 12, 20, 30, 40), (0, 5), (0.6, 1.0, 1.6)), *product((-8,)
 def test_the_floor_tells_how_the_sensor_stands(stands, table):
     for noise in (0.0, 0.0015):
         found = find_floor(room(*stands, noise, table=table), LENS)
-        assert (found.tilt, found.roll) == pytest.approx(stands[:2], abs=0.25)
+        assert (found.tilt, found.roll) == pytest.approx(stands[:2], abs=0.35)
         assert found.height == pytest.approx(stands[2], abs=0.015)
 
 

@@ -49,7 +49,7 @@ class OutputError(PuppetlineError):
 
 
 def heading(where: str | Path) -> str:
-    """Begin what is said of a file or a source: ``take.csv:`` and, as some sources' names end like that, ``openni:``."""
+    """Begin what is said of a file or a source: ``take.csv:``, or ``openni:``, whose name ends with the colon."""
     return f"{str(where).removesuffix(':')}:"
 
 

@@ -319,7 +319,8 @@ class OpenNIDevice:
         if device.is_image_registration_mode_supported(mode):
             device.set_image_registration_mode(mode)
         else:
-            log.warning("%s %s cannot register depth to colour, so depth is a little off", heading(self._uri), self.name)
+            said = "%s %s cannot register depth to colour, so depth is a little off"
+            log.warning(said, heading(self._uri), self.name)
         device.set_depth_color_sync_enabled(True)
 
     def _lens_of(self, stream: Any) -> Lens:

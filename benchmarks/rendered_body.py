@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.sensors.picture import Lens, Picture
 from capture.skeleton import JOINT_INDEX, to_character_axes
-from engine_bridge.preview import _barycentric, _draw
+from engine_bridge.preview import barycentric, rasterise
 
 Floats = NDArray[np.float64]
 
@@ -123,24 +123,24 @@ class Shot(NamedTuple):
 class Studio:
     """Takes pictures of a body at a distance (metres), turned to its left by an angle (degrees)."""
 
-    def __init__(self, body: Body, distance: float, angle: float, seed: int | None = None) -> None:
-        self._body = body
+    def __init__(self, body: Body, distance: float, angle: float, seed: int | None = None, lens: Lens = LENS) -> None:
+        self._body, self._lens = body, lens
         self._turn = Rotation.from_euler("y", angle, degrees=True)
         self._shift = np.array([0.0, -EYE, distance])
         self._random = None if seed is None else np.random.default_rng(seed)
-        self._room = _drawn(*_room())
+        self._room = _drawn(lens, *_room())
 
     def shoot(self, time: float, skeleton: Floats) -> Shot:
         """Take a picture of the body in a pose, with a sensor's noise if there is a seed."""
         vertices, joints = (to_character_axes(self._turn.apply(p)) + self._shift for p in self._body.posed(skeleton))
-        own, room = _drawn(vertices, self._body.triangles, self._body.colors), self._room
+        own, room = _drawn(self._lens, vertices, self._body.triangles, self._body.colors), self._room
         nearer = own[1] < room[1]
         color, depth = np.where(nearer[..., None], own[0], room[0]), np.where(nearer, own[1], room[1])
         depth = np.where(np.isfinite(depth), depth, 0)
         if self._random is not None:
             color = np.clip(color + self._random.normal(0, COLOR_NOISE, color.shape), 0, 255)
             depth += self._random.standard_normal(depth.shape) * DEPTH_NOISE * depth**2
-        picture = Picture(time, LENS, np.rint(color).astype(np.uint8), np.rint(1000 * depth).astype(np.uint16))
+        picture = Picture(time, self._lens, np.rint(color).astype(np.uint8), np.rint(1000 * depth).astype(np.uint16))
         return Shot(picture, joints)
 
 
@@ -153,15 +153,17 @@ def _room() -> tuple[Floats, NDArray[np.int64], Floats]:
     return np.array(floor + wall), np.vstack([faces, faces + 4]), colors
 
 
-def _drawn(points: Floats, triangles: NDArray[np.int64], albedo: NDArray[np.floating]) -> tuple[Floats, Floats]:
+def _drawn(
+    lens: Lens, points: Floats, triangles: NDArray[np.int64], albedo: NDArray[np.floating]
+) -> tuple[Floats, Floats]:
     """Return colours, 0 to 255, and depth in metres, infinite for nothing, both by the same depth buffer."""
-    screen = LENS.project(points)
+    screen = lens.project(points)
     # −1/z is linear in the picture, and the smaller the nearer
-    shown, inverse = _draw(np.column_stack([screen, -1 / points[:, 2]]), triangles, LENS.width, LENS.height)
+    shown, inverse = rasterise(np.column_stack([screen, -1 / points[:, 2]]), triangles, lens.width, lens.height)
     row, column = np.nonzero(shown >= 0)
     corner = triangles[shown[row, column]]
-    share = _barycentric(screen[corner], np.column_stack([column + 0.5, row + 0.5]))
-    linear = np.zeros((LENS.height, LENS.width, 3))
+    share = barycentric(screen[corner], np.column_stack([column + 0.5, row + 0.5]))
+    linear = np.zeros((lens.height, lens.width, 3))
     linear[row, column] = np.einsum("pk,pkc->pc", share, (albedo * _light(points, triangles)[:, None])[corner])
     depth = np.full(shown.shape, np.inf)
     depth[row, column] = -1 / inverse[row, column]

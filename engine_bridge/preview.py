@@ -112,7 +112,7 @@ def render(
     triangles = np.ascontiguousarray(faces, np.int64)
     axes = _axes(view.azimuth, view.elevation)
     screen = _apply(_to_pixels(axes, np.array(view.center), view.radius, width, height), mesh)
-    shown, _ = _draw(screen, triangles, width, height)
+    shown, _ = rasterise(screen, triangles, width, height)
     lights = _light_up(mesh, triangles, view.azimuth)
 
     image = np.empty((height, width, 3), np.float32)
@@ -123,7 +123,7 @@ def render(
 
     row, column = np.nonzero(shown >= 0)
     corners = triangles[shown[row, column]]
-    share = _barycentric(screen[corners, :2], np.column_stack([column + 0.5, row + 0.5]))
+    share = barycentric(screen[corners, :2], np.column_stack([column + 0.5, row + 0.5]))
     normals = _facing_normals(mesh, triangles, shown[row, column], share, axes[2])
     light = _irradiance(_interpolate(mesh, corners, share), normals, *lights)
     light += np.array(BOUNCE, np.float32) * (1 - normals[:, 1:2]) / 2
@@ -190,6 +190,53 @@ def contact_sheet(
         sheet.save(partial, format="PNG")
 
 
+@numba.njit(cache=True, nogil=True)
+def rasterise(screen, triangles, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return (height, width) int32 nearest triangle, −1 for none, and float32 depth in the middle of each pixel.
+
+    Parameters
+    ----------
+    screen : (n, 3) float64
+        Pixels to the right, down and away from the viewer.
+    triangles : (t, 3) int64
+    """
+    shown = np.full((height, width), -1, np.int32)
+    depth = np.full((height, width), np.inf, np.float32)
+    for t in range(len(triangles)):
+        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+        ax, ay, bx, by, cx, cy = screen[i, 0], screen[i, 1], screen[j, 0], screen[j, 1], screen[k, 0], screen[k, 1]
+        first_column = max(0, int(np.ceil(min(ax, bx, cx) - 0.5)))
+        last_column = min(width - 1, int(np.floor(max(ax, bx, cx) - 0.5)))
+        first_row = max(0, int(np.ceil(min(ay, by, cy) - 0.5)))
+        last_row = min(height - 1, int(np.floor(max(ay, by, cy) - 0.5)))
+        if first_column > last_column or first_row > last_row:
+            continue
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area == 0:
+            continue
+        for row in range(first_row, last_row + 1):
+            y = row + 0.5
+            for column in range(first_column, last_column + 1):
+                x = column + 0.5
+                a = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / area
+                b = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / area
+                c = 1 - a - b
+                # The slack closes the seam of two triangles whose common edge crosses the middle of a pixel.
+                if a >= -1e-9 and b >= -1e-9 and c >= -1e-9:
+                    z = np.float32(a * screen[i, 2] + b * screen[j, 2] + c * screen[k, 2])
+                    if z < depth[row, column]:
+                        depth[row, column] = z
+                        shown[row, column] = t
+    return shown, depth
+
+
+def barycentric(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the (p, 3) shares that the corners of (p, 3, 2) triangles have in (p, 2) points, a triangle for each."""
+    a, b, c = np.moveaxis(triangles - points[:, None], 1, 0)
+    twice_areas = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1)
+    return (twice_areas / twice_areas.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
 def _axes(azimuth: float, elevation: float) -> NDArray[np.float64]:
     """Return the (3, 3) rows right, up and towards the viewer of somebody who looks from there at the origin."""
     a, e = np.radians([azimuth, elevation])
@@ -214,13 +261,6 @@ def _interpolate(
     values: NDArray[np.floating], corners: NDArray[np.int64], share: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     return np.einsum("pk,pkc->pc", share, values.astype(np.float32)[corners])
-
-
-def _barycentric(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the (p, 3) shares of the corners of (p, 3, 2) triangles in (p, 2) points."""
-    a, b, c = np.moveaxis(triangles - points[:, None], 1, 0)
-    twice_areas = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=1)
-    return (twice_areas / twice_areas.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -320,7 +360,7 @@ def _light_up(mesh: NDArray[np.float64], triangles: NDArray[np.int64], azimuth: 
         np.array([a[2] for a in axes], np.float32),
         irradiances,
         np.array(matrices, np.float32),
-        np.array([_draw(_apply(matrix, mesh), triangles, MAP_SIZE, MAP_SIZE)[1] for matrix in matrices]),
+        np.array([rasterise(_apply(matrix, mesh), triangles, MAP_SIZE, MAP_SIZE)[1] for matrix in matrices]),
     )
 
 
@@ -329,46 +369,6 @@ def _to_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     light = np.clip(linear, 0, 1)
     encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.rint(encoded * 255).astype(np.uint8)
-
-
-@numba.njit(cache=True, nogil=True)
-def _draw(screen, triangles, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return (height, width) int32 nearest triangle, −1 for none, and float32 depth in the middle of each pixel.
-
-    Parameters
-    ----------
-    screen : (n, 3) float64
-        Pixels to the right, down and away from the viewer.
-    triangles : (t, 3) int64
-    """
-    shown = np.full((height, width), -1, np.int32)
-    depth = np.full((height, width), np.inf, np.float32)
-    for t in range(len(triangles)):
-        i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ax, ay, bx, by, cx, cy = screen[i, 0], screen[i, 1], screen[j, 0], screen[j, 1], screen[k, 0], screen[k, 1]
-        first_column = max(0, int(np.ceil(min(ax, bx, cx) - 0.5)))
-        last_column = min(width - 1, int(np.floor(max(ax, bx, cx) - 0.5)))
-        first_row = max(0, int(np.ceil(min(ay, by, cy) - 0.5)))
-        last_row = min(height - 1, int(np.floor(max(ay, by, cy) - 0.5)))
-        if first_column > last_column or first_row > last_row:
-            continue
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if area == 0:
-            continue
-        for row in range(first_row, last_row + 1):
-            y = row + 0.5
-            for column in range(first_column, last_column + 1):
-                x = column + 0.5
-                a = ((bx - x) * (cy - y) - (cx - x) * (by - y)) / area
-                b = ((cx - x) * (ay - y) - (ax - x) * (cy - y)) / area
-                c = 1 - a - b
-                # The slack closes the seam of two triangles whose common edge crosses the middle of a pixel.
-                if a >= -1e-9 and b >= -1e-9 and c >= -1e-9:
-                    z = np.float32(a * screen[i, 2] + b * screen[j, 2] + c * screen[k, 2])
-                    if z < depth[row, column]:
-                        depth[row, column] = z
-                        shown[row, column] = t
-    return shown, depth
 
 
 @numba.njit(cache=True, nogil=True)

@@ -21,7 +21,7 @@ class PuppetlineError(Exception):
         self.found = found
         self.expected = expected
         self.fix = fix
-        super().__init__(f"{self.where}: found {found}; expected {expected}. {fix}")
+        super().__init__(f"{heading(where)} found {found}; expected {expected}. {fix}")
 
 
 class SkeletonLogError(PuppetlineError):
@@ -46,6 +46,11 @@ class ServiceError(PuppetlineError):
 
 class OutputError(PuppetlineError):
     """A result cannot be written."""
+
+
+def heading(where: str | Path) -> str:
+    """Begin what is said of a file or a source: ``take.csv:``, or ``openni:``, whose name ends with the colon."""
+    return f"{str(where).removesuffix(':')}:"
 
 
 def at(path: str | Path, line: int | None = None, field: str | None = None) -> str:

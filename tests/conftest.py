@@ -1,6 +1,7 @@
 """Where tests find the data and programs that are not part of the project."""
 
 import hashlib
+import importlib
 import importlib.util
 import json
 import os
@@ -9,6 +10,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -68,6 +70,14 @@ def camera() -> None:
     """Skip where OpenCV and MediaPipe are not installed."""
     if not importlib.util.find_spec("mediapipe"):
         missing("camera", "OpenCV and MediaPipe are not here (make test-camera)")
+
+
+@pytest.fixture(scope="session")
+def rendered_body() -> ModuleType:
+    """The module benchmarks/rendered_body.py: pictures of a performer whose joints are known."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT)
+        return importlib.import_module("benchmarks.rendered_body")
 
 
 @pytest.fixture(scope="session")

@@ -1,8 +1,5 @@
 """The performer on whom trackers are measured (benchmarks/rendered_body.py): what is taken for the truth is in it."""
 
-from importlib import import_module
-from pathlib import Path
-
 import numpy as np
 import pytest
 from puppetline.examples.performances import clean
@@ -15,15 +12,8 @@ DEEPEST = 0.2
 
 
 @pytest.fixture(scope="module")
-def rendered():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(Path(__file__).parents[1])
-        yield import_module("benchmarks.rendered_body")
-
-
-@pytest.fixture(scope="module")
-def body(rendered):
-    return rendered.Body()
+def body(rendered_body):
+    return rendered_body.Body()
 
 
 @pytest.fixture(scope="module")
@@ -33,34 +23,34 @@ def waving():
 
 @pytest.mark.parametrize("distance", [1.5, 2.5, 3.5])
 @pytest.mark.parametrize("angle", [0.0, 45.0])
-def test_depth_at_a_joint_is_that_of_the_skin_before_it(rendered, body, waving, distance, angle):
-    shot = rendered.Studio(body, distance, angle).shoot(0.0, waving)
-    column, row = np.floor(rendered.LENS.project(shot.joints)).astype(int).T
-    shown = (row >= 0) & (row < rendered.LENS.height) & (column >= 0) & (column < rendered.LENS.width)
+def test_depth_at_a_joint_is_that_of_the_skin_before_it(rendered_body, body, waving, distance, angle):
+    shot = rendered_body.Studio(body, distance, angle).shoot(0.0, waving)
+    column, row = np.floor(rendered_body.LENS.project(shot.joints)).astype(int).T
+    shown = (row >= 0) & (row < rendered_body.LENS.height) & (column >= 0) & (column < rendered_body.LENS.width)
     assert shown.sum() >= 10
     beneath = shot.joints[shown, 2] - shot.picture.depth[row[shown], column[shown]] / 1000
     assert (beneath > 0).all()
-    near_side = np.array(["right" in name or name == "head" for name in rendered.NAMES])[shown]
+    near_side = np.array(["right" in name or name == "head" for name in rendered_body.NAMES])[shown]
     assert (beneath[near_side | (angle == 0)] < DEEPEST).all()  # the other arm and leg are behind the body
 
 
-def test_bones_point_where_the_performers_do_and_keep_their_length(rendered, body, waving):
+def test_bones_point_where_the_performers_do_and_keep_their_length(rendered_body, body, waving):
     _, at_rest = body.posed(clean("walk").positions[0])
     _, joints = body.posed(waving)
-    seen = rendered.to_character_axes(waving)[rendered.KINECT]
+    seen = rendered_body.to_character_axes(waving)[rendered_body.KINECT]
     for side in ("left", "right"):
         for start, end in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle")):
-            a, b = (rendered.NAMES.index(f"{joint}_{side}") for joint in (start, end))
+            a, b = (rendered_body.NAMES.index(f"{joint}_{side}") for joint in (start, end))
             bone, theirs = joints[b] - joints[a], seen[b] - seen[a]
             assert bone @ theirs == pytest.approx(np.linalg.norm(bone) * np.linalg.norm(theirs))
             assert np.linalg.norm(bone) == pytest.approx(np.linalg.norm(at_rest[b] - at_rest[a]))
 
 
-def test_noise_has_the_size_that_it_is_said_to_have(rendered, body, waving):
-    clean_shot, noisy = (rendered.Studio(body, 2.5, 0.0, seed).shoot(0.0, waving).picture for seed in (None, 1))
+def test_noise_has_the_size_that_it_is_said_to_have(rendered_body, body, waving):
+    clean_shot, noisy = (rendered_body.Studio(body, 2.5, 0.0, seed).shoot(0.0, waving).picture for seed in (None, 1))
     wall = np.s_[:40, :200]
     metres = clean_shot.depth[wall] / 1000
     noise = noisy.depth[wall] / 1000 - metres
-    assert noise.std() == pytest.approx(rendered.DEPTH_NOISE * rendered.WALL**2, rel=0.05)
+    assert noise.std() == pytest.approx(rendered_body.DEPTH_NOISE * rendered_body.WALL**2, rel=0.05)
     assert np.abs(noise.mean()) < 0.003
-    np.testing.assert_allclose(metres, rendered.WALL, atol=0.001)
+    np.testing.assert_allclose(metres, rendered_body.WALL, atol=0.001)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.picture import Lens, Picture
 from capture.sensors.source import SensorSource
-from puppetline.errors import SourceError
+from puppetline.errors import SourceError, heading
 
 LENS = Lens(640, 480, 525.0)
 """The colour camera's, which depth is registered to; what is usual, as each sensor differs by a few pixels."""
@@ -206,7 +206,7 @@ class FreenectDevice:
 
     def _hear(self, _context: int, _level: int, message: bytes) -> None:
         text = message.decode(errors="replace").strip()
-        log.debug("%s: %s", self.name, text)
+        log.debug("%s %s", heading(self.name), text)
         self._complaints = [*self._complaints[-9:], text]
 
     def _said(self) -> str:

@@ -29,7 +29,7 @@ from capture.sensors.nite import NiTE, library_path
 from capture.sensors.oni_file import check_whole
 from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
-from puppetline.errors import SourceError
+from puppetline.errors import SourceError, heading
 
 REDIST = "OPENNI2_REDIST"
 """Names the folder of the library and of its drivers."""
@@ -319,7 +319,8 @@ class OpenNIDevice:
         if device.is_image_registration_mode_supported(mode):
             device.set_image_registration_mode(mode)
         else:
-            log.warning("%s: %s cannot register depth to colour, so depth is a little off", self._uri, self.name)
+            said = "%s %s cannot register depth to colour, so depth is a little off"
+            log.warning(said, heading(self._uri), self.name)
         device.set_depth_color_sync_enabled(True)
 
     def _lens_of(self, stream: Any) -> Lens:
@@ -349,7 +350,7 @@ class OpenNIDevice:
             del self._waiting[earliest]
             return None
         if self._before == -math.inf and apart > _IN_STEP:
-            log.warning("%s: %s takes depth and colour %.1f ms apart", self._uri, self.name, 1000 * apart)
+            log.warning("%s %s takes depth and colour %.1f ms apart", heading(self._uri), self.name, 1000 * apart)
         moment = moments[self._streams[0]]
         if self._recorded and moment + self._passed <= self._before:  # it begins again
             if self._left:  # though its last picture, which is damaged, has never come

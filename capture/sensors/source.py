@@ -27,7 +27,7 @@ from capture.sensors.floor import FloorWatch
 from capture.sensors.picture import Device, Picture, Tracker
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
-from puppetline.errors import SourceError
+from puppetline.errors import SourceError, heading
 
 OPENING = 10.0
 """Seconds in which a device is open and has given its first picture, or is taken for dead."""
@@ -170,7 +170,9 @@ class SensorSource:
                 what = "the tracker"
                 tracker = self._open_tracker(device)
                 stack.callback(tracker.close)
-                log.info("%s: %s gives the pictures, %s finds people in them", self.name, device.name, tracker.name)
+                log.info(
+                    "%s %s gives the pictures, %s finds people in them", heading(self.name), device.name, tracker.name
+                )
                 tracking = threading.Thread(
                     target=self._track, args=[tracker], name=f"{self.name} tracker", daemon=True
                 )
@@ -280,7 +282,7 @@ class SensorSource:
     def _fail(self, what: str, error: Exception) -> None:
         """Have `receive` raise an error, once all is closed; nothing more is read or tracked."""
         if not isinstance(error, SourceError):
-            log.debug("%s: %s failed", self.name, what, exc_info=error)
+            log.debug("%s %s failed", heading(self.name), what, exc_info=error)
             error = SourceError(
                 self.name,
                 found=f"that {what} failed ({type(error).__name__}: {error})",

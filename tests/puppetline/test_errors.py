@@ -32,6 +32,13 @@ def test_one_clause_catches_the_whole_family():
     assert not any(issubclass(a, b) for a in FAMILY for b in FAMILY if a is not b)
 
 
+@pytest.mark.parametrize("where", ["openni", "openni:"])
+def test_a_source_whose_name_ends_with_a_colon_gets_no_second_one(where):
+    error = SourceError(where, found="no sensor", expected="one", fix="Plug it in.")
+    assert str(error) == "openni: found no sensor; expected one. Plug it in."
+    assert error.where == where
+
+
 def test_a_path_may_stand_for_where():
     error = MeshError(Path("models") / "dragon.glb", found="a", expected="b", fix="C.")
     assert error.where == str(Path("models") / "dragon.glb")

@@ -6,8 +6,9 @@ import os
 import queue
 import shutil
 import subprocess
+import sys
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
 from select import select
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 from capture.events import Tick
+from capture.sensors import source
 from capture.sensors.picture import Lens, Person, Picture
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS
@@ -29,6 +31,7 @@ PATIENCE = 10.0
 LENS = Lens(4, 3, 4.0)
 
 HEADERS = Path("/usr/include/openni2")
+FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
 
 
 class ScriptedDevice:
@@ -85,8 +88,8 @@ class ScriptedTracker:
 class Watched:
     """A source, waited for as the service waits."""
 
-    def __init__(self, source):
-        self.source = source
+    def __init__(self, watched):
+        self.source = watched
 
     def events(self, count=1, until=None):
         """Return what comes until that many events have come, ticks not counted."""
@@ -121,19 +124,25 @@ def scripted_tracker():
 
 
 @pytest.fixture
+def unhurried(monkeypatch):
+    """No picture is too old, however busy the machine is."""
+    monkeypatch.setattr(source, "OLDEST", PATIENCE)
+
+
+@pytest.fixture
 def watch():
     """Open a source of a device and a tracker, or of what opens them."""
     with ExitStack() as stack:
 
         def opened(device, tracker, name="test:", **options):
-            source = SensorSource(
+            sensor_source = SensorSource(
                 name,
                 device if callable(device) else lambda: device,
                 tracker if callable(tracker) else lambda _device: tracker,
                 **options,
             )
-            stack.callback(source.close)
-            return Watched(source)
+            stack.callback(sensor_source.close)
+            return Watched(sensor_source)
 
         yield opened
 
@@ -230,6 +239,110 @@ def virtual_sensors(_virtual_sensors):
     yield _virtual_sensors
     for sensor in _virtual_sensors:
         sensor.unplug()
+
+
+@pytest.fixture(scope="session")
+def record(openni_folder):
+    """Record what a sensor that is plugged in shows with OpenNI2's recorder: pairs of depth and colour, in even steps.
+
+    On a busy machine, the recorder leaves pictures out; then it is done again.
+    """
+    from capture.sensors.openni import OpenNIDevice, Place, openni2
+
+    def once(sensor, path, pictures, step):
+        with closing(OpenNIDevice("openni:", Place())) as device:
+            recorder = openni2("test").Recorder(os.fsencode(path))
+            for stream in device._streams:
+                recorder.attach(stream)
+            recorder.start()
+            for k, (depth, color) in enumerate(pictures):
+                sensor.show(depth, color, 3.0 + k * step)
+                read(device)
+            recorder.stop()
+            recorder.close()
+
+    def recorded(sensor, path, pictures, step):
+        for _ in range(5):
+            once(sensor, path, pictures, step)
+            if len(data_of(path.read_bytes())) == 2 * len(pictures):
+                return
+        pytest.fail("OpenNI2's recorder left pictures out five times")
+
+    return recorded
+
+
+def read(device):
+    """Return the next picture of a device."""
+    give_up = time.monotonic() + PATIENCE
+    while (picture := device.read(0.5)) is None:
+        assert time.monotonic() < give_up
+    return picture
+
+
+def data_of(content):
+    """Return where the depths and colours are in a recording, in the order of time."""
+    found, place = [], 24
+    while (kind := int.from_bytes(content[place + 4 : place + 8], "little")) != 11:
+        own, size = (int.from_bytes(content[place + at : place + at + 4], "little") for at in (12, 16))
+        if kind == 10:
+            found.append(slice(place + own, place + own + size))
+        place += own + size
+    return found
+
+
+@pytest.fixture(scope="session")
+def fakenect(tmp_path_factory):
+    """A folder with fakenect under the name of the library, and what stands in front of it."""
+    compiler = shutil.which("gcc")
+    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
+        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
+    folder = tmp_path_factory.mktemp("fakenect")
+    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    (folder / "libfakenect.so.0.5").write_bytes(behind)
+    source = Path(__file__).with_name("kinect.c")
+    name = "libfreenect.so.0.5"
+    link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
+        check=True,
+    )
+    return folder
+
+
+@pytest.fixture
+def run_with_kinect(fakenect):
+    """Run a program that finds fakenect where the library would be: `run(dump, program, *arguments)`, to its end."""
+
+    def run(dump, program, *arguments, fault=""):
+        environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
+        return subprocess.run(
+            [sys.executable, "-c", program, *map(str, arguments)],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+
+    return run
+
+
+@pytest.fixture
+def write_dump(tmp_path):
+    """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
+
+    def write(pictures, interval=0.01):
+        folder = tmp_path / "dump"
+        folder.mkdir()
+        names = []
+        for number, (picture, ticks) in enumerate(pictures):
+            kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
+            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
+            (folder / names[-1]).write_bytes(header + picture.tobytes())
+        (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
+        return folder
+
+    return write
 
 
 @pytest.fixture

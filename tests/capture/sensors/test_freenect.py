@@ -1,9 +1,5 @@
 """Debian's libfreenect, and its fakenect with pictures that are made here, in processes of their own."""
 
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +14,6 @@ from puppetline.errors import SourceError
 from ...conftest import missing
 
 INSTALLED = sorted(Path("/usr/lib").glob("*/libfreenect.so.0.5"))
-FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
 FRAME = 2_002_000
 """Ticks from one picture to the next."""
 
@@ -75,65 +70,15 @@ source.close()
 """
 
 
-@pytest.fixture(scope="session")
-def fakenect(tmp_path_factory):
-    """A folder with fakenect under the name of the library, and what stands in front of it."""
-    compiler = shutil.which("gcc")
-    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
-        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
-    folder = tmp_path_factory.mktemp("fakenect")
-    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
-    (folder / "libfakenect.so.0.5").write_bytes(behind)
-    source = Path(__file__).with_name("kinect.c")
-    name = "libfreenect.so.0.5"
-    link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
-    subprocess.run(
-        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
-        check=True,
-    )
-    return folder
-
-
-def start(fakenect, dump, fault, program, *arguments):
-    """Run a program that finds fakenect where the library would be."""
-    environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
-    return subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-    )
-
-
 @pytest.fixture
-def read(fakenect, tmp_path):
+def read(run_with_kinect, tmp_path):
     """Read so many pictures of a dump in another process; returns its process and what it read."""
 
     def run(dump, count, fault=""):
-        process = start(fakenect, dump, fault, READ, tmp_path / "read.npz", count)
+        process = run_with_kinect(dump, READ, tmp_path / "read.npz", count, fault=fault)
         return process, np.load(tmp_path / "read.npz")
 
     return run
-
-
-@pytest.fixture
-def write_dump(tmp_path):
-    """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
-
-    def write(pictures, interval=0.01):
-        folder = tmp_path / "dump"
-        folder.mkdir()
-        names = []
-        for number, (picture, ticks) in enumerate(pictures):
-            kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
-            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
-            (folder / names[-1]).write_bytes(header + picture.tobytes())
-        (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
-        return folder
-
-    return write
 
 
 def depth_of(number):
@@ -240,10 +185,10 @@ def test_a_sensor_that_is_unplugged_gives_what_it_gave_and_then_a_message(read, 
     assert process.stderr == "shut down with 0 open\n"
 
 
-def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugged(fakenect, write_dump):
+def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugged(run_with_kinect, write_dump):
     pictures = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
     dump = write_dump(pictures, interval=0.1)
-    process = start(fakenect, dump, "unplugged", FOLLOW)
+    process = run_with_kinect(dump, FOLLOW, fault="unplugged")
     *frames, end = process.stdout.splitlines()
     assert end.startswith("SourceError that the Kinect is gone")
     depths = [float(frame.removeprefix("frame ")) for frame in frames]

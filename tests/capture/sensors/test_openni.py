@@ -19,6 +19,8 @@ from capture.source import Silence
 from engine_bridge.live.line import Line
 from puppetline.errors import SourceError
 
+from .conftest import data_of, read
+
 NAME = "openni:"
 
 
@@ -43,13 +45,6 @@ def opened():
 
 def _noise(rng):
     return rng.integers(400, 4000, (480, 640), dtype=np.uint16), rng.integers(0, 255, (480, 640, 3), dtype=np.uint8)
-
-
-def _read(device):
-    give_up = time.monotonic() + 10
-    while (picture := device.read(0.5)) is None:
-        assert time.monotonic() < give_up
-    return picture
 
 
 @pytest.mark.parametrize(
@@ -124,7 +119,7 @@ def test_pictures_are_what_the_sensor_sees_registered_in_step_and_not_mirrored(s
     for k in range(5):
         depth, color = _noise(rng)
         sensor.show(depth, color, 7.0 + k / 30)
-        picture = _read(device)
+        picture = read(device)
         assert picture.time == pytest.approx(7.0 + k / 30, abs=1e-6)
         assert (picture.depth.dtype, picture.color.dtype) == (np.uint16, np.uint8)
         np.testing.assert_array_equal(picture.depth, depth)
@@ -140,10 +135,10 @@ def test_what_a_sensor_cannot_do_is_said_and_the_rest_is_done(sensor, opened, rn
     for moment in (1.0, 1.1):
         depth, color = _noise(rng)
         sensor.show(depth, color, moment)
-        picture = _read(device)
+        picture = read(device)
     assert caplog.messages == [
-        "openni:: Puppetline virtual sensor 0 cannot register depth to colour, so depth is a little off",
-        "openni:: Puppetline virtual sensor 0 takes depth and colour 5.0 ms apart",
+        "openni: Puppetline virtual sensor 0 cannot register depth to colour, so depth is a little off",
+        "openni: Puppetline virtual sensor 0 takes depth and colour 5.0 ms apart",
     ]
     np.testing.assert_array_equal(picture.color, color)
     np.testing.assert_array_equal(picture.depth[:, 8:], depth[:, :-8])
@@ -153,7 +148,7 @@ def test_a_body_seen_by_the_sensor_is_where_its_joints_are(sensor, opened, rende
     depth, color = render(standing, sensor.lens)
     device = opened()
     sensor.show(depth, color, 0.0)
-    picture = _read(device)
+    picture = read(device)
     pixels = np.round(picture.lens.project(standing) - 0.5).astype(int)
     at_joints = picture.depth[pixels[:, 1], pixels[:, 0]]
     assert (at_joints > 0).all()
@@ -272,56 +267,29 @@ def test_two_sensors_give_pictures_side_by_side(virtual_sensors, opened, rng):
     for sensor, pictures in zip(virtual_sensors, shown, strict=True):
         sensor.show(*pictures, 1.0)
     for device, (depth, color) in zip(both, shown, strict=True):
-        picture = _read(device)
+        picture = read(device)
         np.testing.assert_array_equal(picture.depth, depth)
         np.testing.assert_array_equal(picture.color, color)
 
 
 @pytest.fixture(scope="session")
-def recording(openni_folder, _virtual_sensors, tmp_path_factory):
+def recording(record, _virtual_sensors, tmp_path_factory):
     """A recording of ten pictures, made by OpenNI2's recorder as NiViewer makes it, mirrored; and the pictures."""
     [sensor, _] = _virtual_sensors
     sensor.plug(refuses=["mirror off"])
     path = tmp_path_factory.mktemp("oni") / "take.oni"
     rng = np.random.default_rng(4)
     pictures = [_noise(rng) for _ in range(10)]
-    for _ in range(5):  # on a busy machine, OpenNI2's recorder leaves pictures out
-        _record(sensor, path, pictures)
-        if len(_data(path.read_bytes())) == 20:
-            break
+    record(sensor, path, pictures, step=0.1)
     sensor.unplug()
     return path, pictures
-
-
-def _record(sensor, path, pictures):
-    with closing(OpenNIDevice(NAME, Place())) as device:
-        recorder = openni2(NAME).Recorder(os.fsencode(path))
-        for stream in device._streams:
-            recorder.attach(stream)
-        recorder.start()
-        for k, (depth, color) in enumerate(pictures):
-            sensor.show(depth, color, 3.0 + k / 10)
-            _read(device)
-        recorder.stop()
-        recorder.close()
-
-
-def _data(content):
-    """Return where the depths and colours are in a recording, in the order of time."""
-    found, place = [], 24
-    while (kind := int.from_bytes(content[place + 4 : place + 8], "little")) != 11:
-        own, size = (int.from_bytes(content[place + at : place + at + 4], "little") for at in (12, 16))
-        if kind == 10:
-            found.append(slice(place + own, place + own + size))
-        place += own + size
-    return found
 
 
 def test_a_recording_plays_the_pictures_that_were_recorded_and_ends(recording, opened):
     path, pictures = recording
     device = opened("file", str(path))
     for k, (depth, color) in enumerate(pictures):
-        picture = _read(device)
+        picture = read(device)
         assert picture.time == pytest.approx(k / 10, abs=2e-6)
         np.testing.assert_array_equal(picture.depth, depth)
         np.testing.assert_array_equal(picture.color, color)
@@ -336,7 +304,7 @@ def test_a_recording_in_a_loop_begins_again_and_its_time_goes_on(recording, open
     device = opened("file", str(path), loop=True)
     times = []
     for k in range(25):
-        picture = _read(device)
+        picture = read(device)
         np.testing.assert_array_equal(picture.depth, pictures[k % 10][0])
         times.append(picture.time)
     spaces = np.diff(times)
@@ -369,7 +337,7 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
 
 def test_pictures_that_are_damaged_are_left_out_and_the_recording_ends_all_the_same(recording, opened, tmp_path, rng):
     content = bytearray(recording[0].read_bytes())
-    data = _data(content)
+    data = data_of(content)
     for k in (6, 7, 18):
         content[data[k]] = rng.bytes(data[k].stop - data[k].start)
     damaged = tmp_path / "damaged.oni"
@@ -389,7 +357,7 @@ def test_recordings_are_opened_and_closed_again_and_again_wherever_they_are(reco
     for k in range(60):
         with closing(OpenNIDevice(NAME, Place("file", str(path)))) as device:
             for depth, _ in pictures[: k % 11]:
-                np.testing.assert_array_equal(_read(device).depth, depth)
+                np.testing.assert_array_equal(read(device).depth, depth)
 
 
 def test_a_recording_is_not_taken_for_a_sensor(recording, opened):

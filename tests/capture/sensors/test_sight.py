@@ -78,7 +78,7 @@ def test_of_somebody_who_is_seen_well_there_is_nothing_to_say(shown):
             {"listens": True, "received": 1007, "refused": {"unknown message": 1000, "not OSC": 7}},
             ["What came were no performers: not OSC (7 ×), unknown message (1000 ×)."],
         ),
-        ({"failure": "freenect:: found no Kinect"}, ["freenect:: found no Kinect"]),
+        ({"failure": "freenect: found no Kinect"}, ["freenect: found no Kinect"]),
         ({"picture": picture()}, ["Nobody is in view."]),
         ({"picture": picture(COLOR * 0)}, ["The picture is black.", "Nobody is in view."]),
         ({"picture": picture(COLOR // 5)}, ["The picture is dark.", "Nobody is in view."]),
@@ -214,4 +214,4 @@ def test_a_sensor_that_fails_is_told_with_its_own_error(watch, scripted_tracker)
         raise SourceError("freenect:", found="no Kinect v1 on USB", expected="one", fix="Plug it in.")
 
     sight = sights.watch(watch(absent, scripted_tracker).source, 1)
-    assert why_of(sight) == ["freenect:: found no Kinect v1 on USB; expected one. Plug it in."]
+    assert why_of(sight) == ["freenect: found no Kinect v1 on USB; expected one. Plug it in."]

@@ -59,7 +59,7 @@ def test_what_gives_pictures_and_what_finds_people_is_named_in_the_log(
     caplog.set_level(logging.INFO, "capture")
     scripted_device.show(0.0)
     watch(scripted_device, scripted_tracker).events()
-    assert caplog.messages == ["test:: a scripted device gives the pictures, a scripted tracker finds people in them"]
+    assert caplog.messages == ["test: a scripted device gives the pictures, a scripted tracker finds people in them"]
 
 
 def test_the_two_clocks_part_and_meet_again():
@@ -95,12 +95,6 @@ def test_who_is_found_and_lost_is_told_in_order(watch, scripted_device, scripted
         scripted_tracker.users = users
         scripted_device.show(0.01 * k)
         assert _told(watched.events(len(told))) == told
-
-
-@pytest.fixture
-def unhurried(monkeypatch):
-    """No picture is too old, however busy the machine is."""
-    monkeypatch.setattr(module, "OLDEST", 10.0)
 
 
 def _wait_until(what):

@@ -1,0 +1,150 @@
+"""Somebody whose joints are known waves at a sensor: from the real libraries' pictures through MediaPipe to joints."""
+
+import time
+from contextlib import closing
+
+import numpy as np
+import pytest
+from puppetline.examples.performances import clean
+
+from capture.sensors import freenect
+from capture.sensors.mediapipe import MediaPipePose
+from engine_bridge.live.sources import open_source
+
+from .conftest import Watched
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
+
+POSES = range(99, 144, 4)
+"""Of the bundled walk, in which the performer stands there and waves."""
+STEP = 4 / 30
+"""Seconds from one to the next."""
+
+FARTHEST = {"head": 0.09, "wrist_right": 0.13}
+"""Metres, for each joint's median; 0.07 for others. The head is larger than life, the right hand waves."""
+BENT = ("ankle_left", "ankle_right")
+"""Joints of these short legs that MediaPipe takes for bent, see docs/sensors.md."""
+
+FOLLOW = """
+import sys
+import time
+import numpy as np
+from capture.sensors import freenect, source
+from capture.skeleton import SkeletonFrame
+from capture.source import wait
+from engine_bridge.live.sources import open_source
+
+source.OLDEST = 10.0  # no picture is too old, however busy the machine is
+frames = []
+
+class Patient(freenect.FreenectDevice):
+    given = 0
+
+    def read(self, timeout):
+        while len(frames) < self.given:
+            time.sleep(0.001)
+        picture = super().read(timeout)
+        self.given += picture is not None
+        return picture
+
+freenect.FreenectDevice = Patient
+kinect = open_source("freenect:")
+while len(frames) < int(sys.argv[2]):
+    wait(kinect, time.monotonic() + 1)
+    frames += [event for event in kinect.receive() if isinstance(event, SkeletonFrame)]
+kinect.close()
+np.savez(sys.argv[1], times=[each.time for each in frames], positions=[each.positions for each in frames])
+"""
+"""Waits with each picture until somebody was found in the one before, so that none is overtaken."""
+
+
+@pytest.fixture(scope="module")
+def shots(rendered_body):
+    """Pictures of the performer 2.5 m before a lens, with a sensor's noise, and the joints in them."""
+    body, poses = rendered_body.Body(), clean("walk").positions
+
+    def shot(lens):
+        studio = rendered_body.Studio(body, 2.5, 0.0, seed=1, lens=lens)
+        return [studio.shoot(k * STEP, poses[pose]) for k, pose in enumerate(POSES)]
+
+    return shot
+
+
+@pytest.fixture(scope="module")
+def shown(shots, _virtual_sensors):
+    """What the virtual OpenNI2 sensor shows."""
+    return shots(_virtual_sensors[0].lens)
+
+
+def tracked(pictures):
+    """Return the joints (T, 20, 3) that MediaPipe finds."""
+    with closing(MediaPipePose()) as tracker:
+        return np.stack([person.positions for picture in pictures for person in tracker.track(picture)])
+
+
+def check_joints(rendered_body, positions, shots):
+    """See that joints are where they are known to be, and that the hand waves."""
+    positions, known = positions[:, rendered_body.KINECT], np.stack([shot.joints for shot in shots])
+    off = np.linalg.norm(positions - known, axis=2)
+    assert np.median(off) < 0.05
+    for name, median in zip(rendered_body.NAMES, np.median(off, axis=0), strict=True):
+        assert name in BENT or median < FARTHEST.get(name, 0.07), name
+    waving = rendered_body.NAMES.index("wrist_right")
+    assert np.ptp(known[:, waving, 1]) > 0.5
+    assert np.corrcoef(positions[:, waving, 1], known[:, waving, 1])[0, 1] > 0.98
+
+
+@pytest.fixture
+def sensor(virtual_sensors, tmp_path, monkeypatch):
+    """A virtual OpenNI2 sensor that is plugged in, without NiTE2."""
+    monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
+    virtual_sensors[0].plug()
+    return virtual_sensors[0]
+
+
+@pytest.mark.usefixtures("unhurried")
+def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_pictures(sensor, shown, rendered_body):
+    frames, moments = [], []
+    with closing(open_source("openni:")) as source:
+        watched = Watched(source)
+        sensor.wait_for_streams()
+        start = time.monotonic()
+        for shot in shown:
+            before = time.monotonic()
+            sensor.show(shot.picture.depth, shot.picture.color, before - start)
+            frames += watched.events()
+            moments.append((before, time.monotonic()))
+    assert [frame.user for frame in frames] == [1] * len(shown)
+    for frame, (before, after) in zip(frames, moments, strict=True):
+        assert before - 1e-6 <= frame.time <= after
+    positions = np.stack([frame.positions for frame in frames])
+    np.testing.assert_array_equal(positions, tracked([shot.picture for shot in shown]))
+    check_joints(rendered_body, positions, shown)
+
+
+def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_recorded(
+    sensor, shown, record, tmp_path, rendered_body
+):
+    record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
+    with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
+        frames = Watched(source).events(len(shown))
+    np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)
+    positions = np.stack([frame.positions for frame in frames])
+    np.testing.assert_array_equal(positions, tracked([shot.picture for shot in shown]))
+    check_joints(rendered_body, positions, shown)
+
+
+def test_through_libfreenect_the_joints_are_those_that_the_tracker_finds_in_what_the_kinect_sees(
+    shots, write_dump, run_with_kinect, tmp_path, rendered_body
+):
+    shown = shots(freenect.LENS)
+    pictures = [
+        (each, round(shot.picture.time * freenect.TICKS))
+        for shot in shown
+        for each in (shot.picture.depth, shot.picture.color)
+    ]
+    run_with_kinect(write_dump(pictures, interval=STEP / 2), FOLLOW, tmp_path / "found.npz", len(shown))
+    found = np.load(tmp_path / "found.npz")
+    np.testing.assert_array_equal(found["positions"], tracked([shot.picture for shot in shown]))
+    check_joints(rendered_body, found["positions"], shown)
+    assert (np.diff(found["times"]) > 0).all()

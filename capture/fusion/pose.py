@@ -49,6 +49,11 @@ class Pose:
         turn, roll = np.arctan2(r[0, 2], r[2, 2]), np.arctan2(r[1, 0], r[1, 1])
         return float(np.degrees(tilt)), float(np.degrees(turn)), float(np.degrees(roll))
 
+    @property
+    def is_identity(self) -> bool:
+        """Whether the sensor's own frame is the common one."""
+        return np.array_equal(self.rotation, np.eye(3)) and not self.position.any()
+
     def apply(self, positions: Array) -> Array:
         """Return positions (…, 3) of the sensor's frame in the common one."""
         return positions @ self.rotation.T + self.position

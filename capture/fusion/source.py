@@ -5,32 +5,28 @@ go on. Members are live, or all of them are recordings of one performance: these
 """
 
 import heapq
-import logging
 import math
 import selectors
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any
+from typing import Any, TypeGuard
 
-from capture.events import TICK, Event, Lost, Tick
+from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.fusion.people import People
 from capture.fusion.pose import Pose
+from capture.reopening import Reopening
 from capture.skeleton import SkeletonFrame
-from capture.source import Counts, Silence, SkeletonSource
-from puppetline.errors import PuppetlineError, SourceError
+from capture.source import Counts, SkeletonSource
+from puppetline.errors import SourceError
 
-AGAIN = 0.5
-"""Seconds between attempts to open a member that has failed."""
 LATE = 0.1
 """Seconds by which a frame may come after its time: ticks keep that distance."""
 POLLING = 0.005
 """Seconds between looks where the system cannot wait for several members at once."""
 
-_News = SkeletonFrame | Lost
-
-log = logging.getLogger(__name__)
+_News = SkeletonFrame | Lost | Cue
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,9 @@ class FusedSource:
         self._lines: list[_Line] = []
         try:
             for member in members:
-                self._lines.append(_Line(member, member.clock - earliest, opener, self._selector, not recorded))
+                first = not self._lines
+                self._lines.append(_Line(member, member.clock - earliest, opener, first, recorded))
+                self._watch(self._lines[-1])
         except BaseException:
             self.close()
             raise
@@ -110,7 +108,7 @@ class FusedSource:
 
     def due(self) -> float:
         """Return when a member is due, or to be opened again, or a tick."""
-        dues = [line.due() for line in self._lines if not line.ended]
+        dues = [line.source.due() for line in self._lines if not line.ended]
         if self._waiting:
             dues.append(time.monotonic() + self._waiting[0][0] - self._now())
         if not self._recorded:
@@ -133,8 +131,8 @@ class FusedSource:
         """
         for place, line in enumerate(self._lines):
             for event in line.receive():
-                if isinstance(event, SkeletonFrame | Lost):
-                    heapq.heappush(self._waiting, (event.time, next(self._order), place, event))
+                heapq.heappush(self._waiting, (event.time, next(self._order), place, event))
+            self._watch(line)
         self._count()
         if self._recorded and not self._waiting and all(line.ended for line in self._lines):
             raise SourceError(
@@ -161,9 +159,20 @@ class FusedSource:
 
     def close(self) -> None:
         """Close the members; closing again does nothing."""
-        for line in self._lines:
-            line.close()
         self._selector.close()
+        for line in self._lines:
+            line.source.close()
+
+    def _watch(self, line: "_Line") -> None:
+        """Wake for a member, which has another descriptor when it was opened again."""
+        descriptor = line.fileno()
+        if descriptor == line.watched:
+            return
+        if line.watched is not None:
+            self._selector.unregister(line.watched)
+        if descriptor is not None:
+            self._selector.register(descriptor, selectors.EVENT_READ)
+        line.watched = descriptor
 
     def _now(self) -> float:
         """Return the time on the members' common clock: of recordings, that of the one which is least far."""
@@ -172,6 +181,8 @@ class FusedSource:
         return min((line.now() for line in self._lines if not line.ended), default=math.inf)
 
     def _fused(self, place: int, event: _News) -> list[_News]:
+        if isinstance(event, Cue):
+            return [event]
         if isinstance(event, Lost):
             return list(self._people.lose(place, event.user, event.time))
         frame = self._people.see(place, event)
@@ -180,7 +191,7 @@ class FusedSource:
     def _latest(self, news: list[_News]) -> list[_News]:
         """Leave out frames that a later one of the same performer has overtaken."""
         last = {event.user: k for k, event in enumerate(news) if isinstance(event, SkeletonFrame)}
-        kept = [event for k, event in enumerate(news) if isinstance(event, Lost) or last[event.user] == k]
+        kept = [event for k, event in enumerate(news) if not isinstance(event, SkeletonFrame) or last[event.user] == k]
         self.counts.dropped += len(news) - len(kept)
         return kept
 
@@ -193,7 +204,7 @@ class FusedSource:
         """Add what the members have counted since the last time."""
         total = Counts()
         for line in self._lines:
-            total.add(line.counts)
+            total.add(line.source.counts)
         self.counts.received += total.received - self._counted.received
         self.counts.dropped += total.dropped - self._counted.dropped
         self.counts.refused.update(total.refused - self._counted.refused)
@@ -201,85 +212,46 @@ class FusedSource:
 
 
 class _Line:
-    """A member that is open, or is waited for."""
+    """A member and its source."""
 
     def __init__(
-        self,
-        member: Member,
-        delay: float,
-        opener: Callable[[str], SkeletonSource],
-        selector: selectors.BaseSelector,
-        reopens: bool,
+        self, member: Member, delay: float, opener: Callable[[str], SkeletonSource], first: bool, recorded: bool
     ) -> None:
+        def opened() -> SkeletonSource:
+            return opener(member.uri)
+
         self.delay = delay
         self.ended = False
-        self._member, self._opener, self._selector, self._reopens = member, opener, selector, reopens
-        self._reopen_at = math.inf
-        self._descriptor: int | None = None
-        self._source: SkeletonSource = opener(member.uri)
-        self._watch()
+        self.watched: int | None = None
+        self.source: SkeletonSource = opened() if recorded else Reopening(member.uri, opened)
+        self._pose = member.pose
+        self._levels = first and member.pose.is_identity
 
-    @property
-    def counts(self) -> Counts:
-        return self._source.counts
-
-    def due(self) -> float:
-        return min(self._source.due(), self._reopen_at)
+    def fileno(self) -> int | None:
+        return None if self.ended else self.source.fileno()
 
     def now(self) -> float:
-        return self._source.now() - self.delay
+        return self.source.now() - self.delay
 
-    def receive(self) -> list[Event]:
+    def receive(self) -> list[_News]:
         """Return what has come, in the common frame and on the common clock."""
         if self.ended:
             return []
-        if time.monotonic() >= self._reopen_at:
-            self._reopen()
         try:
-            events = self._source.receive()
-        except Exception as error:  # a device that fails in its own way is a device that is gone
-            self._go_silent(error)
+            events = self.source.receive()
+        except SourceError:  # only recordings raise it, in the end
+            self.ended = True
             return []
-        return [self._placed(event) for event in events]
+        return [self._placed(event) for event in events if self._counts(event)]
 
-    def close(self) -> None:
-        self._unwatch()
-        self._source.close()
+    def _counts(self, event: Event) -> TypeGuard[_News]:
+        """Tell whether an event is one for all: how a sensor stands is, if its frame is everybody's."""
+        if isinstance(event, Cue):
+            return self._levels and event.do == "level"
+        return not isinstance(event, Tick)
 
-    def _placed(self, event: Event) -> Event:
+    def _placed(self, event: _News) -> _News:
         event = replace(event, time=event.time - self.delay)
         if isinstance(event, SkeletonFrame):
-            return replace(event, positions=self._member.pose.apply(event.positions))
+            return replace(event, positions=self._pose.apply(event.positions))
         return event
-
-    def _go_silent(self, error: Exception) -> None:
-        last = self._source.now()
-        self.close()
-        self._source = Silence(self._member.uri, self._source.counts, last)
-        if self._reopens:
-            log.warning("a sensor is silent: %s", error)
-            self._reopen_at = time.monotonic() + AGAIN
-        else:
-            self.ended = True
-
-    def _reopen(self) -> None:
-        try:
-            source = self._opener(self._member.uri)
-        except PuppetlineError as error:
-            log.warning("a sensor cannot be opened: %s", error)
-            self._reopen_at = time.monotonic() + AGAIN
-            return
-        log.info("a sensor is back: %s", self._member.uri)
-        source.counts.add(self._source.counts)
-        self._source, self._reopen_at = source, math.inf
-        self._watch()
-
-    def _watch(self) -> None:
-        self._descriptor = self._source.fileno()
-        if self._descriptor is not None:
-            self._selector.register(self._descriptor, selectors.EVENT_READ)
-
-    def _unwatch(self) -> None:
-        if self._descriptor is not None:
-            self._selector.unregister(self._descriptor)
-            self._descriptor = None

@@ -11,11 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from capture.events import Cue, Event, Tick
+from capture.events import Cue, Event
 from capture.recording import Recorder, as_recorded
+from capture.reopening import Reopening
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
-from capture.source import Silence, SkeletonSource
 from engine_bridge.live.frame import Frame
 from engine_bridge.live.idle import Idle
 from engine_bridge.live.logs import OnceASecond, fields
@@ -24,9 +24,6 @@ from engine_bridge.live.sources import RECORDED, open_source
 from engine_bridge.live.stage import Stage
 from engine_bridge.puppet import Puppet
 from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
-
-AGAIN = 0.5
-"""Seconds between attempts to open a source that has failed."""
 
 PREPARATION = 0.3
 """Seconds from a calibration to its use where a recording is played, which must do the same each time. It takes less
@@ -52,7 +49,7 @@ class Line:
     Attributes
     ----------
     stage : Stage
-    source : SkeletonSource
+    source : Reopening
     recorded : bool
         Whether the source is a recording, which nobody performs now.
     events, skeletons : int
@@ -68,12 +65,9 @@ class Line:
 
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
         self.stage = stage
-        self.source: SkeletonSource = open_source(uri, folder)
         self.recorded = uri.startswith(RECORDED)
         self.events = self.skeletons = self.faults = 0
-        self._uri, self._folder = uri, folder
-        self._reopen_at = math.inf
-        self._trouble = ""  # why nothing comes, until something does
+        self.source = Reopening(uri, lambda: open_source(uri, folder), again=not self.recorded)
         self._recorder: Recorder | None = None
         self._time = -math.inf
         self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
@@ -87,20 +81,11 @@ class Line:
 
     def due(self) -> float:
         """Return when `take_in` wants to be called though nothing has come, `time.monotonic`."""
-        return min(self.source.due(), self._reopen_at)
+        return self.source.due()
 
     def take_in(self) -> list[Frame]:
         """Take what has come, and return what became of it."""
-        if time.monotonic() >= self._reopen_at:
-            self._reopen()
-        try:
-            events = self.source.receive()
-        except Exception as error:  # a device that fails in its own way is a device that is gone
-            self._go_silent(error)
-            return []
-        if self._trouble and any(not isinstance(event, Tick) for event in events):
-            self._trouble = ""
-            log.info("the source is back", extra=fields(stage=self.stage.name, source=self._uri))
+        events = self.source.receive()
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
@@ -174,7 +159,7 @@ class Line:
             self._recalled = self.stage.recall(beginning)
         except ValueError as error:
             raise SourceError(
-                self._uri,
+                self.source.name,
                 found=f"a damaged beginning ({error})",
                 expected="a take as it was recorded",
                 fix="Remove its second line: it plays without, as any other recording.",
@@ -182,12 +167,12 @@ class Line:
         if not self._recalled:
             log.warning(
                 "the take was made with other characters, puppets or idle performances: it does not play as it did",
-                extra=fields(stage=self.stage.name, source=self._uri),
+                extra=fields(stage=self.stage.name, source=self.source.name),
             )
 
     def _beginnings(self, moment: float) -> list[Cue]:
         """Return cues for the calibrations that are to be used from now on; a take of this stage has them itself."""
-        if self._recalled and isinstance(self.source, TakeSource) and self.source.is_first_pass(moment):
+        if self._recalled and isinstance(take := self.source.inner, TakeSource) and take.is_first_pass(moment):
             return []
         return [
             Cue(moment, "begin", {"character": role.character.name})
@@ -226,28 +211,3 @@ class Line:
         except OutputError as error:
             log.error("the take has ended: %s", error, extra=fields(stage=self.stage.name))
             self._recorder = None
-
-    def _go_silent(self, error: Exception) -> None:
-        """Go on without the source; a recording that has ended is not opened again."""
-        self._say("the source is silent", error)
-        last = max(self.source.now(), self._time)
-        self.source.close()
-        if not self.recorded:
-            self._reopen_at = time.monotonic() + AGAIN
-        self.source = Silence(self._uri, self.source.counts, last)
-
-    def _reopen(self) -> None:
-        try:
-            source = open_source(self._uri, self._folder)
-        except PuppetlineError as error:
-            self._say("the source cannot be opened", error)
-            self._reopen_at = time.monotonic() + AGAIN
-            return
-        source.counts.add(self.source.counts)
-        self.source, self._reopen_at = source, math.inf
-
-    def _say(self, what: str, error: Exception) -> None:
-        """Log why nothing comes, and not again with each attempt."""
-        if str(error) != self._trouble:
-            self._trouble = str(error)
-            log.warning("%s: %s", what, error, extra=fields(stage=self.stage.name))

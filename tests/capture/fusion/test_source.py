@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.events import Lost, Tick
+from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
@@ -138,7 +138,7 @@ def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opene
     assert source.counts.received == 2  # counted on where the member failed
 
 
-def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, frame, here, beside):
+def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here, beside, caplog):
     tries = []
 
     def opener(uri):
@@ -156,6 +156,7 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, fram
         wait(source, give_up)
         source.receive()
     assert tries == ["a", "b", "a", "a", "a"]
+    assert len(caplog.messages) == 2  # it is silent, and it cannot be opened: not again with each attempt
     source.close()
     assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
 
@@ -184,6 +185,28 @@ def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_l
     opened["b"][0].show(Lost(time.monotonic() + 0.04, 1))
     [lost] = next_events(source)
     assert (type(lost), lost.user) == (Lost, 1)
+
+
+def test_how_the_first_sensor_stands_is_told_in_order_and_how_the_others_do_is_not(source, opened, frame, here, beside):
+    start = time.monotonic()
+    level = Cue(start + 0.001, "level", {"tilt": 4.0, "height": 1.2})
+    opened["b"][0].show(Cue(start + 0.04, "level", {"tilt": 9.0, "height": 0.5}))
+    opened["a"][0].show(frame(here, start), level, Cue(start + 0.002, "calibrate"), Lost(start + 0.003, 1))
+    events = next_events(source)
+    assert [type(event) for event in events] == [SkeletonFrame, Cue, Lost]
+    assert events[1] == level
+
+
+def test_how_a_sensor_stands_that_is_laid_into_another_frame_is_not_told(opened, frame, beside):
+    def opener(uri):
+        opened[uri].append(Scripted(uri))
+        return opened[uri][-1]
+
+    source = FusedSource("fused:", [Member("a", beside), Member("b", beside)], opener)
+    start = time.monotonic()
+    opened["a"][0].show(Cue(start, "level", {"tilt": 4.0, "height": 1.2}), frame(beside, start + 0.01))
+    assert [type(event) for event in next_events(source)] == [SkeletonFrame]
+    source.close()
 
 
 def test_only_the_newest_frame_of_each_performer_is_given(source, opened, frame, here):

@@ -244,7 +244,7 @@ def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted
             sensor.show(*_noise(rng), float(count))
             perform_until(lambda count=count: len(frames()) == count)
             sensor.unplug()
-            perform_until(lambda: isinstance(line.source, Silence))
+            perform_until(lambda: isinstance(line.source.inner, Silence))
             sensor.plug()
         times = [event.time for event in stage.events]
         assert times == sorted(times)

@@ -39,7 +39,7 @@ def short(tmp_path, kung_fu):
 
 def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, make_stage, tmp_path, kung_fu):
     line = Line(short, make_stage(), tmp_path)
-    run(line, until=lambda: isinstance(line.source, Silence))
+    run(line, until=lambda: isinstance(line.source.inner, Silence))
     assert line.skeletons == 10
     frames = run(line, seconds=1.0)
     assert frames[0].time >= kung_fu[9].time
@@ -54,10 +54,10 @@ def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_
     def fail():
         raise SourceError("osc", found="a fault", expected="none", fix="None.")
 
-    line.source.receive = fail
+    line.source.inner.receive = fail
     line.take_in()
-    assert isinstance(line.source, Silence)
-    run(line, until=lambda: not isinstance(line.source, Silence))
+    assert isinstance(line.source.inner, Silence)
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
     sender.send(kung_fu[0])
     run(line, until=lambda: line.skeletons == 1)
     line.close()
@@ -65,15 +65,15 @@ def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_
 
 def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
     line = Line(sender.uri, make_stage(), tmp_path)
-    line.source.close()
-    line.source.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
+    line.source.inner.close()
+    line.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
     line.take_in()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", sender.port))
         frames = run(line, seconds=1.5)
-        assert isinstance(line.source, Silence)
+        assert isinstance(line.source.inner, Silence)
     assert len(frames) > 20  # the character goes on
-    run(line, until=lambda: not isinstance(line.source, Silence))
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
     line.close()
 
 
@@ -82,9 +82,9 @@ def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_p
     line = Line(sender.uri, make_stage(), tmp_path)
     trouble = SourceError("osc", found="x", expected="y", fix="z")
     for _ in range(3):
-        line.source.receive = lambda: (_ for _ in ()).throw(trouble)
+        line.source.inner.receive = lambda: (_ for _ in ()).throw(trouble)
         line.take_in()
-        run(line, until=lambda: not isinstance(line.source, Silence))
+        run(line, until=lambda: not isinstance(line.source.inner, Silence))
     assert caplog.messages == [f"the source is silent: {trouble}"]
     sender.send(kung_fu[0])
     run(line, until=lambda: line.skeletons == 1)
@@ -100,9 +100,9 @@ def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting
     def fail():
         raise RuntimeError("the cable")
 
-    line.source.receive = fail
-    run(line, until=lambda: isinstance(line.source, Silence))
-    run(line, until=lambda: not isinstance(line.source, Silence))
+    line.source.inner.receive = fail
+    run(line, until=lambda: isinstance(line.source.inner, Silence))
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
     sender.raw(b"garbage!")
     run(line, until=lambda: sum(line.source.counts.refused.values()) == 2)
     line.close()
@@ -118,7 +118,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
         events, given[:] = given[:], []
         return events
 
-    line.source.receive = receive
+    line.source.inner.receive = receive
     live = []
     for k, frame in enumerate(kung_fu[:60]):
         given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # parts of bodies come as they may
@@ -127,7 +127,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
             live += line.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     line.stop_recording().close()
     again = Line("replay:take.log", make_stage(), tmp_path)
-    replayed = run(again, until=lambda: isinstance(again.source, Silence))
+    replayed = run(again, until=lambda: isinstance(again.source.inner, Silence))
     replayed = [frame for frame in replayed if frame.time <= live[-1].time]
     assert len(live) == len(replayed)
     for a, b in zip(live, replayed, strict=True):

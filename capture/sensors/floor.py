@@ -7,11 +7,12 @@ by how exact depth is there: the error of structured light grows with the square
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.level import Level
 from capture.sensors.picture import Lens, Picture
 
 Floats = NDArray[np.float64]
@@ -31,31 +32,7 @@ _FIRST, _LATER = 0.2, 1.0  # seconds between measurements, until the first resul
 _EXTENT = 0.6  # metres that the floor must extend both across and away: a strip tells no tilt
 
 
-@dataclass(frozen=True)
-class Floor:
-    """How a sensor stands.
-
-    Attributes
-    ----------
-    tilt : float
-        Degrees that it looks down; negative where it looks up.
-    roll : float
-        Degrees that it leans to its own right. Both angles are those of `capture.fusion.pose.Pose.of_degrees`.
-    height : float
-        Metres above the floor.
-    """
-
-    tilt: float
-    roll: float
-    height: float
-
-    def near(self, other: "Floor", degrees: float, metres: float) -> bool:
-        """Tell whether another one is about the same."""
-        turned = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
-        return turned <= degrees and abs(self.height - other.height) <= metres
-
-
-def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Floor | None:
+def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
     """Find the floor in a depth picture.
 
     Parameters
@@ -66,7 +43,7 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Floor | None:
 
     Returns
     -------
-    Floor or None
+    Level or None
         None where too little of it is seen.
     """
     points = _points(depth, lens)
@@ -78,12 +55,13 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Floor | None:
         return None
     for band in _BANDS:
         on_it = np.abs(points @ plane[:3] + plane[3]) < band * noise
+        if on_it.mean() < _LEAST:
+            return None
         plane = _fitted(points[on_it], noise[on_it])
-    on_it = np.abs(points @ plane[:3] + plane[3]) < noise
-    if on_it.mean() < _LEAST or np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _EXTENT:
+    if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _EXTENT:
         return None
     right, up, away, height = plane
-    return Floor(math.degrees(math.asin(-away)), math.degrees(math.atan2(right, up)), float(height))
+    return Level(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
 
 
 def _points(depth: NDArray[np.uint16], lens: Lens) -> Floats:
@@ -126,11 +104,11 @@ class FloorWatch:
     """Says how a sensor stands once it is sure, and again when it stands otherwise."""
 
     def __init__(self) -> None:
-        self._found: deque[Floor] = deque(maxlen=_AGREEING)
-        self._said: Floor | None = None
+        self._found: deque[Level] = deque(maxlen=_AGREEING)
+        self._said: Level | None = None
         self._next = -math.inf
 
-    def see(self, time: float, picture: Picture) -> Floor | None:
+    def see(self, time: float, picture: Picture) -> Level | None:
         """Return how the sensor stands, if this picture makes it certain and it was not said before.
 
         Parameters
@@ -146,7 +124,7 @@ class FloorWatch:
         if found is None:
             return None
         self._found.append(found)
-        middle = Floor(*np.median([(each.tilt, each.roll, each.height) for each in self._found], axis=0).tolist())
+        middle = Level(*np.median([astuple(each) for each in self._found], axis=0).tolist())
         agreed = len(self._found) == _AGREEING and all(each.near(middle, *_SAME) for each in self._found)
         if not agreed or (self._said is not None and self._said.near(middle, *_MOVED)):
             return None

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from capture import body
 from capture.events import TICK
+from capture.level import Level, level_of
 from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge import puppet as puppet_file
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
 from engine_bridge.live.frame import Frame, StreamedCharacter
 from engine_bridge.live.idle import Idle
-from engine_bridge.live.level import Level, level_of
 from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
 from engine_bridge.puppet import Puppet

@@ -20,6 +20,7 @@ from typing import Any
 
 import zmq
 
+from capture.level import Level
 from engine_bridge.live import performers
 from engine_bridge.live.cast import Cast
 from engine_bridge.live.commands import commands
@@ -28,7 +29,6 @@ from engine_bridge.live.discovery import Announcement
 from engine_bridge.live.doors import Door, doors
 from engine_bridge.live.frame import Frame
 from engine_bridge.live.guard import Guard
-from engine_bridge.live.level import Level
 from engine_bridge.live.line import Line
 from engine_bridge.live.logs import OnceASecond, fields
 from engine_bridge.live.osc_output import OscOutput, OscTarget

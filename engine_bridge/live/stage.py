@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.level import Level
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.live.casting import Casting, People, Presence
 from engine_bridge.live.frame import Frame
-from engine_bridge.live.level import Level
 from engine_bridge.live.memory import pack, unpack
 from engine_bridge.live.role import Role
 from puppetline.errors import ServiceError

@@ -4,9 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
-from capture.sensors.floor import Floor, FloorWatch, find_floor
-from capture.sensors.picture import Picture
+from capture.level import Level
+from capture.sensors.floor import FloorWatch, find_floor
+from capture.sensors.picture import Lens, Picture
 
 from .rooms import LENS, room
 
@@ -45,6 +49,17 @@ def test_little_or_no_depth_tells_nothing():
     assert find_floor(depth, LENS) is None
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    depth=arrays(np.uint16, st.tuples(st.integers(1, 64), st.integers(1, 64)), fill=st.sampled_from([0, 800, 65535])),
+    slope=st.integers(0, 400),
+)
+def test_whatever_depth_there_is_the_sensor_stands_over_a_floor_or_nothing_is_said(depth, slope):
+    depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.uint16)
+    found = find_floor(depth, Lens(depth.shape[1], depth.shape[0], 60.0))
+    assert found is None or (found.height > 0 and max(abs(found.tilt), abs(found.roll)) < 50)
+
+
 def test_a_strip_of_floor_tells_nothing():
     depth = room(20, 0, 1.0)
     depth[:, :280] = depth[:, 330:] = 0
@@ -61,15 +76,15 @@ def told(pictures):
 def test_how_the_sensor_stands_is_said_once_when_it_is_sure():
     [(time, floor)] = told([room(10, 0, 1.2)] * 50)
     assert time == pytest.approx(0.8, abs=0.11)  # five measurements, a fifth of a second apart
-    assert floor.near(Floor(10, 0, 1.2), 0.1, 0.004)
+    assert floor.near(Level(10, 1.2), 0.1, 0.004)
 
 
 def test_a_sensor_that_is_moved_is_said_to_stand_otherwise_and_one_that_is_shaken_is_not():
     before, shaken, after = room(10, 0, 1.2), room(11, 0, 1.22), room(16, 0, 1.2)
     first, second = told([before] * 30 + [shaken] * 60 + [after] * 60)
-    assert first[1].near(Floor(10, 0, 1.2), 0.1, 0.004)
+    assert first[1].near(Level(10, 1.2), 0.1, 0.004)
     assert 9.0 <= second[0] <= 15.0
-    assert second[1].near(Floor(16, 0, 1.2), 0.1, 0.004)
+    assert second[1].near(Level(16, 1.2), 0.1, 0.004)
 
 
 def test_nothing_is_said_while_the_sensor_swings():

@@ -4,8 +4,8 @@ import time
 import numpy as np
 import pytest
 
+from capture.level import Level
 from engine_bridge.live import performers
-from engine_bridge.live.level import Level
 from engine_bridge.live.role import Calibration
 
 

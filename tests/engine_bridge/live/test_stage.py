@@ -7,10 +7,10 @@ import pytest
 
 from capture.events import TICK, Cue, Lost, Tick
 from capture.fusion.pose import Pose
+from capture.level import Level
 from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
-from engine_bridge.live.level import Level
 from engine_bridge.live.line import PREPARATION
 from engine_bridge.live.memory import pack
 from engine_bridge.live.role import Manner

@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from capture.fusion.pose import Pose
+from capture.level import Level, level_of
 from capture.skeleton import JOINT_INDEX, JOINTS
-from engine_bridge.live.level import Level, level_of
+
+from .network.conftest import STANDING
 
 
 def turned(pose, degrees, height):
@@ -15,9 +17,9 @@ def turned(pose, degrees, height):
 
 
 @pytest.fixture
-def upright(standing):
-    """The performer on the floor: ankles at their height above it, legs and trunk in one line."""
-    pose = standing.copy()
+def upright():
+    """Somebody on the floor: ankles at their height above it, legs and trunk in one line."""
+    pose = np.array([STANDING[name] for name in JOINTS]) + np.array([0.0, 0.0, 2.5])
     pose[:, 2] = 2.5 + 0.2 * (pose[:, 2] - 2.5)
     pose[:, 1] += 0.09 - pose[[JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]], 1].mean()
     return pose

@@ -38,6 +38,11 @@ class Level:
     height: float = 0.0
     roll: float = 0.0
 
+    def near(self, other: "Level", degrees: float, metres: float) -> bool:
+        """Tell whether another sensor stands about the same."""
+        turned = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
+        return turned <= degrees and abs(self.height - other.height) <= metres
+
     def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, from the floor where its height is known."""
         if self == Level():

@@ -11,7 +11,6 @@ A joint that depth misses is as far before or behind that neighbour as the track
 
 import numba
 import numpy as np
-from numba.core import types
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
@@ -82,6 +81,8 @@ def lift(
     (depths, known, scale) or None
         (20,) float64 metres along z, (20,) bool, float. None where too few joints have any depth.
     """
+    depth = np.ascontiguousarray(depth).view()
+    depth.flags.writeable = False  # whatever a device gives, one kind of array: nothing is compiled for another one
     depths, known, scale = _lift(depth, focal, pixels, rays, guessed, lengths, confidence)
     return None if np.isnan(scale) else (depths, known, scale)
 
@@ -90,17 +91,15 @@ def lift(
 def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the known depths around a pixel in metres, sorted."""
     height, width = depth.shape
-    if not (0 <= pixel[0] < width and 0 <= pixel[1] < height):
-        return np.empty(0)
-    column, row = int(pixel[0]), int(pixel[1])
-    reach = min(max(_NARROWEST, round(radius)), _WIDEST)
+    column, row, reach = int(pixel[0]), int(pixel[1]), min(max(_NARROWEST, round(radius)), _WIDEST)
     values = np.empty((2 * reach + 1) ** 2)
     count = 0
-    for y in range(max(0, row - reach), min(height, row + reach + 1)):
-        for x in range(max(0, column - reach), min(width, column + reach + 1)):
-            if depth[y, x] > 0:
-                values[count] = depth[y, x] / 1000
-                count += 1
+    if 0 <= pixel[0] < width and 0 <= pixel[1] < height:
+        for y in range(max(0, row - reach), min(height, row + reach + 1)):
+            for x in range(max(0, column - reach), min(width, column + reach + 1)):
+                if depth[y, x] > 0:
+                    values[count] = depth[y, x] / 1000
+                    count += 1
     return np.sort(values[:count])
 
 
@@ -112,7 +111,10 @@ def _median(ordered):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 @numba.njit(cache=True, nogil=True)
 def _may_be(ray, z, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Say whether a joint can be at depth z; `beside_z` is NaN where its neighbour's is not known."""
-    length = np.sqrt(((ray * z - beside * beside_z) ** 2).sum())
+    square = 0.0
+    for axis in range(3):
+        square += (ray[axis] * z - beside[axis] * beside_z) ** 2
+    length = np.sqrt(square)
     if length > _LONGEST * bone:
         return False
     return abs(z - guess) < _GUESS or abs(length - bone) < _BONE * bone
@@ -122,45 +124,40 @@ def _may_be(ray, z, guess, bone, beside, beside_z):  # type: ignore[no-untyped-d
 def _surface(window, skin, ray, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the depth of a joint behind the nearest surface that can be its own, NaN if there is none."""
     enough = _LEAST * len(window)
-    rest = window
-    while len(rest) > enough:
-        end = np.searchsorted(rest, rest[0] + _SURFACE)
-        z = _median(rest[:end]) + skin
-        if end > enough and _may_be(ray, z, guess, bone, beside, beside_z):
+    start = 0
+    while len(window) - start > enough:
+        end = start
+        while end < len(window) and window[end] < window[start] + _SURFACE:
+            end += 1
+        z = _median(window[start:end]) + skin
+        if end - start > enough and _may_be(ray, z, guess, bone, beside, beside_z):
             return z
-        rest = rest[end:]
+        start = end
     return np.nan
 
 
-# One signature for whatever kind of array a device gives, so that nothing is compiled while somebody performs.
-@numba.njit(
-    (
-        types.Array(numba.uint16, 2, "A", readonly=True),
-        numba.float64,
-        *[types.Array(numba.float64, dimensions, "A", readonly=True) for dimensions in (2, 2, 1, 1)],
-        types.Array(numba.float32, 1, "A", readonly=True),
-    ),
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def _lift(depth, focal, pixels, rays, guessed, lengths, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     joints = len(pixels)
-    windows = [
-        _window(depth, pixels[j], _WINDOW * focal / guessed[j]) if confidence[j] >= SEEN else np.empty(0)
-        for j in range(joints)
-    ]
-    scales = np.array(
-        [(_median(windows[j]) + SKIN_TO_JOINT[j]) / guessed[j] for j in range(joints) if len(windows[j]) > 0]
-    )
     depths, known = np.empty(joints), np.zeros(joints, np.bool_)
-    if len(scales) < _ENOUGH:
+    scales, count = np.empty(joints), 0
+    for j in range(joints):
+        if confidence[j] >= SEEN:
+            window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
+            if len(window) > 0:
+                scales[count] = (_median(window) + SKIN_TO_JOINT[j]) / guessed[j]
+                count += 1
+    if count < _ENOUGH:
         return depths, known, np.nan
-    scale = np.median(scales)  # whatever hides a joint, or lies behind it, is in the minority
+    scale = _median(np.sort(scales[:count]))  # whatever hides a joint, or lies behind it, is in the minority
     for j in range(joints):
         near = NEIGHBORS[j]
         beside_z = depths[near] if near >= 0 and known[near] else np.nan
         guess, bone = guessed[j] * scale, lengths[j] * scale
-        z = _surface(windows[j], SKIN_TO_JOINT[j], rays[j], guess, bone, rays[near], beside_z)
+        z = np.nan
+        if confidence[j] >= SEEN:
+            window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
+            z = _surface(window, SKIN_TO_JOINT[j], rays[j], guess, bone, rays[near], beside_z)
         known[j] = not np.isnan(z)
         if known[j]:
             depths[j] = z

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.sensors.picture import Person, Picture
-from capture.sensors.placing import Placing
+from capture.sensors.placing import Placing, rehearse
 from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SourceError
 
@@ -68,6 +68,7 @@ class MediaPipePose:
 
     def __init__(self, height: float = HEIGHT) -> None:
         self._pose: Any = library().Pose(model_complexity=1)  # the one whose model comes with it
+        rehearse()
         self._height = height
         self._placing: Placing | None = None
         self._person: Person | None = None

@@ -163,6 +163,15 @@ def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # no
     return placed
 
 
+def rehearse() -> None:
+    """Place a made-up body, so that nothing is compiled when somebody comes: that takes seconds."""
+    lens = Lens(64, 48, 60.0)
+    posture = np.random.default_rng(0).normal(0, 0.3, (len(JOINTS), 3))
+    joints = posture + np.array([0.0, 0.0, 3.0])
+    sure, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3000, np.uint16)
+    Placing(1.7).place(0.0, lens, lens.project(joints), posture, sure, depth)
+
+
 class _Mean:
     """The weighted mean of what was added, which slowly forgets."""
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from capture import body
+from capture.sensors import lifting
 from capture.sensors.lifting import NEIGHBORS, SKIN_TO_JOINT, lift
 from capture.sensors.picture import Lens
+from capture.sensors.placing import rehearse
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS, TRACKED
 
 LENS = Lens(640, 480, 500.0)
@@ -140,14 +142,17 @@ def test_too_few_joints_with_depth_tell_nothing(joints):
     assert lifted(depth, joints, confidence=sure) is None
 
 
-def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same(joints):
+def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_nothing_compiled_for_it(joints):
     depth = drawn(joints)
+    rehearse()
+    compiled = list(lifting._lift.signatures)
     expected = lifted(depth, joints)
     locked = depth.copy()
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
         for one, other in zip(lifted(same, joints), expected, strict=True):
             np.testing.assert_array_equal(one, other)
+    assert lifting._lift.signatures == compiled
 
 
 def test_neighbours_stand_before_their_joints():

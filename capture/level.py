@@ -20,6 +20,10 @@ STEEPEST = 50.0
 """Degrees of tilt beyond which a pose is taken for something else than standing."""
 
 
+MOVED = 2.0, 0.06
+"""Degrees and metres by which a sensor that was moved stands otherwise; less is how it was measured."""
+
+
 @dataclass(frozen=True, slots=True)
 class Level:
     """How a sensor stands.

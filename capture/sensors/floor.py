@@ -12,7 +12,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.level import Level
+from capture.level import MOVED, Level
 from capture.sensors.picture import Lens, Picture
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ _NOISE, _NOISE_SQUARED = 0.015, 0.001  # metres from the plane that are noise, a
 _LEAST = 0.06  # of the points that must be on the floor
 _BENEATH = 0.02  # of the points that may be beneath it: reflections
 _AGREEING = 5  # measurements that must be about the same
-_SAME, _MOVED = (1.0, 0.03), (2.0, 0.06)  # degrees and metres that are noise, and those of a sensor that was moved
+_SAME = 1.0, 0.03  # degrees and metres between them that are noise
 _FIRST, _LATER = 0.2, 1.0  # seconds between measurements, until the first result and from then on
 _EXTENT = 0.6  # metres that the floor must extend both across and away: a strip tells no tilt
 
@@ -126,7 +126,7 @@ class FloorWatch:
         self._found.append(found)
         middle = Level(*np.median([astuple(each) for each in self._found], axis=0).tolist())
         agreed = len(self._found) == _AGREEING and all(each.near(middle, *_SAME) for each in self._found)
-        if not agreed or (self._said is not None and self._said.near(middle, *_MOVED)):
+        if not agreed or (self._said is not None and self._said.near(middle, *MOVED)):
             return None
         self._said = middle
         return middle

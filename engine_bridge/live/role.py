@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from capture import body
 from capture.events import TICK
-from capture.level import Level, level_of
+from capture.level import MOVED, Level, level_of
 from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge import puppet as puppet_file
@@ -245,8 +245,8 @@ class Role:
 
     def set_level(self, level: Level) -> None:
         """Take over how the sensor stands: at once, or with the next calibration where somebody performs."""
-        if self._floor is not None:  # it was moved, and who comes back is seen from elsewhere
-            self._remembered = {}
+        if self._floor is not None and not level.near(self._floor, *MOVED):
+            self._remembered = {}  # who comes back is seen from elsewhere
         self._floor = level
         if self._part is None:
             self._level = self._as_told(level)

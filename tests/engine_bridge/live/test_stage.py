@@ -414,7 +414,8 @@ def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage
     last = kung_fu[149].time
     away = ticks(last, 2.0)
     back = [moved(frame, time=last + 2.0 + (k + 1) * TICK) for k, frame in enumerate(kung_fu[:60])]
-    for between, known in (([], True), ([level(last + 2.0, tilt=20.0)], False)):
+    opened_again = level(last + 2.0, tilt=12.5)
+    for between, known in (([], True), ([opened_again], True), ([level(last + 2.0, tilt=20.0)], False)):
         stage = make_stage()
         play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:150], *away, *between, *back[:1]])
         assert (stage.roles[0].next_part is not None) == known

@@ -17,6 +17,10 @@ import numpy as np
 import pytest
 from pythonosc.osc_message import OscMessage
 
+from capture import body
+from capture.events import Cue
+from capture.recording import Recorder
+from capture.skeleton import JOINT_INDEX
 from engine_bridge.live.discovery import find
 from engine_bridge.live.scene import Scene
 from solver.binding import Binding
@@ -364,3 +368,26 @@ def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(b
         process.terminate()
         assert process.wait(60) == 0
         process.stdout.close()
+
+
+def test_the_status_says_how_tall_the_performer_is_and_how_the_sensor_stands(serve, blob_puppet, tmp_path, kung_fu):
+    stands = {"tilt": 12.0, "height": 1.3, "roll": -2.0}
+    with Recorder(tmp_path / "take.log") as recorder:
+        recorder.write(Cue(kung_fu[0].time, "level", stands))
+        for frame in kung_fu:
+            recorder.write(frame)
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'take.log'}?loop")
+
+    def stage():
+        return service.ask("describe")["status"]["stages"][0]
+
+    while not (users := stage()["users"]) or users[0]["state"] == "waiting":
+        time.sleep(0.02)
+    assert users[0]["state"] == "performing" or (users[0]["height"], users[0]["reach"]) == (None, None)
+    while not (users := stage()["users"]) or users[0]["state"] != "performing":
+        time.sleep(0.02)
+    rest = body.resting_pose(np.stack([f.positions for f in kung_fu]), np.stack([f.confidence for f in kung_fu]), 0, 30)
+    hands = [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]
+    assert users[0]["height"] == pytest.approx(body.height(rest), abs=0.01)
+    assert users[0]["reach"] == pytest.approx(body.reach(rest)[hands].mean(), abs=0.01)
+    assert stage()["sensor"] == stands

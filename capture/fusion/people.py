@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from capture.body import LIMB_ROOTS
 from capture.events import Lost
-from capture.fusion.joints import Sight, fuse, other_way_round
+from capture.fusion.joints import OLDEST, Sight, fuse, other_way_round
 from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame
 
 NEAR, FAR = 0.45, 0.8
@@ -73,7 +73,9 @@ class People:
         led = any(sight.time > frame.time - LEAD and before < sensor for before, sight in performer.sights.items())
         if led or (performer.given is not None and frame.time <= performer.given.time):
             return None
-        positions, confidence = fuse(list(performer.sights.values()), frame.time)
+        before = performer.given
+        recent = before.positions if before is not None and frame.time - before.time <= OLDEST else None
+        positions, confidence = fuse(list(performer.sights.values()), frame.time, recent)
         performer.given = SkeletonFrame(frame.time, performer.user, positions, confidence)
         return performer.given
 

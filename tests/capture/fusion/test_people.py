@@ -77,6 +77,18 @@ def test_two_sensors_beat_the_better_one_alone_in_the_turn(
     assert fused.mean() < 0.025
 
 
+@pytest.mark.parametrize(("count", "most"), [(2, 0.05), (3, 0.025)])
+def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
+    turn, count, most, virtual_sensor, here, beside, opposite, people, true_positions
+):
+    """The mean of all would be 8 cm off. What only one of two sees is where that one says."""
+    sensors = [virtual_sensor(pose, seed=1 + k, wrong=0.1) for k, pose in enumerate([here, beside, opposite][:count])]
+    frames = together(people, *(placed(s, s.record(turn, phase=0.01 * k)) for k, s in enumerate(sensors)))
+    true = true_positions(turn, np.array([frame.time for frame in frames]))
+    apart = np.linalg.norm(np.stack([frame.positions for frame in frames]) - true, axis=2)
+    assert apart.mean() < most
+
+
 def test_the_first_sensor_sets_the_pace_and_the_next_one_goes_on_without_it(people, body):
     frames = together(
         people,

@@ -1,7 +1,7 @@
 """Who is who among what several sensors see, and which way round; pure bookkeeping, without clocks or sockets."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from capture.body import LIMB_ROOTS
 from capture.events import Lost
 from capture.fusion.joints import OLDEST, Sight, fuse, other_way_round
-from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame
+from capture.fusion.walking import ENOUGH, Walk
+from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame
 
 NEAR, FAR = 0.45, 0.8
 """Metres between two sensors' ideas of where a body is, up to which it is one performer's, and from which it is not."""
@@ -36,10 +37,17 @@ class _Performer:
     users: dict[int, int] = field(default_factory=dict)
     sights: dict[int, Sight] = field(default_factory=dict)
     given: SkeletonFrame | None = None
+    walk: Walk = field(default_factory=Walk)
 
     @property
     def seen(self) -> float:
         return max((sight.time for sight in self.sights.values()), default=-math.inf)
+
+    def turn_round(self) -> None:
+        """Exchange left and right."""
+        self.sights = {sensor: sight.swapped() for sensor, sight in self.sights.items()}
+        self.given = None if self.given is None else _swapped(self.given)
+        self.walk.forwards *= -1
 
 
 class People:
@@ -77,6 +85,9 @@ class People:
         recent = before.positions if before is not None and frame.time - before.time <= OLDEST else None
         positions, confidence = fuse(list(performer.sights.values()), frame.time, recent)
         performer.given = SkeletonFrame(frame.time, performer.user, positions, confidence)
+        performer.walk.follow(performer.given)
+        if performer.walk.forwards < -ENOUGH and frame.time - performer.since >= FOUNDING:
+            performer.turn_round()
         return performer.given
 
     def lose(self, sensor: int, user: int, time: float) -> list[Lost]:
@@ -149,8 +160,7 @@ def _unlike(one: SkeletonFrame, other: Sight | SkeletonFrame) -> bool:
 
 
 def _swapped(frame: SkeletonFrame) -> SkeletonFrame:
-    sight = Sight.after(None, frame).swapped()
-    return SkeletonFrame(frame.time, frame.user, sight.positions, sight.confidence)
+    return replace(frame, positions=frame.positions[OPPOSITE], confidence=frame.confidence[OPPOSITE])
 
 
 def _place(seen: Sight | SkeletonFrame) -> NDArray[np.float64]:

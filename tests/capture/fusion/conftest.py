@@ -94,6 +94,12 @@ def true_positions():
 
 
 @pytest.fixture(scope="session")
+def turned():
+    """Make of a clip one whose performer turns round once, from one second to another."""
+    return turning
+
+
+@pytest.fixture(scope="session")
 def here():
     """The pose of the first sensor."""
     return Pose(np.eye(3), np.zeros(3))

@@ -1,9 +1,9 @@
 """Which way somebody walks: forwards, so it tells front from back where sensors cannot."""
 
+import cmath
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
@@ -18,11 +18,8 @@ STEADY = 0.3
 GAP = 0.5
 """Seconds between frames after which it begins anew."""
 
-_LEFT = [JOINT_INDEX[name] for name in ("shoulder_left", "hip_left")]
-_RIGHT = [JOINT_INDEX[name] for name in ("shoulder_right", "hip_right")]
-_SPINE = JOINT_INDEX["shoulder_center"], JOINT_INDEX["hip_center"]
-
-Array = NDArray[np.float64]
+_CORNERS = [JOINT_INDEX[name] for name in ("shoulder_left", "hip_left", "shoulder_right", "hip_right")]
+_MIDDLE_AND_ACROSS = np.array([[0.25, 0.25, 0.25, 0.25], [-0.5, -0.5, 0.5, 0.5]])
 
 
 class Walk:
@@ -36,22 +33,20 @@ class Walk:
 
     def __init__(self) -> None:
         self.forwards = 0.0
-        self._velocity = np.zeros(3)
-        self._time, self._place = -math.inf, np.zeros(3)
+        self._time, self._place, self._velocity = -math.inf, 0j, 0j  # on the floor: x, and z times i
 
     def follow(self, frame: SkeletonFrame) -> None:
         """Take in the next frame; it says nothing where shoulders or hips are not known."""
-        left, right = frame.positions[_LEFT].mean(axis=0), frame.positions[_RIGHT].mean(axis=0)
-        top, bottom = frame.positions[_SPINE, :]
-        place, ahead = (left + right) / 2, np.cross(top - bottom, right - left)
-        if not np.isfinite(place + ahead).all():
+        (x, _, z), (right, _, back) = (_MIDDLE_AND_ACROSS @ frame.positions[_CORNERS]).tolist()
+        place, ahead = complex(x, z), complex(back, -right)
+        if not ahead or not cmath.isfinite(place + ahead):
             return
         seconds, moved = frame.time - self._time, place - self._place
         self._time, self._place = frame.time, place
         if seconds > GAP:
-            self.forwards, self._velocity = 0.0, np.zeros(3)
+            self.forwards, self._velocity = 0.0, 0j
             return
         self._velocity += (1 - math.exp(-seconds / STEADY)) * (moved / seconds - self._velocity)
-        speed = float(self._velocity @ ahead) / math.hypot(*ahead)
-        if abs(speed) > max(PACE, ALONG * math.hypot(*self._velocity)):
+        speed = (self._velocity * ahead.conjugate()).real / abs(ahead)
+        if abs(speed) > max(PACE, ALONG * abs(self._velocity)):
             self.forwards = min(self.forwards + speed * seconds, ENOUGH)

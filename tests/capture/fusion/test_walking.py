@@ -27,8 +27,8 @@ def walked(walk):
 def test_what_is_walked_counts_once_the_mean_speed_is_that_of_walking(walked):
     """The mean over 0.3 s is 1 - exp(-k / 9) m/s k frames after the start, and from the ninth on more than 0.6."""
     counted = sum(1 - np.exp(-k / 9) for k in range(9, 30)) / 30
-    assert walked(FORWARDS) == pytest.approx(counted, rel=1e-2)  # the body leans a little
-    assert walked(-FORWARDS) == pytest.approx(-counted, rel=1e-2)
+    assert walked(FORWARDS) == pytest.approx(counted)
+    assert walked(-FORWARDS) == pytest.approx(-counted)
     assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(ENOUGH - 5 + 0.6, abs=0.2)
 
 

@@ -43,11 +43,18 @@ class _Performer:
     def seen(self) -> float:
         return max((sight.time for sight in self.sights.values()), default=-math.inf)
 
-    def turn_round(self) -> None:
-        """Exchange left and right."""
-        self.sights = {sensor: sight.swapped() for sensor, sight in self.sights.items()}
-        self.given = None if self.given is None else _swapped(self.given)
-        self.walk.forwards *= -1
+    def frame(self, moment: float) -> SkeletonFrame:
+        """Make the frame of a moment, the other way round from the one in which walking has told that."""
+        before = self.given
+        recent = before.positions if before is not None and moment - before.time <= OLDEST else None
+        given = SkeletonFrame(moment, self.user, *fuse(list(self.sights.values()), moment, recent))
+        self.walk.follow(given)
+        if self.walk.forwards < -ENOUGH and moment - self.since >= FOUNDING:
+            self.walk.forwards *= -1
+            self.sights = {sensor: sight.swapped() for sensor, sight in self.sights.items()}
+            given = _swapped(given)
+        self.given = given
+        return given
 
 
 class People:
@@ -81,14 +88,7 @@ class People:
         led = any(sight.time > frame.time - LEAD and before < sensor for before, sight in performer.sights.items())
         if led or (performer.given is not None and frame.time <= performer.given.time):
             return None
-        before = performer.given
-        recent = before.positions if before is not None and frame.time - before.time <= OLDEST else None
-        positions, confidence = fuse(list(performer.sights.values()), frame.time, recent)
-        performer.given = SkeletonFrame(frame.time, performer.user, positions, confidence)
-        performer.walk.follow(performer.given)
-        if performer.walk.forwards < -ENOUGH and frame.time - performer.since >= FOUNDING:
-            performer.turn_round()
-        return performer.given
+        return performer.frame(frame.time)
 
     def lose(self, sensor: int, user: int, time: float) -> list[Lost]:
         """Take in that a sensor has lost somebody; return who is gone for all of them."""

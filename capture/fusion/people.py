@@ -44,7 +44,7 @@ class _Performer:
         return max((sight.time for sight in self.sights.values()), default=-math.inf)
 
     def frame(self, moment: float) -> SkeletonFrame:
-        """Make the frame of a moment, the other way round from the one in which walking has told that."""
+        """Make the frame of a moment; from where walking tells that left is right, they are exchanged."""
         before = self.given
         recent = before.positions if before is not None and moment - before.time <= OLDEST else None
         given = SkeletonFrame(moment, self.user, *fuse(list(self.sights.values()), moment, recent))

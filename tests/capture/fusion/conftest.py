@@ -22,12 +22,22 @@ GROSS = 0.4
 def turning(clip, begin, end):
     """Return a clip whose performer turns round once, about the place where he stands."""
     part = np.clip((clip.times - begin) / (end - begin), 0, 1)
-    angle = 2 * np.pi * part**2 * (3 - 2 * part)
-    middle = clip.positions[:, :1].copy()
-    middle[..., 1] = 0
+    place = clip.positions[:, :1] * [1, 0, 1]
+    return headed(clip, 2 * np.pi * part**2 * (3 - 2 * part), place)
+
+
+def circling(clip, start):
+    """Return a clip whose performer walks in a circle, a metre a second, and faces ahead."""
+    angle = start + clip.times
+    way = np.stack([np.cos(angle), 0 * angle, 2.7 - np.sin(angle)], axis=1)
+    return headed(clip, angle, way[:, None])
+
+
+def headed(clip, angle, place):
+    """Return a clip whose performer is turned to the left by angles (T,), at places (T, 1, 3) on the floor."""
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=1).reshape(-1, 3, 3)
-    positions = np.einsum("tij,tkj->tki", turn, clip.positions - middle) + middle
+    positions = np.einsum("tij,tkj->tki", turn, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
     return SkeletonClip(clip.format, clip.user, clip.times, positions, clip.confidence)
 
 
@@ -97,6 +107,12 @@ def true_positions():
 def turned():
     """Make of a clip one whose performer turns round once, from one second to another."""
     return turning
+
+
+@pytest.fixture(scope="session")
+def circled():
+    """Make of a clip one whose performer walks in a circle, beginning in some direction (radians, 0 to the sensor)."""
+    return circling
 
 
 @pytest.fixture(scope="session")

@@ -182,6 +182,19 @@ def test_who_comes_in_with_the_back_to_all_sensors_is_turned_round_once_by_walki
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("start", range(8))
+@pytest.mark.parametrize("other", ["beside", "behind"])
+def test_whoever_walks_in_circles_is_soon_the_right_way_round_and_stays_so(
+    walk, start, other, request, virtual_sensor, here, people, true_positions, circled
+):
+    poses = here, request.getfixturevalue(other)
+    sensors = [virtual_sensor(pose, seed=start + k) for k, pose in enumerate(poses)]
+    exchanged = sides_exchanged(people, sensors, circled(walk, start * np.pi / 4), true_positions)
+    assert not exchanged[2 * 30 :].any()
+    assert (np.diff(exchanged[30:].astype(int)) <= 0).all()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(PERFORMANCES))
 @pytest.mark.parametrize("begin", [1.2, 2.0])
 @pytest.mark.parametrize("others", [["beside"], ["behind"], ["beside", "opposite"]])

@@ -1,15 +1,16 @@
 """Who is who among what several sensors see, and which way round; pure bookkeeping, without clocks or sockets."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import LIMB_ROOTS
 from capture.events import Lost
-from capture.fusion.joints import Sight, fuse, other_way_round
-from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame
+from capture.fusion.joints import OLDEST, Sight, fuse, other_way_round
+from capture.fusion.walking import ENOUGH, Walk
+from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame
 
 NEAR, FAR = 0.45, 0.8
 """Metres between two sensors' ideas of where a body is, up to which it is one performer's, and from which it is not."""
@@ -36,10 +37,24 @@ class _Performer:
     users: dict[int, int] = field(default_factory=dict)
     sights: dict[int, Sight] = field(default_factory=dict)
     given: SkeletonFrame | None = None
+    walk: Walk = field(default_factory=Walk)
 
     @property
     def seen(self) -> float:
         return max((sight.time for sight in self.sights.values()), default=-math.inf)
+
+    def frame(self, moment: float) -> SkeletonFrame:
+        """Make the frame of a moment; from where walking tells that left is right, they are exchanged."""
+        before = self.given
+        recent = before.positions if before is not None and moment - before.time <= OLDEST else None
+        given = SkeletonFrame(moment, self.user, *fuse(list(self.sights.values()), moment, recent))
+        self.walk.follow(given)
+        if self.walk.forwards < -ENOUGH and moment - self.since >= FOUNDING:
+            self.walk.forwards *= -1
+            self.sights = {sensor: sight.swapped() for sensor, sight in self.sights.items()}
+            given = _swapped(given)
+        self.given = given
+        return given
 
 
 class People:
@@ -73,9 +88,7 @@ class People:
         led = any(sight.time > frame.time - LEAD and before < sensor for before, sight in performer.sights.items())
         if led or (performer.given is not None and frame.time <= performer.given.time):
             return None
-        positions, confidence = fuse(list(performer.sights.values()), frame.time)
-        performer.given = SkeletonFrame(frame.time, performer.user, positions, confidence)
-        return performer.given
+        return performer.frame(frame.time)
 
     def lose(self, sensor: int, user: int, time: float) -> list[Lost]:
         """Take in that a sensor has lost somebody; return who is gone for all of them."""
@@ -147,8 +160,7 @@ def _unlike(one: SkeletonFrame, other: Sight | SkeletonFrame) -> bool:
 
 
 def _swapped(frame: SkeletonFrame) -> SkeletonFrame:
-    sight = Sight.after(None, frame).swapped()
-    return SkeletonFrame(frame.time, frame.user, sight.positions, sight.confidence)
+    return replace(frame, positions=frame.positions[OPPOSITE], confidence=frame.confidence[OPPOSITE])
 
 
 def _place(seen: Sight | SkeletonFrame) -> NDArray[np.float64]:

@@ -55,7 +55,8 @@ class FusedSource:
     name : str
         The URI.
     members : sequence of Member
-        The first one that sees a performer sets the pace of the performer's frames.
+        The first one that sees a performer sets the pace of the performer's frames. What the very first says of how its
+        sensor stands (a `Cue` "level") is passed on where its frame is the common one.
     opener : callable
         Opens a member by its URI.
     recorded : bool
@@ -114,7 +115,7 @@ class FusedSource:
         if not self._recorded:
             dues.append(self._given + TICK + self._late)
         polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLLING
-        return min(*dues, polled, math.inf) if dues else time.monotonic()
+        return min(*dues, polled) if dues else time.monotonic()
 
     def now(self) -> float:
         """Return the time on the clock of the events, which is the monotonic one, or runs as the recordings do."""
@@ -242,9 +243,9 @@ class _Line:
         except SourceError:  # only recordings raise it, in the end
             self.ended = True
             return []
-        return [self._placed(event) for event in events if self._counts(event)]
+        return [self._placed(event) for event in events if self._is_news(event)]
 
-    def _counts(self, event: Event) -> TypeGuard[_News]:
+    def _is_news(self, event: Event) -> TypeGuard[_News]:
         """Tell whether an event is one for all: how a sensor stands is, if its frame is everybody's."""
         if isinstance(event, Cue):
             return self._levels and event.do == "level"

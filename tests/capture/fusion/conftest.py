@@ -15,17 +15,29 @@ TRUNK = [JOINT_INDEX[name] for name in ("hip_center", "spine", "shoulder_center"
 
 JITTER, DRIFT, GUESS = 0.003, 0.01, 0.08
 """Metres on each axis: from frame to frame, slow, and slow of a joint that is hidden behind the body."""
+GROSS = 0.4
+"""Metres by which a joint is off that a sensor takes for something else."""
 
 
 def turning(clip, begin, end):
     """Return a clip whose performer turns round once, about the place where he stands."""
     part = np.clip((clip.times - begin) / (end - begin), 0, 1)
-    angle = 2 * np.pi * part**2 * (3 - 2 * part)
-    middle = clip.positions[:, :1].copy()
-    middle[..., 1] = 0
+    place = clip.positions[:, :1] * [1, 0, 1]
+    return headed(clip, 2 * np.pi * part**2 * (3 - 2 * part), place)
+
+
+def circling(clip, start):
+    """Return a clip whose performer walks in a circle, a metre a second, and faces ahead."""
+    angle = start + clip.times
+    way = np.stack([np.cos(angle), 0 * angle, 2.7 - np.sin(angle)], axis=1)
+    return headed(clip, angle, way[:, None])
+
+
+def headed(clip, angle, place):
+    """Return a clip whose performer is turned to the left by angles (T,), at places (T, 1, 3) on the floor."""
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=1).reshape(-1, 3, 3)
-    positions = np.einsum("tij,tkj->tki", turn, clip.positions - middle) + middle
+    positions = np.einsum("tij,tkj->tki", turn, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
     return SkeletonClip(clip.format, clip.user, clip.times, positions, clip.confidence)
 
 
@@ -48,11 +60,12 @@ def hidden(positions):
 class VirtualSensor:
     """Sees what a clip in the common frame shows, from a pose, by a clock of its own.
 
-    A hidden joint is guessed, 8 cm off; from behind, left and right are taken for each other.
+    A hidden joint is guessed, 8 cm off; from behind, left and right are taken for each other. A share of the joints is
+    grossly wrong, and the sensor is sure of them.
     """
 
-    def __init__(self, pose, clock=0.0, seed=None, swaps=True):
-        self.pose, self.clock, self.seed, self.swaps = pose, clock, seed, swaps
+    def __init__(self, pose, clock=0.0, seed=None, swaps=True, wrong=0.0):
+        self.pose, self.clock, self.seed, self.swaps, self.wrong = pose, clock, seed, swaps, wrong
 
     def record(self, clip, phase=0.0):
         times = clip.times[:-1] + phase
@@ -68,6 +81,10 @@ class VirtualSensor:
             slow /= slow.std()
             positions += JITTER * random.standard_normal(positions.shape)
             positions += np.where(behind, GUESS, DRIFT)[..., None] * slow
+            wrong = random.random(behind.shape) < self.wrong
+            way = random.standard_normal(positions.shape)
+            positions[wrong] += (GROSS * way / np.linalg.norm(way, axis=2, keepdims=True))[wrong]
+            confidence[wrong] = TRACKED
         if self.swaps:
             back = (facing(truth) * (truth[:, 0] - self.pose.position)).sum(axis=1) > 0
             positions[back] = positions[back][:, OPPOSITE]
@@ -84,6 +101,18 @@ def truth(clip, times):
 @pytest.fixture(scope="session")
 def true_positions():
     return truth
+
+
+@pytest.fixture(scope="session")
+def turned():
+    """Make of a clip one whose performer turns round once, from one second to another."""
+    return turning
+
+
+@pytest.fixture(scope="session")
+def circled():
+    """Make of a clip one whose performer walks in a circle, beginning in some direction (radians, 0 to the sensor)."""
+    return circling
 
 
 @pytest.fixture(scope="session")
@@ -117,6 +146,12 @@ def virtual_sensor():
 def beside():
     """The pose of a sensor to the performer's right, turned to him."""
     return Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+
+
+@pytest.fixture(scope="session")
+def opposite():
+    """The pose of a sensor to the performer's left, turned to him."""
+    return Pose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
 
 
 @pytest.fixture(scope="session")

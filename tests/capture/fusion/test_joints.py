@@ -14,8 +14,8 @@ def sight(time, x=0.0, speed=0.0, confidence=1.0):
 
 
 def test_equal_sights_give_their_mean_and_one_alone_is_itself():
-    positions, confidence = fuse([sight(1.0, 0.0), sight(1.0, 0.2)], 1.0)
-    np.testing.assert_allclose(positions, 0.1)
+    positions, confidence = fuse([sight(1.0, 0.0), sight(1.0, 0.08)], 1.0)
+    np.testing.assert_allclose(positions, 0.04)
     assert (confidence == 1).all()
     np.testing.assert_array_equal(fuse([sight(1.0, 0.3)], 1.0)[0], 0.3)
 
@@ -28,8 +28,8 @@ def test_a_guess_has_a_sixteenth_of_the_weight():
 
 def test_age_takes_weight_and_motion_is_carried_on_to_the_moment():
     weight = np.exp(-0.03 / FADING)
-    positions, _ = fuse([sight(1.0, 0.0), sight(0.97, 1.0)], 1.0)
-    np.testing.assert_allclose(positions, weight / (1 + weight))
+    positions, _ = fuse([sight(1.0, 0.0), sight(0.97, 0.08)], 1.0)
+    np.testing.assert_allclose(positions, 0.08 * weight / (1 + weight))
     positions, _ = fuse([sight(1.0, 0.5), sight(0.97, 0.44, speed=2.0), sight(1.02, 0.54, speed=2.0)], 1.0)
     np.testing.assert_allclose(positions, 0.5)
 
@@ -48,13 +48,69 @@ def test_what_is_lost_or_too_old_says_nothing():
 
 
 def test_velocities_are_of_joints_known_twice_within_a_short_time():
-    before, after = SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE.copy()), SkeletonFrame(1.1, 1, np.ones((20, 3)), SURE)
+    before, after = (
+        SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE.copy()),
+        SkeletonFrame(1.1, 1, np.full((20, 3), 0.5), SURE),
+    )
     before.confidence[HAND] = 0
     velocities = Sight.after(Sight.after(None, before), after).velocities
-    np.testing.assert_allclose(np.delete(velocities, HAND, axis=0), 10)
+    np.testing.assert_allclose(np.delete(velocities, HAND, axis=0), 5)
     assert (velocities[HAND] == 0).all()
     late = SkeletonFrame(1.0 + 2 * OLDEST, 1, np.ones((20, 3)), SURE)
     assert (Sight.after(Sight.after(None, before), late).velocities == 0).all()
+
+
+def test_what_would_be_faster_than_anybody_is_not_carried_on():
+    positions = np.zeros((20, 3))
+    positions[HAND, 0], positions[0, 0] = 0.34, 0.32  # in a thirtieth of a second: 10.2 and 9.6 m/s
+    before = Sight.after(None, SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE))
+    velocities = Sight.after(before, SkeletonFrame(1 + 1 / 30, 1, positions, SURE)).velocities
+    np.testing.assert_allclose(velocities[:, 0], np.where(np.arange(20) == 0, 9.6, 0))
+
+
+def with_hand(x, confidence=1.0):
+    """Return somebody who stands at the origin, and whose left hand is somewhere along x."""
+    seen = sight(1.0)
+    seen.positions[HAND, 0], seen.confidence[HAND] = x, confidence
+    return seen
+
+
+def fused_hand(*sights, before=None):
+    positions, confidence = fuse(sights, 1.0, None if before is None else with_hand(before).positions)
+    np.testing.assert_array_equal(np.delete(positions, HAND, axis=0), 0)
+    assert (np.delete(confidence, HAND) == 1).all()
+    np.testing.assert_allclose(positions[HAND, 1:], 0, atol=1e-15)
+    return positions[HAND, 0], confidence[HAND]
+
+
+@pytest.mark.parametrize("wrong", [0, 1, 2])
+def test_of_three_who_see_a_joint_the_one_far_from_the_others_does_not_count(wrong):
+    hands = [with_hand(x) for x in np.insert([0.0, 0.02], wrong, 0.42)]
+    assert fused_hand(*hands) == pytest.approx((0.01, 1))
+    assert fused_hand(*hands, before=0.42) == pytest.approx((0.01, 1))  # the others are two
+
+
+@pytest.mark.parametrize(("before", "found"), [(0.05, 0.0), (0.35, 0.4)])
+def test_of_two_the_one_counts_that_is_where_the_joint_was(before, found):
+    assert fused_hand(with_hand(0.0), with_hand(0.4), before=before) == pytest.approx((found, 1))
+    assert fused_hand(with_hand(0.4), with_hand(0.0), before=before) == pytest.approx((found, 1))
+
+
+def test_what_is_seen_prevails_over_a_guess_that_is_where_the_joint_was():
+    sure, guess = with_hand(0.0), with_hand(0.34, confidence=0.5)
+    assert fused_hand(sure, guess, before=0.34) == pytest.approx((0.02, 1))
+    assert fused_hand(with_hand(0.0, 0.5), guess, before=0.34) == pytest.approx((0.17, 0.5))  # of guesses all count
+
+
+def test_up_to_fifteen_centimetres_they_are_of_one_mind():
+    assert fused_hand(with_hand(0.0), with_hand(0.149), before=0.0) == pytest.approx((0.0745, 1))
+    assert fused_hand(with_hand(0.0), with_hand(0.151), before=0.0) == pytest.approx((0, 1))
+
+
+def test_who_does_not_know_a_joint_has_no_say_in_it():
+    lost = with_hand(np.nan, confidence=0.0)
+    assert fused_hand(lost, with_hand(0.4), before=0.0) == pytest.approx((0.4, 1))
+    assert fused_hand(lost, with_hand(0.4), with_hand(0.5)) == pytest.approx((0.45, 1))
 
 
 @pytest.mark.parametrize("frame", [0, 100, 200])

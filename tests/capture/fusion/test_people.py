@@ -3,6 +3,7 @@ from heapq import merge
 
 import numpy as np
 import pytest
+from puppetline.examples.performances import PERFORMANCES, clean
 
 from capture.events import Lost
 from capture.fusion.people import FRESH, LEAD, REMEMBERED, People
@@ -77,6 +78,18 @@ def test_two_sensors_beat_the_better_one_alone_in_the_turn(
     assert fused.mean() < 0.025
 
 
+@pytest.mark.parametrize(("count", "most"), [(2, 0.05), (3, 0.025)])
+def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
+    turn, count, most, virtual_sensor, here, beside, opposite, people, true_positions
+):
+    """The mean of all would be 8 cm off. What only one of two sees is where that one says."""
+    sensors = [virtual_sensor(pose, seed=1 + k, wrong=0.1) for k, pose in enumerate([here, beside, opposite][:count])]
+    frames = together(people, *(placed(s, s.record(turn, phase=0.01 * k)) for k, s in enumerate(sensors)))
+    true = true_positions(turn, np.array([frame.time for frame in frames]))
+    apart = np.linalg.norm(np.stack([frame.positions for frame in frames]) - true, axis=2)
+    assert apart.mean() < most
+
+
 def test_the_first_sensor_sets_the_pace_and_the_next_one_goes_on_without_it(people, body):
     frames = together(
         people,
@@ -142,6 +155,55 @@ def test_afterwards_they_are_as_they_were(people, body):
         np.testing.assert_allclose(people.see(0, body(k / 30, swapped=True)).positions, body(0).positions)
     later = people.see(0, body(3.0 + FRESH, swapped=True))
     np.testing.assert_allclose(later.positions, body(0, swapped=True).positions)
+
+
+def sides_exchanged(people, sensors, clip, truth):
+    """Return which frames that come of a clip have left and right exchanged."""
+    frames = together(people, *(placed(s, s.record(clip, phase=0.013 * k)) for k, s in enumerate(sensors)))
+    true = truth(clip, np.array([frame.time for frame in frames]))
+    found = np.stack([frame.positions for frame in frames])
+    as_it_is, exchanged = (np.linalg.norm(each - true, axis=2).mean(axis=1) for each in (found, found[:, OPPOSITE]))
+    return exchanged < as_it_is
+
+
+@pytest.mark.parametrize("seed", [1, 5, 9])
+def test_who_comes_in_with_the_back_to_all_sensors_is_turned_round_once_by_walking(
+    walk, seed, virtual_sensor, here, beside, people, true_positions, turned
+):
+    """Two metres away from them, and then a turn on the spot."""
+    middle = walk.positions[:, :1] * [1, 0, 1]
+    place = np.minimum(1.0 * walk.times, 2.0)[:, None, None] * [0, 0, 1] + [0.3, 0, 1.5]
+    clip = replace(walk, positions=(walk.positions - middle) * [-1, 1, -1] + place)
+    sensors = [virtual_sensor(pose, seed=seed + k) for k, pose in enumerate((here, beside))]
+    exchanged = sides_exchanged(people, sensors, turned(clip, 3.0, 7.0), true_positions)
+    assert exchanged[0]
+    assert np.flatnonzero(np.diff(exchanged)).size == 1
+    assert np.flatnonzero(exchanged)[-1] < 2.0 * 30
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", range(8))
+@pytest.mark.parametrize("other", ["beside", "behind"])
+def test_whoever_walks_in_circles_is_soon_the_right_way_round_and_stays_so(
+    walk, start, other, request, virtual_sensor, here, people, true_positions, circled
+):
+    poses = here, request.getfixturevalue(other)
+    sensors = [virtual_sensor(pose, seed=start + k) for k, pose in enumerate(poses)]
+    exchanged = sides_exchanged(people, sensors, circled(walk, start * np.pi / 4), true_positions)
+    assert not exchanged[2 * 30 :].any()
+    assert (np.diff(exchanged[30:].astype(int)) <= 0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(PERFORMANCES))
+@pytest.mark.parametrize("begin", [1.2, 2.0])
+@pytest.mark.parametrize("others", [["beside"], ["behind"], ["beside", "opposite"]])
+def test_no_turn_exchanges_the_sides(
+    name, begin, others, request, virtual_sensor, here, people, true_positions, turned
+):
+    poses = [here, *(request.getfixturevalue(each) for each in others)]
+    sensors = [virtual_sensor(pose, seed=3 + k) for k, pose in enumerate(poses)]
+    assert not sides_exchanged(people, sensors, turned(clean(name), begin, begin + 2.0), true_positions).any()
 
 
 def test_nobody_is_seen_where_no_joint_is_known(people, body):

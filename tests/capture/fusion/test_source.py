@@ -132,7 +132,9 @@ def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opene
         source.receive()
     assert len(opened["b"]) == 1
     again = time.monotonic()
+    assert select([descriptor], [], [], 0)[0] == []
     opened["a"][1].show(frame(here, again))
+    assert select([descriptor], [], [], PATIENCE)[0] == [descriptor]
     assert [(event.time, event.user) for event in next_events(source)] == [(again, 1)]
     assert source.fileno() == descriptor
     assert source.counts.received == 2  # counted on where the member failed

@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from capture.fusion.walking import ENOUGH, GAP, PACE, Walk
+from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
+
+SURE = np.ones(20, dtype=np.float32)
+FORWARDS, SIDEWAYS, UP = np.array([0, 0, -1.0]), np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+
+
+@pytest.fixture
+def walked(walk):
+    """Follow somebody who faces the sensor and moves evenly, 30 times a second; return how far that was forwards."""
+
+    def follow(*velocities, seconds=1.0, body=None, pause=0.0):
+        found, time, place = Walk(), 0.0, np.zeros(3)
+        for velocity in velocities:
+            for _ in range(round(30 * seconds)):
+                found.follow(SkeletonFrame(time, 1, (walk.positions[0] if body is None else body) + place, SURE))
+                time, place = time + 1 / 30, place + velocity / 30
+            time += pause
+        return found.forwards
+
+    return follow
+
+
+def test_what_is_walked_counts_once_the_mean_speed_is_that_of_walking(walked):
+    """The mean over 0.3 s is 1 - exp(-k / 9) m/s k frames after the start, and from the ninth on more than 0.6."""
+    counted = sum(1 - np.exp(-k / 9) for k in range(9, 30)) / 30
+    assert walked(FORWARDS) == pytest.approx(counted)
+    assert walked(-FORWARDS) == pytest.approx(-counted)
+    assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(ENOUGH - 5 + 0.6, abs=0.2)
+
+
+def test_exchanging_the_sides_exchanges_the_ways(walked, walk):
+    assert walked(FORWARDS, body=walk.positions[0][OPPOSITE]) == pytest.approx(-walked(FORWARDS), rel=1e-9)
+
+
+@pytest.mark.parametrize("velocity", [SIDEWAYS, UP, -0.95 * PACE * FORWARDS, SIDEWAYS - 0.9 * FORWARDS])
+def test_stepping_sideways_jumping_and_stepping_back_slowly_say_nothing(walked, velocity):
+    assert walked(velocity, seconds=5.0) == 0
+
+
+def test_more_than_enough_is_not_kept(walked):
+    assert walked(FORWARDS, seconds=5.0) == ENOUGH
+
+
+def test_after_a_gap_it_begins_anew_and_who_is_not_known_says_nothing(walked, walk):
+    assert walked(FORWARDS, 0 * FORWARDS, seconds=1 / 30, pause=2 * GAP) == 0
+    body = walk.positions[0].copy()
+    body[JOINT_INDEX["hip_left"]] = np.nan
+    assert walked(FORWARDS, body=body) == 0

@@ -10,8 +10,8 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame
 PACE = 0.6
 """Metres a second from which somebody walks."""
 ENOUGH = 2.0
-"""Metres, backwards more than forwards, from which front and back have been mistaken for each other: people step back as
-well, but not as fast for as long."""
+"""Metres, backwards more than forwards, from which front and back have been mistaken for each other: people step back
+as well, but not as fast for as long."""
 ALONG = 0.7
 """Cosine to the way that a body faces from which it walks that way and not sideways."""
 STEADY = 0.3

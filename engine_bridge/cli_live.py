@@ -12,6 +12,7 @@ import click
 from engine_bridge.command_line import FILE, Finite, progress
 
 if TYPE_CHECKING:
+    from capture.sensors.sight import Sight
     from engine_bridge.live.service_file import ServiceFile
 
 PORT = click.IntRange(0, 65534)
@@ -171,42 +172,78 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 
 @click.command()
 @click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
-@click.option("-o", "--output", required=True, type=FILE, help="The .png to write.")
+@click.option("-o", "--output", type=FILE, help="The .png to write.")
+@click.option("--live", is_flag=True, help="Show in this terminal what is seen now, again and again.")
 @click.option(
     "--seconds",
-    default=3.0,
-    show_default=True,
     type=Finite(0, min_open=True),
-    help="How long, from the first thing that comes.",
+    help="How long.  [default: 3 from the first thing that comes; with --live until Ctrl-C]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
-    """Draw what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
-    from contextlib import closing
-
+def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
+    """Show what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
     from capture.sensors.look import draw
-    from capture.sensors.sight import reasons, summary, told, watch
+    from capture.sensors.sight import reasons, summary, told
     from engine_bridge.files import check_writable, written_whole
-    from engine_bridge.live.sources import open_source
 
-    check_writable(output, ".png")
-    if sys.stderr.isatty():
-        click.echo(f"looking at {source} …", err=True)
-    with closing(open_source(source)) as opened:
-        sight = watch(opened, seconds)
+    if output is None and not live:
+        raise click.UsageError("Give -o, --live, or both.")
+    if live and not sys.stdout.isatty():
+        raise click.UsageError("--live wants a terminal; -o look.png draws a picture.")
+    if output is not None:
+        check_writable(output, ".png")
+    sight = _seen_live(source, seconds) if live else _seen(source, seconds)
     why = reasons(sight)
-    with written_whole(output) as partial:
-        draw(sight, why).save(partial, format="PNG")
+    if output is not None:
+        with written_whole(output) as partial:
+            draw(sight, why).save(partial, format="PNG")
+    if live and not sys.stdout.isatty():  # it was, and is gone
+        raise click.exceptions.Exit(1)
     if as_json:
         click.echo(json.dumps(summary(sight, why), indent=2))
     else:
-        click.echo(f"{output}: {source}, {sight.seconds:.1f} s")
+        click.echo(f"{output or 'looked'}: {source}, {sight.seconds:.1f} s")
         for _, performer in sorted(sight.performers.items()):
             click.echo(f"  {told(performer)}")
         for reason in why:
             click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
     if not sight.performers:
         raise click.exceptions.Exit(1)
+
+
+def _seen(source: str, seconds: float | None) -> "Sight":
+    """Return what is seen of a source in so many seconds."""
+    from contextlib import closing
+
+    from capture.sensors.sight import watch
+    from engine_bridge.live.sources import open_source
+
+    if sys.stderr.isatty():
+        click.echo(f"looking at {source} …", err=True)
+    with closing(open_source(source)) as opened:
+        return watch(opened, 3.0 if seconds is None else seconds)
+
+
+def _seen_live(source: str, seconds: float | None) -> "Sight":
+    """Show on the terminal what is seen of a source, and return what was last."""
+    import math
+
+    from capture.sensors.screen import Screen
+    from capture.sensors.sight import RECENT, Watch
+    from capture.sensors.view import watch_live
+    from engine_bridge.live.signals import Signals
+    from engine_bridge.live.sources import RECORDED, open_source
+
+    with ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        open_again = None if source.startswith(RECORDED) else lambda: open_source(source)
+        looking = Watch(open_source(source), RECENT, open_again)
+        stack.callback(lambda: looking.source.close())
+        screen = stack.enter_context(Screen())
+        signals.waiting = True
+        return watch_live(
+            looking, screen, lambda: signals.stop or signals.take_reload(), math.inf if seconds is None else seconds
+        )
 
 
 @click.command()

@@ -67,11 +67,11 @@ class _Manner:
 _LARGE = _Manner(fine=2, bone=3, edge=1.5, joint=4, head=7, light=1, margin=1.3, step=0, lettered=True)
 
 
-def _small(height: int) -> _Manner:
+def _small(height: int, light: float) -> _Manner:
     """Return how panels of so few pixels are drawn: joints would be blots, and a view that always moves restless."""
     bone = max(1.2, height / 45)
     return _Manner(
-        fine=6, bone=bone, edge=bone / 3, joint=0, head=bone, light=0.7, margin=1.1, step=0.5, lettered=False
+        fine=6, bone=bone, edge=bone / 3, joint=0, head=bone, light=light, margin=1.1, step=0.5, lettered=False
     )
 
 
@@ -162,20 +162,26 @@ def draw(sight: Sight, reasons: Sequence[Reason]) -> Image.Image:
     return whole
 
 
-def small_panels(sight: Sight, width: int, height: int) -> list[Panel]:
+def small_panels(sight: Sight, width: int, height: int, light: float) -> list[Panel]:
     """Draw what was seen for a screen of few pixels, a column of which is left free between panels.
 
     They are what the sensor sees or the performers from the front, and, where there is room beside it, from above.
+
+    Parameters
+    ----------
+    sight : Sight
+    width, height : int
+        Of the screen.
+    light : float
+        Share of a picture's brightness that is left, so that skeletons stand out.
     """
     performers = list(sight.performers.values())
     picture = sight.picture
     shape = 1.0 if picture is None else picture.lens.width / picture.lens.height
     height = max(1, min(height, int(width / shape)))
-    manner, size = _small(height), (max(1, round(height * shape)), height)
-    if picture is None:
-        panels = [_front(performers, size, manner)]
-    else:
-        panels = [next(_seen(picture, performers, size, manner))]
+    manner, size = _small(height, light), (max(1, round(height * shape)), height)
+    first = _front(performers, size, manner) if picture is None else next(_seen(picture, performers, size, manner))
+    panels = [first]
     left = min(width - size[0] - 1, height)
     if left >= _NARROWEST * height:
         panels.append(_above(performers, sight, (left, height), manner))

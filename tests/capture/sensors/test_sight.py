@@ -71,8 +71,8 @@ def test_of_somebody_who_is_seen_well_there_is_nothing_to_say(shown):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ({"listens": True, "received": 0}, ["Nothing has come in 3 s."]),
-        ({"listens": False, "received": 0}, ["No picture has come in 3 s."]),
+        ({"listens": True, "received": 0, "silent": 3.2}, ["Nothing has come in 3 s."]),
+        ({"listens": False, "received": 0, "silent": 3.2}, ["No picture has come in 3 s."]),
         ({"listens": True, "received": 7}, ["Packets come, with nobody in them."]),
         (
             {"listens": True, "received": 1007, "refused": {"unknown message": 1000, "not OSC": 7}},

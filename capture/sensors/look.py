@@ -43,10 +43,14 @@ class _Manner:
         Widths of a bone, and of the dark on either side of it.
     joint, head : float
         Radii; 0 for none.
+    rim : int
+        Width of the dark around joints.
     light : float
         Share of a picture's brightness that is left, so that skeletons stand out.
     margin : float
         How much larger a view is than what is in it.
+    room : float
+        Metres before the sensor that the view from above always shows.
     step : float
         Metres in which a view follows those who move; 0 to follow always.
     lettered : bool
@@ -58,21 +62,22 @@ class _Manner:
     edge: float
     joint: float
     head: float
+    rim: int
     light: float
     margin: float
+    room: float
     step: float
     lettered: bool
 
 
-_LARGE = _Manner(fine=2, bone=3, edge=1.5, joint=4, head=7, light=1, margin=1.3, step=0, lettered=True)
+_LARGE = _Manner(fine=2, bone=3, edge=1.5, joint=4, head=7, rim=1, light=1, margin=1.3, room=0, step=0, lettered=True)
 
 
 def _small(height: int, light: float) -> _Manner:
     """Return how panels of so few pixels are drawn: joints would be blots, and a view that always moves restless."""
     bone = max(1.2, height / 45)
-    return _Manner(
-        fine=6, bone=bone, edge=bone / 3, joint=0, head=bone, light=light, margin=1.1, step=0.5, lettered=False
-    )
+    head, edge = 1.5 * bone, bone / 3
+    return _Manner(6, bone, edge, 0, head, rim=0, light=light, margin=1.1, room=4, step=0.5, lettered=False)
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ class Panel:
     def disc(self, place: _Place, radius: float, color: _Color) -> None:
         """Draw a joint."""
         (x, y), r = self._fine(place), radius * self.manner.fine
-        self._pen.ellipse([x - r, y - r, x + r, y + r], color, PAPER, self.manner.fine)
+        self._pen.ellipse([x - r, y - r, x + r, y + r], color, PAPER, self.manner.rim * self.manner.fine)
 
     def text(self, place: _Place, text: str, color: _Color, size: int, anchor: str, stroke: int = 0) -> None:
         """Write, where there is room for it."""
@@ -250,7 +255,7 @@ def _overlaid(
 def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) -> Panel:
     """Draw performers as somebody at the sensor sees them, with their heights above the lowest foot."""
     panel = Panel("from the front, their right hand on your left", size, manner)
-    low, high = _extent(performers, with_origin=False)
+    low, high = _extent(performers)
     view = _view(low, high, [[-1, 0, 0], [0, -1, 0]], panel)
     floor = float(low[1])
     for line in range(-20, 21):
@@ -269,7 +274,8 @@ def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) 
 def _above(performers: list[Performer], sight: Sight, size: tuple[int, int], manner: _Manner) -> Panel:
     """Draw performers from above, the sensor below them."""
     panel = Panel("from above", size, manner)
-    low, high = _extent(performers, with_origin=True)
+    room = manner.room
+    low, high = _extent(performers, [[-room / 3, 0, 0], [room / 3, 0, room]])
     view = _view(low, high, [[-1, 0, 0], [0, 0, -1]], panel)
     for line in range(-40, 41):
         across, down = view.project(np.array([line * GRID, 0, line * GRID]))
@@ -287,14 +293,14 @@ def _above(performers: list[Performer], sight: Sight, size: tuple[int, int], man
     return panel
 
 
-def _extent(performers: list[Performer], *, with_origin: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the (3,) lowest and highest positions of everybody; of an empty room, somewhat before the sensor."""
+def _extent(
+    performers: list[Performer], others: Sequence[Sequence[float]] = ()
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (3,) lowest and highest positions of everybody and others; of an empty room, before the sensor."""
     points = [performer.newest.positions[performer.known()] for performer in performers]
     if not any(map(len, points)):
         points.append(np.array([[0.0, 0, 0], [0, 1.8, 3]]))
-    if with_origin:
-        points.append(np.zeros((1, 3)))
-    everybody = np.concatenate(points)
+    everybody = np.concatenate([*points, np.reshape(others, (-1, 3))])
     return everybody.min(axis=0), everybody.max(axis=0)
 
 

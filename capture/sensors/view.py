@@ -24,7 +24,7 @@ PERIOD = 0.1
 """Seconds from one view to the next, where drawing it takes less than half of that."""
 LEAST = 24, 10
 """Columns and lines without which there is no view."""
-WORDS = 6, 0.25
+WORDS = 6, 1 / 6
 """Lines below the picture, and their share of all, whichever is more."""
 UNLIKE = 6
 """Of 255: a cell whose colours are no farther off is not painted anew, for the sake of slow lines."""

@@ -17,9 +17,6 @@ from capture.skeleton import JOINT_INDEX, PARENTS
 
 HEIGHT = 480
 """Of a panel, pixels."""
-GRID = 0.5
-"""Metres."""
-
 PAPER, PANEL, LINES, INK, FAINT = (22, 24, 28), (34, 37, 43), (58, 63, 72), (232, 234, 238), (150, 156, 166)
 GUESSED, AMISS, WELL = (255, 170, 40), (255, 112, 92), (120, 220, 130)
 PERFORMERS = ((86, 196, 255), (255, 130, 190), (160, 230, 110), (200, 160, 255))
@@ -47,6 +44,8 @@ class _Manner:
         Width of the dark around joints.
     light : float
         Share of a picture's brightness that is left, so that skeletons stand out.
+    grid : float
+        Metres from line to line where there is no picture.
     margin : float
         How much larger a view is than what is in it.
     room : float
@@ -64,20 +63,38 @@ class _Manner:
     head: float
     rim: int
     light: float
+    grid: float
     margin: float
     room: float
     step: float
     lettered: bool
 
 
-_LARGE = _Manner(fine=2, bone=3, edge=1.5, joint=4, head=7, rim=1, light=1, margin=1.3, room=0, step=0, lettered=True)
+_LARGE = _Manner(
+    fine=2, bone=3, edge=1.5, joint=4, head=7, rim=1, light=1, grid=0.5, margin=1.3, room=0, step=0, lettered=True
+)
 
 
-def _small(height: int, light: float) -> _Manner:
-    """Return how panels of so few pixels are drawn: joints would be blots, and a view that always moves restless."""
+def _small(height: int, *, plain: bool) -> _Manner:
+    """Return how panels of so few pixels are drawn, with joints they would be blots, and views keep still.
+
+    Where there are few colours, lines are sharp and pictures darker.
+    """
     bone = max(1.2, height / 45)
-    head, edge = 1.5 * bone, bone / 3
-    return _Manner(6, bone, edge, 0, head, rim=0, light=light, margin=1.1, room=4, step=0.5, lettered=False)
+    return _Manner(
+        fine=1 if plain else 6,
+        bone=bone,
+        edge=1.0 if plain else bone / 3,
+        joint=0,
+        head=1.3 * bone,
+        rim=0,
+        light=0.35 if plain else 0.7,
+        grid=1,
+        margin=1.1,
+        room=4,
+        step=0.5,
+        lettered=False,
+    )
 
 
 @dataclass(frozen=True)
@@ -167,7 +184,7 @@ def draw(sight: Sight, reasons: Sequence[Reason]) -> Image.Image:
     return whole
 
 
-def small_panels(sight: Sight, width: int, height: int, light: float) -> list[Panel]:
+def small_panels(sight: Sight, width: int, height: int, *, plain: bool) -> list[Panel]:
     """Draw what was seen for a screen of few pixels, a column of which is left free between panels.
 
     They are what the sensor sees or the performers from the front, and, where there is room beside it, from above.
@@ -177,14 +194,14 @@ def small_panels(sight: Sight, width: int, height: int, light: float) -> list[Pa
     sight : Sight
     width, height : int
         Of the screen.
-    light : float
-        Share of a picture's brightness that is left, so that skeletons stand out.
+    plain : bool
+        Whether it has too few colours for shades.
     """
     performers = list(sight.performers.values())
     picture = sight.picture
     shape = 1.0 if picture is None else picture.lens.width / picture.lens.height
     height = max(1, min(height, int(width / shape)))
-    manner, size = _small(height, light), (max(1, round(height * shape)), height)
+    manner, size = _small(height, plain=plain), (max(1, round(height * shape)), height)
     first = _front(performers, size, manner) if picture is None else next(_seen(picture, performers, size, manner))
     panels = [first]
     left = min(width - size[0] - 1, height)
@@ -257,14 +274,14 @@ def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) 
     panel = Panel("from the front, their right hand on your left", size, manner)
     low, high = _extent(performers)
     view = _view(low, high, [[-1, 0, 0], [0, -1, 0]], panel)
-    floor = float(low[1])
+    floor, grid = float(low[1]), manner.grid
     for line in range(-20, 21):
-        across = view.project(np.array([line * GRID, 0, 0]))[0]
+        across = view.project(np.array([line * grid, 0, 0]))[0]
         panel.line((across, 0), (across, size[1]), LINES)
     for line in range(20):
-        down = view.project(np.array([0, floor + line * GRID, 0]))[1]
+        down = view.project(np.array([0, floor + line * grid, 0]))[1]
         panel.line((0, down), (size[0], down), FAINT if line == 0 else LINES)
-        panel.text((6, down - 1), f"{line * GRID:g} m", FAINT, 11, "ls")
+        panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
     for performer in performers:
         _skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
     panel.label()
@@ -274,15 +291,15 @@ def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) 
 def _above(performers: list[Performer], sight: Sight, size: tuple[int, int], manner: _Manner) -> Panel:
     """Draw performers from above, the sensor below them."""
     panel = Panel("from above", size, manner)
-    room = manner.room
+    room, grid = manner.room, manner.grid
     low, high = _extent(performers, [[-room / 3, 0, 0], [room / 3, 0, room]])
     view = _view(low, high, [[-1, 0, 0], [0, 0, -1]], panel)
     for line in range(-40, 41):
-        across, down = view.project(np.array([line * GRID, 0, line * GRID]))
+        across, down = view.project(np.array([line * grid, 0, line * grid]))
         panel.line((across, 0), (across, size[1]), LINES)
         panel.line((0, down), (size[0], down), LINES)
         if line % 2 == 0:
-            panel.text((6, down - 1), f"{line * GRID:g} m", FAINT, 11, "ls")
+            panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
     x, y = view.project(np.zeros(3))
     r = manner.head
     panel.polygon([(x, y - 1.3 * r), (x - 1.15 * r, y + 0.85 * r), (x + 1.15 * r, y + 0.85 * r)], FAINT)

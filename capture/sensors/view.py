@@ -6,6 +6,7 @@ with a style for each cell, Rich takes a tenth of a second and more for a view, 
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -30,8 +31,8 @@ UNLIKE = 6
 """Of 255: a cell whose colours are no farther off is not painted anew, for the sake of slow lines."""
 SHADES = " ░▒▓█"
 """Of terminals without colours."""
-DIMMED, DARK = 0.7, 0.35
-"""Share of a picture's brightness that is left so that skeletons stand out, with colours and without."""
+SHADED = ColorSystem.EIGHT_BIT, ColorSystem.TRUECOLOR
+"""Of colours, those that are enough for shades."""
 
 _Color = tuple[int, int, int]
 _READY = 0.01  # seconds between looks whether the terminal is
@@ -65,7 +66,7 @@ def watch_live(looking: Watch, screen: Screen, stop: Callable[[], bool], seconds
             view = View(screen.size, console)
         screen.show(view.draw(sight := looking.sight(), reasons(sight)))
         due = begun + max(PERIOD, 2 * (time.monotonic() - begun))
-    return looking.sight()
+    return replace(looking.sight(), retried=False)
 
 
 class View:
@@ -94,7 +95,7 @@ class View:
             return clear + self._write(0, lines, Text("The terminal is too small: make its window larger."))
         below = max(WORDS[0], round(WORDS[1] * lines))
         high = lines - 1 - below
-        panels = small_panels(sight, columns, 2 * high, DARK if self._colors is None else DIMMED)
+        panels = small_panels(sight, columns, 2 * high, plain=self._colors not in SHADED)
         titles, canvas = Text(style="dim"), Image.new("RGB", (columns, 2 * high), PAPER)
         for panel in panels:
             left, title = (

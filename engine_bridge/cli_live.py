@@ -183,7 +183,7 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
     """Show what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
     from capture.sensors.look import draw
-    from capture.sensors.sight import reasons, summary, told
+    from capture.sensors.sight import reasons
     from engine_bridge.files import check_writable, written_whole
 
     if output is None and not live:
@@ -192,23 +192,31 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
         raise click.UsageError("--live wants a terminal; -o look.png draws a picture.")
     if output is not None:
         check_writable(output, ".png")
-    sight = _seen_live(source, seconds) if live else _seen(source, seconds)
-    why = reasons(sight)
+    if sys.stderr.isatty():
+        click.echo(f"looking at {source} …", err=True)
+    sight, reader = _seen_live(source, seconds) if live else (_seen(source, seconds), True)
     if output is not None:
         with written_whole(output) as partial:
-            draw(sight, why).save(partial, format="PNG")
-    if live and not sys.stdout.isatty():  # it was, and is gone
+            draw(sight, reasons(sight)).save(partial, format="PNG")
+    if reader:
+        _tell(sight, output, as_json)
+    if not (reader and sight.performers):
         raise click.exceptions.Exit(1)
+
+
+def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
+    """Print what was seen, and why nothing moves."""
+    from capture.sensors.sight import reasons, summary, told
+
+    why = reasons(sight)
     if as_json:
         click.echo(json.dumps(summary(sight, why), indent=2))
-    else:
-        click.echo(f"{output or 'looked'}: {source}, {sight.seconds:.1f} s")
-        for _, performer in sorted(sight.performers.items()):
-            click.echo(f"  {told(performer)}")
-        for reason in why:
-            click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
-    if not sight.performers:
-        raise click.exceptions.Exit(1)
+        return
+    click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
+    for _, performer in sorted(sight.performers.items()):
+        click.echo(f"  {told(performer)}")
+    for reason in why:
+        click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
 
 
 def _seen(source: str, seconds: float | None) -> "Sight":
@@ -218,14 +226,12 @@ def _seen(source: str, seconds: float | None) -> "Sight":
     from capture.sensors.sight import watch
     from engine_bridge.live.sources import open_source
 
-    if sys.stderr.isatty():
-        click.echo(f"looking at {source} …", err=True)
     with closing(open_source(source)) as opened:
         return watch(opened, 3.0 if seconds is None else seconds)
 
 
-def _seen_live(source: str, seconds: float | None) -> "Sight":
-    """Show on the terminal what is seen of a source, and return what was last."""
+def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
+    """Show on the terminal what is seen of a source; return what was last, and whether the terminal is still there."""
     import math
 
     from capture.sensors.screen import Screen
@@ -241,9 +247,10 @@ def _seen_live(source: str, seconds: float | None) -> "Sight":
         stack.callback(lambda: looking.source.close())
         screen = stack.enter_context(Screen())
         signals.waiting = True
-        return watch_live(
+        sight = watch_live(
             looking, screen, lambda: signals.stop or signals.take_reload(), math.inf if seconds is None else seconds
         )
+    return sight, not screen.gone
 
 
 @click.command()

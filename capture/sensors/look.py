@@ -76,7 +76,7 @@ _LARGE = _Manner(
 
 
 def _small(height: int, *, plain: bool) -> _Manner:
-    """Return how panels of so few pixels are drawn, with joints they would be blots, and views keep still.
+    """Return how panels of so few pixels are drawn: without joints, which would be blots, in views that keep still.
 
     Where there are few colours, lines are sharp and pictures darker.
     """

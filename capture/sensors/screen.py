@@ -32,7 +32,7 @@ class Screen:
     Attributes
     ----------
     gone : bool
-        Whether the terminal was closed.
+        Whether the terminal takes no more: it was closed, or at the end it was halted.
     """
 
     def __init__(self) -> None:
@@ -80,6 +80,7 @@ class Screen:
         self._left = True
         self._texts.put(None)
         self._thread.join(LEAVING)
+        self.gone |= self._thread.is_alive()
 
     def _run(self) -> None:
         try:

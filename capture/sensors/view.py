@@ -23,7 +23,7 @@ from capture.sensors.sight import Reason, Sight, Watch, reasons, told
 
 PERIOD = 0.1
 """Seconds from one view to the next, where drawing it takes less than half of that."""
-LEAST = 24, 10
+LEAST = 40, 16
 """Columns and lines without which there is no view."""
 WORDS = 6, 1 / 6
 """Lines below the picture, and their share of all, whichever is more."""
@@ -92,7 +92,8 @@ class View:
         columns, lines = self.size
         clear = "" if self._written else f"{Control.clear()}"
         if columns < LEAST[0] or lines < LEAST[1]:
-            return clear + self._write(0, lines, Text("The terminal is too small: make its window larger."))
+            small = f"This terminal is too small: {LEAST[0]} columns and {LEAST[1]} lines are the least."
+            return clear + self._write(0, lines, Text(small))
         below = max(WORDS[0], round(WORDS[1] * lines))
         high = lines - 1 - below
         panels = small_panels(sight, columns, 2 * high, plain=self._colors not in SHADED)

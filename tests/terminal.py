@@ -114,6 +114,8 @@ class Terminal:
     ----------
     screen : Emulated
         As it was after the last whole view, and after all when the program has ended.
+    heard : str
+        All that was read so far.
     """
 
     def __init__(self, *arguments, columns=80, lines=24, answers=True, cwd=None, **environment):
@@ -134,7 +136,7 @@ class Terminal:
         )
         os.close(slave)
         self._decoder = codecs.getincrementaldecoder("utf-8")()
-        self._text = ""
+        self.heard = self._text = ""
 
     def resize(self, columns, lines):
         """Make the window so large; what was on it is gone."""
@@ -147,33 +149,18 @@ class Terminal:
 
     def until(self, condition):
         """Read whole views until one satisfies a condition."""
-        give_up = time.monotonic() + PATIENCE
-        while True:
-            view, done, rest = self._text.partition(DONE)
-            if done:
-                self._text = rest
-                self.screen.feed(view)
-                if self._answers:
-                    os.write(self._master, IS_DONE)
-                if condition(self.screen):
-                    return
-            else:
-                assert time.monotonic() < give_up, self.screen.text()
-                assert self._read(), (self.screen.text(), self._text)
+        assert any(condition(self.screen) for _ in self._views()), (self.screen.text(), self.screen.printed)
 
     def hear(self, words):
         """Read until something was written, in whatever view."""
-        give_up = time.monotonic() + PATIENCE
-        while words not in self._text:
-            assert time.monotonic() < give_up, self._text
-            assert self._read(), self._text
+        while words not in self.heard:
+            assert self._read(), self.heard
 
     def end(self):
         """Read all until the program ends, and return its exit code."""
-        while self._read():
+        for _ in self._views():
             pass
-        self.screen.feed(self._text.replace(DONE, ""))
-        self._text = ""
+        self.screen.feed(self._text)
         return self.process.wait(PATIENCE)
 
     def settings(self):
@@ -193,13 +180,28 @@ class Terminal:
             self.process.kill()
         self.process.wait(PATIENCE)
 
+    def _views(self):
+        """Go through whole views, as long as there are any."""
+        give_up = time.monotonic() + PATIENCE
+        while time.monotonic() < give_up:
+            view, done, rest = self._text.partition(DONE)
+            if done:
+                self._text = rest
+                self.screen.feed(view)
+                if self._answers:
+                    self.type(IS_DONE)
+                yield
+            elif not self._read():
+                return
+
     def _read(self):
         """Take what comes; tell whether there may be more."""
-        ready = select.select([self._master], [], [], PATIENCE)[0]
-        assert ready, self.screen.text()
+        if not select.select([self._master], [], [], PATIENCE)[0]:
+            return False
         try:
-            data = os.read(self._master, 65536)
+            text = self._decoder.decode(os.read(self._master, 65536))
         except OSError:  # Linux's way to say that the other end is closed
             return False
-        self._text += self._decoder.decode(data)
-        return bool(data)
+        self._text += text
+        self.heard += text
+        return True

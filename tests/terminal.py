@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-PATIENCE = 120.0
+PATIENCE = 180.0
 """Seconds after which a test gives up."""
 
 DONE, IS_DONE = "\x1b[5n", b"\x1b[0n"

@@ -80,13 +80,13 @@ def _small(height: int, *, plain: bool) -> _Manner:
 
     Where there are few colours, lines are sharp and pictures darker.
     """
-    bone = max(1.6, height / 45)
+    bone = max(1.4, height / 45)
     return _Manner(
         fine=1 if plain else 6,
         bone=bone,
         edge=1.0 if plain else bone / 3,
         joint=0,
-        head=1.1 * bone,
+        head=1.2 * bone,
         rim=0,
         light=0.35 if plain else 0.7,
         grid=1,

@@ -124,6 +124,7 @@ def _silent_keyboard() -> Iterator[None]:
                 before = termios.tcgetattr(_IN)
                 silent = termios.tcgetattr(_IN)
                 silent[3] &= ~(termios.ECHO | termios.ICANON)
+                silent[6][termios.VSUSP] = b"\0"  # Ctrl-Z would leave the shell on this screen
                 termios.tcsetattr(_IN, termios.TCSANOW, silent)
                 stack.enter_context(suppress(termios.error))  # by then, the terminal may be gone
                 stack.callback(termios.tcsetattr, _IN, termios.TCSANOW, before)

@@ -90,7 +90,7 @@ def test_neither_what_is_typed_nor_what_libraries_say_is_on_the_screen(run):
         "os.write(2, b'told')"
     )
     terminal.until(shows("one"))
-    terminal.type(b"keys")
+    terminal.type(b"keys\x1a")  # and Ctrl-Z, which would stop it
     terminal.until(shows("three"))
     assert terminal.end() == 0
     assert "noise" not in terminal.heard

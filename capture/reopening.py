@@ -34,6 +34,8 @@ class Reopening:
         As of the source.
     inner : SkeletonSource
         What is open now, or the `Silence` in its place.
+    trouble : str
+        Why nothing comes; empty once something does.
 
     Raises
     ------
@@ -48,7 +50,8 @@ class Reopening:
         self.beginning = self.inner.beginning
         self._opener, self._again = opener, again
         self._reopen_at = math.inf
-        self._trouble = ""  # why nothing comes, until something does
+        self._counted = 0  # until trouble came
+        self.trouble = ""
 
     def fileno(self) -> int | None:
         """Return what becomes readable now; it is another one when the source was opened again, and None between."""
@@ -71,8 +74,9 @@ class Reopening:
         except Exception as error:  # a device that fails in its own way is a device that is gone
             self._go_silent(error)
             return []
-        if self._trouble and any(not isinstance(event, Tick) for event in events):
-            self._trouble = ""
+        something = self.counts.received > self._counted or any(not isinstance(each, Tick) for each in events)
+        if self.trouble and something:
+            self.trouble = ""
             log.info("the source is back", extra=self._fields())
         return events
 
@@ -84,7 +88,7 @@ class Reopening:
         self._say("the source is silent", error)
         silence = Silence(self.name, self.counts, self.inner.now())
         self.inner.close()
-        self.inner = silence
+        self.inner, self._counted = silence, self.counts.received
         if self._again:
             self._reopen_at = time.monotonic() + AGAIN
 
@@ -100,8 +104,8 @@ class Reopening:
 
     def _say(self, what: str, error: Exception) -> None:
         """Log why nothing comes, and not again with each attempt."""
-        if str(error) != self._trouble:
-            self._trouble = str(error)
+        if str(error) != self.trouble:
+            self.trouble = str(error)
             log.warning("%s: %s", what, error, extra=self._fields())
 
     def _fields(self) -> dict[str, dict[str, str]]:

@@ -12,6 +12,7 @@ import click
 from engine_bridge.command_line import FILE, Finite, progress
 
 if TYPE_CHECKING:
+    from capture.sensors.sight import Sight
     from engine_bridge.live.service_file import ServiceFile
 
 PORT = click.IntRange(0, 65534)
@@ -171,42 +172,84 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 
 @click.command()
 @click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
-@click.option("-o", "--output", required=True, type=FILE, help="The .png to write.")
+@click.option("-o", "--output", type=FILE, help="The .png to write.")
+@click.option("--live", is_flag=True, help="Show in this terminal what is seen now, again and again.")
 @click.option(
     "--seconds",
-    default=3.0,
-    show_default=True,
     type=Finite(0, min_open=True),
-    help="How long, from the first thing that comes.",
+    help="How long.  [default: 3 from the first thing that comes; with --live until Ctrl-C]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
-    """Draw what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
-    from contextlib import closing
-
+def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
+    """Show what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
     from capture.sensors.look import draw
-    from capture.sensors.sight import reasons, summary, told, watch
+    from capture.sensors.sight import reasons
     from engine_bridge.files import check_writable, written_whole
-    from engine_bridge.live.sources import open_source
 
-    check_writable(output, ".png")
+    if output is None and not live:
+        raise click.UsageError("Give -o, --live, or both.")
+    if live and not sys.stdout.isatty():
+        raise click.UsageError("--live wants a terminal; -o look.png draws a picture.")
+    if output is not None:
+        check_writable(output, ".png")
     if sys.stderr.isatty():
         click.echo(f"looking at {source} …", err=True)
-    with closing(open_source(source)) as opened:
-        sight = watch(opened, seconds)
+    sight, reader = _seen_live(source, seconds) if live else (_seen(source, seconds), True)
+    if output is not None:
+        with written_whole(output) as partial:
+            draw(sight, reasons(sight)).save(partial, format="PNG")
+    if reader:
+        _tell(sight, output, as_json)
+    if not (reader and sight.performers):
+        raise click.exceptions.Exit(1)
+
+
+def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
+    """Print what was seen, and why nothing moves."""
+    from capture.sensors.sight import reasons, summary, told
+
     why = reasons(sight)
-    with written_whole(output) as partial:
-        draw(sight, why).save(partial, format="PNG")
     if as_json:
         click.echo(json.dumps(summary(sight, why), indent=2))
-    else:
-        click.echo(f"{output}: {source}, {sight.seconds:.1f} s")
-        for _, performer in sorted(sight.performers.items()):
-            click.echo(f"  {told(performer)}")
-        for reason in why:
-            click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
-    if not sight.performers:
-        raise click.exceptions.Exit(1)
+        return
+    click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
+    for _, performer in sorted(sight.performers.items()):
+        click.echo(f"  {told(performer)}")
+    for reason in why:
+        click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+
+
+def _seen(source: str, seconds: float | None) -> "Sight":
+    """Return what is seen of a source in so many seconds."""
+    from contextlib import closing
+
+    from capture.sensors.sight import watch
+    from engine_bridge.live.sources import open_source
+
+    with closing(open_source(source)) as opened:
+        return watch(opened, 3.0 if seconds is None else seconds)
+
+
+def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
+    """Show on the terminal what is seen of a source; return what was last, and whether the terminal is still there."""
+    import math
+
+    from capture.reopening import Reopening
+    from capture.sensors.screen import Screen
+    from capture.sensors.sight import RECENT, Watch
+    from capture.sensors.view import watch_live
+    from engine_bridge.live.signals import Signals
+    from engine_bridge.live.sources import RECORDED, open_source
+
+    with ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        opened = open_source(source) if source.startswith(RECORDED) else Reopening(source, lambda: open_source(source))
+        stack.callback(opened.close)
+        screen = stack.enter_context(Screen())
+        signals.waiting = True
+        looking, end = Watch(opened, RECENT), math.inf if seconds is None else seconds
+        sight = watch_live(looking, screen, lambda: signals.stop or signals.take_reload(), end)
+    return sight, not screen.gone
 
 
 @click.command()

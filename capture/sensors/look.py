@@ -4,7 +4,7 @@ Pictures are not mirrored: a performer's right hand is on their left. Sources wi
 sensor would be and from above, on a grid of half a metre.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,17 +17,84 @@ from capture.skeleton import JOINT_INDEX, PARENTS
 
 HEIGHT = 480
 """Of a panel, pixels."""
-GRID = 0.5
-"""Metres."""
-
 PAPER, PANEL, LINES, INK, FAINT = (22, 24, 28), (34, 37, 43), (58, 63, 72), (232, 234, 238), (150, 156, 166)
 GUESSED, AMISS, WELL = (255, 170, 40), (255, 112, 92), (120, 220, 130)
 PERFORMERS = ((86, 196, 255), (255, 130, 190), (160, 230, 110), (200, 160, 255))
 
-_FINE = 2  # pixels that are drawn for each one of the picture, along an edge
 _GAP = 12
 _LEAST = 1.0  # metres around somebody that a panel shows at least
+_NARROWEST = 0.5  # of its height: a small view from above is not narrower
 _Color = tuple[int, int, int]
+_Place = Sequence[float] | NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Manner:
+    """How panels are drawn; lengths are pixels of what is shown.
+
+    Attributes
+    ----------
+    fine : int
+        Pixels that are drawn for each one that is shown, along an edge.
+    bone, edge : float
+        Widths of a bone, and of the dark on either side of it.
+    joint, head : float
+        Radii; 0 for none.
+    rim : int
+        Width of the dark around joints.
+    light : float
+        Share of a picture's brightness that is left, so that skeletons stand out.
+    grid : float
+        Metres from line to line where there is no picture.
+    margin : float
+        How much larger a view is than what is in it.
+    room : float
+        Metres before the sensor that the view from above always shows.
+    step : float
+        Metres in which a view follows those who move; 0 to follow always.
+    lettered : bool
+        Whether there is room to write.
+    """
+
+    fine: int
+    bone: float
+    edge: float
+    joint: float
+    head: float
+    rim: int
+    light: float
+    grid: float
+    margin: float
+    room: float
+    step: float
+    lettered: bool
+
+
+_LARGE = _Manner(
+    fine=2, bone=3, edge=1.5, joint=4, head=7, rim=1, light=1, grid=0.5, margin=1.3, room=0, step=0, lettered=True
+)
+
+
+def _small(height: int, *, plain: bool) -> _Manner:
+    """Return how panels of so few pixels are drawn: without joints, which would be blots, in views that keep still.
+
+    Where there are few colours, lines are sharp and pictures darker.
+    """
+    bone = max(1.4, height / 45)
+    return _Manner(
+        fine=1 if plain else 6,
+        bone=bone,
+        edge=1.0 if plain else bone / 3,
+        joint=0,
+        head=1.2 * bone,
+        rim=0,
+        light=0.35 if plain else 0.7,
+        grid=1,
+        margin=1.1,
+        room=4,
+        step=0.5,
+        lettered=False,
+    )
 
 
 @dataclass(frozen=True)
@@ -42,18 +109,105 @@ class _View:
         return pixels
 
 
+class Panel:
+    """A picture that is drawn finer than it is shown; places and lengths are pixels of what is shown.
+
+    Parameters
+    ----------
+    title : str
+    size : (int, int)
+        Width and height.
+    manner : _Manner
+    background : (height, width, 3) uint8, optional
+        Of any size.
+    """
+
+    def __init__(
+        self, title: str, size: tuple[int, int], manner: _Manner, background: NDArray[np.uint8] | None = None
+    ) -> None:
+        self.title, self.size, self.manner = title, size, manner
+        fine = size[0] * manner.fine, size[1] * manner.fine
+        if background is None:
+            self._image = Image.new("RGB", fine, PANEL)
+        else:
+            self._image = Image.fromarray(background).resize(fine, Image.Resampling.BILINEAR)
+            self._image = self._image.point(lambda value: value * manner.light)
+        self._pen = ImageDraw.Draw(self._image)
+
+    def image(self) -> Image.Image:
+        """Return what was drawn."""
+        return self._image.resize(self.size, Image.Resampling.BOX)
+
+    def line(self, start: _Place, end: _Place, color: _Color, width: float = 1) -> None:
+        """Draw a straight line."""
+        self._pen.line([*self._fine(start), *self._fine(end)], color, round(width * self.manner.fine))
+
+    def polygon(self, places: Iterable[_Place], color: _Color) -> None:
+        """Fill what is between some places."""
+        self._pen.polygon([self._fine(place) for place in places], color)
+
+    def disc(self, place: _Place, radius: float, color: _Color) -> None:
+        """Draw a joint."""
+        (x, y), r = self._fine(place), radius * self.manner.fine
+        self._pen.ellipse([x - r, y - r, x + r, y + r], color, PAPER, self.manner.rim * self.manner.fine)
+
+    def text(self, place: _Place, text: str, color: _Color, size: int, anchor: str, stroke: int = 0) -> None:
+        """Write, where there is room for it."""
+        if self.manner.lettered:
+            fine, font = self.manner.fine, _font(size * self.manner.fine)
+            self._pen.text(
+                self._fine(place), text, color, font, anchor=anchor, stroke_width=stroke * fine, stroke_fill=PAPER
+            )
+
+    def label(self) -> None:
+        """Write the title over all else."""
+        if self.manner.lettered:
+            fine = self.manner.fine
+            self._pen.rectangle([0, 0, _font(13 * fine).getlength(self.title) + 16 * fine, 24 * fine], PAPER)
+            self.text((8, 12), self.title, INK, 13, "lm")
+
+    def _fine(self, place: _Place) -> tuple[float, float]:
+        return float(place[0]) * self.manner.fine, float(place[1]) * self.manner.fine
+
+
 def draw(sight: Sight, reasons: Sequence[Reason]) -> Image.Image:
     """Draw what was seen: panels side by side, and what is to be said about it below them."""
-    panels = list(_panels(sight))
-    width = sum(panel.width + _GAP for panel in panels) + _GAP
+    images = [panel.image() for panel in _large_panels(sight)]
+    width = sum(image.width + _GAP for image in images) + _GAP
     words = _words(sight, reasons, width - 2 * _GAP)
     whole = Image.new("RGB", (width, HEIGHT + words.height + 3 * _GAP), PAPER)
     left = _GAP
-    for panel in panels:
-        whole.paste(panel, (left, _GAP))
-        left += panel.width + _GAP
+    for image in images:
+        whole.paste(image, (left, _GAP))
+        left += image.width + _GAP
     whole.paste(words, (_GAP, HEIGHT + 2 * _GAP))
     return whole
+
+
+def small_panels(sight: Sight, width: int, height: int, *, plain: bool) -> list[Panel]:
+    """Draw what was seen for a screen of few pixels, a column of which is left free between panels.
+
+    They are what the sensor sees or the performers from the front, and, where there is room beside it, from above.
+
+    Parameters
+    ----------
+    sight : Sight
+    width, height : int
+        Of the screen.
+    plain : bool
+        Whether it has too few colours for shades.
+    """
+    performers = list(sight.performers.values())
+    picture = sight.picture
+    shape = 1.0 if picture is None else picture.lens.width / picture.lens.height
+    height = max(1, min(height, int(width / shape)))
+    manner, size = _small(height, plain=plain), (max(1, round(height * shape)), height)
+    first = _front(performers, size, manner) if picture is None else next(_seen(picture, performers, size, manner))
+    panels = [first]
+    left = min(width - size[0] - 1, height)
+    if left >= _NARROWEST * height:
+        panels.append(_above(performers, sight, (left, height), manner))
+    return panels
 
 
 def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -77,122 +231,130 @@ def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
     return grey
 
 
-def _panels(sight: Sight) -> Iterable[Image.Image]:
+def _large_panels(sight: Sight) -> Iterator[Panel]:
     performers = list(sight.performers.values())
-    picture = sight.picture
-    if picture is None:
-        yield _front(performers)
+    square = HEIGHT, HEIGHT
+    if sight.picture is None:
+        yield _front(performers, square, _LARGE)
     else:
-        if picture.color is not None:
-            yield _seen(picture, picture.color, performers, "colour")
-        if picture.depth is not None:
-            yield _seen(picture, shaded(picture.depth), performers, "depth, violet where there is none")
-    yield _above(performers, "origin" if sight.listens else "sensor")
+        lens = sight.picture.lens
+        yield from _seen(sight.picture, performers, (round(HEIGHT * lens.width / lens.height), HEIGHT), _LARGE)
+    yield _above(performers, sight, square, _LARGE)
 
 
-def _seen(picture: Picture, pixels: NDArray[np.uint8], performers: list[Performer], title: str) -> Image.Image:
-    width = round(HEIGHT * picture.lens.width / picture.lens.height)
-    panel = Image.fromarray(pixels).resize((width * _FINE, HEIGHT * _FINE), Image.Resampling.BILINEAR)
-    scale = HEIGHT * _FINE / picture.lens.height
-    pen = ImageDraw.Draw(panel)
+def _seen(picture: Picture, performers: list[Performer], size: tuple[int, int], manner: _Manner) -> Iterator[Panel]:
+    """Draw what the sensor sees: colour, depth, or both."""
+    if picture.color is not None:
+        yield _overlaid("colour", picture, picture.color, performers, size, manner)
+    if picture.depth is not None:
+        title = "depth, violet where there is none"
+        yield _overlaid(title, picture, shaded(picture.depth), performers, size, manner)
+
+
+def _overlaid(
+    title: str,
+    picture: Picture,
+    pixels: NDArray[np.uint8],
+    performers: list[Performer],
+    size: tuple[int, int],
+    manner: _Manner,
+) -> Panel:
+    panel = Panel(title, size, manner, pixels)
+    scale = size[1] / picture.lens.height
     for performer in performers:
         before = performer.newest.positions[:, 2] > 0
         positions = np.where(before[:, None], performer.newest.positions, 1.0)
-        _skeleton(pen, picture.lens.project(positions) * scale, performer, performer.known() & before)
-    return _finished(panel, title)
+        _skeleton(panel, picture.lens.project(positions) * scale, performer, performer.known() & before)
+    panel.label()
+    return panel
 
 
-def _front(performers: list[Performer]) -> Image.Image:
+def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) -> Panel:
     """Draw performers as somebody at the sensor sees them, with their heights above the lowest foot."""
-    low, high = _extent(performers, with_origin=False)
-    view = _view(low, high, [[-1, 0, 0], [0, -1, 0]])
-    panel = Image.new("RGB", (HEIGHT * _FINE, HEIGHT * _FINE), PANEL)
-    pen = ImageDraw.Draw(panel)
-    floor = float(low[1])
+    panel = Panel("from the front, their right hand on your left", size, manner)
+    low, high = _extent(performers)
+    view = _view(low, high, [[-1, 0, 0], [0, -1, 0]], panel)
+    floor, grid = float(low[1]), manner.grid
     for line in range(-20, 21):
-        across = view.project(np.array([line * GRID, 0, 0]))[0]
-        pen.line([across, 0, across, panel.height], LINES, _FINE)
+        across = view.project(np.array([line * grid, 0, 0]))[0]
+        panel.line((across, 0), (across, size[1]), LINES)
     for line in range(20):
-        down = view.project(np.array([0, floor + line * GRID, 0]))[1]
-        pen.line([0, down, panel.width, down], FAINT if line == 0 else LINES, _FINE)
-        pen.text((6 * _FINE, down - 2), f"{line * GRID:g} m", FAINT, _font(11 * _FINE), anchor="ls")
+        down = view.project(np.array([0, floor + line * grid, 0]))[1]
+        panel.line((0, down), (size[0], down), FAINT if line == 0 else LINES)
+        panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
     for performer in performers:
-        _skeleton(pen, view.project(performer.newest.positions), performer, performer.known())
-    return _finished(panel, "from the front, their right hand on your left")
+        _skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
+    panel.label()
+    return panel
 
 
-def _above(performers: list[Performer], origin: str) -> Image.Image:
+def _above(performers: list[Performer], sight: Sight, size: tuple[int, int], manner: _Manner) -> Panel:
     """Draw performers from above, the sensor below them."""
-    low, high = _extent(performers, with_origin=True)
-    view = _view(low, high, [[-1, 0, 0], [0, 0, -1]])
-    panel = Image.new("RGB", (HEIGHT * _FINE, HEIGHT * _FINE), PANEL)
-    pen = ImageDraw.Draw(panel)
+    panel = Panel("from above", size, manner)
+    room, grid = manner.room, manner.grid
+    low, high = _extent(performers, [[-room / 3, 0, 0], [room / 3, 0, room]])
+    view = _view(low, high, [[-1, 0, 0], [0, 0, -1]], panel)
     for line in range(-40, 41):
-        across, down = view.project(np.array([line * GRID, 0, line * GRID]))
-        pen.line([across, 0, across, panel.height], LINES, _FINE)
-        pen.line([0, down, panel.width, down], LINES, _FINE)
+        across, down = view.project(np.array([line * grid, 0, line * grid]))
+        panel.line((across, 0), (across, size[1]), LINES)
+        panel.line((0, down), (size[0], down), LINES)
         if line % 2 == 0:
-            pen.text((6 * _FINE, down - 2), f"{line * GRID:g} m", FAINT, _font(11 * _FINE), anchor="ls")
+            panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
     x, y = view.project(np.zeros(3))
-    pen.polygon([(x, y - 9 * _FINE), (x - 8 * _FINE, y + 6 * _FINE), (x + 8 * _FINE, y + 6 * _FINE)], FAINT)
-    pen.text((x + 14 * _FINE, y), origin, FAINT, _font(12 * _FINE), anchor="lm")
+    r = manner.head
+    panel.polygon([(x, y - 1.3 * r), (x - 1.15 * r, y + 0.85 * r), (x + 1.15 * r, y + 0.85 * r)], FAINT)
+    panel.text((x + 14, y), "origin" if sight.listens else "sensor", FAINT, 12, "lm")
     for performer in performers:
-        _skeleton(pen, view.project(performer.newest.positions), performer, performer.known())
-    return _finished(panel, "from above")
+        _skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
+    panel.label()
+    return panel
 
 
-def _extent(performers: list[Performer], *, with_origin: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the (3,) lowest and highest positions of everybody; of an empty room, somewhat before the sensor."""
+def _extent(
+    performers: list[Performer], others: Sequence[Sequence[float]] = ()
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the (3,) lowest and highest positions of everybody and others; of an empty room, before the sensor."""
     points = [performer.newest.positions[performer.known()] for performer in performers]
     if not any(map(len, points)):
         points.append(np.array([[0.0, 0, 0], [0, 1.8, 3]]))
-    if with_origin:
-        points.append(np.zeros((1, 3)))
-    everybody = np.concatenate(points)
+    everybody = np.concatenate([*points, np.reshape(others, (-1, 3))])
     return everybody.min(axis=0), everybody.max(axis=0)
 
 
-def _view(low: NDArray[np.float64], high: NDArray[np.float64], axes: list[list[int]]) -> _View:
-    """Show all between two corners in a square panel."""
+def _view(low: NDArray[np.float64], high: NDArray[np.float64], axes: list[list[int]], panel: Panel) -> _View:
+    """Show all between two corners in a panel."""
+    if step := panel.manner.step:
+        low, high = np.floor(low / step) * step, np.ceil(high / step) * step
     directions = np.array(axes, float)
-    size = np.abs(directions) @ (high - low)
-    scale = HEIGHT * _FINE / (1.3 * max(float(size.max()), _LEAST))
+    extent = np.maximum(np.abs(directions) @ (high - low), _LEAST)
+    scale = float((np.array(panel.size) / extent).min()) / panel.manner.margin
     middle = directions @ ((low + high) / 2)
-    return _View(directions * scale, HEIGHT * _FINE / 2 - middle * scale)
+    return _View(directions * scale, np.array(panel.size) / 2 - middle * scale)
 
 
-def _skeleton(
-    pen: ImageDraw.ImageDraw, pixels: NDArray[np.float64], performer: Performer, shown: NDArray[np.bool_]
-) -> None:
+def _skeleton(panel: Panel, pixels: NDArray[np.float64], performer: Performer, shown: NDArray[np.bool_]) -> None:
     """Draw bones in the performer's colour, or in that of a guess."""
-    color = PERFORMERS[performer.newest.user % len(PERFORMERS)]
+    color, manner = color_of(performer), panel.manner
     seen = performer.seen()
-    places = [(float(x), float(y)) for x, y in pixels]
     for child, parent in PARENTS.items():
         a, b = JOINT_INDEX[child], JOINT_INDEX[parent]
         if shown[a] and shown[b]:
-            pen.line([places[a], places[b]], PAPER, 6 * _FINE)
-            pen.line([places[a], places[b]], color if seen[a] and seen[b] else GUESSED, 3 * _FINE)
+            panel.line(pixels[a], pixels[b], PAPER, manner.bone + 2 * manner.edge)
+            panel.line(pixels[a], pixels[b], color if seen[a] and seen[b] else GUESSED, manner.bone)
     for name, index in JOINT_INDEX.items():
-        if shown[index]:
-            x, y = places[index]
-            r = (7 if name == "head" else 4) * _FINE
-            pen.ellipse([x - r, y - r, x + r, y + r], color if seen[index] else GUESSED, PAPER, _FINE)
+        radius = manner.head if name == "head" else manner.joint
+        if shown[index] and radius:
+            panel.disc(pixels[index], radius, color if seen[index] else GUESSED)
     labels = {"hand_left": ("left", 8, 0, "lm"), "hand_right": ("right", -8, 0, "rm")}
     labels["head"] = f"user {performer.newest.user}", 0, -10, "mb"
     for name, (text, right, down, anchor) in labels.items():
         if shown[JOINT_INDEX[name]]:
-            x, y = places[JOINT_INDEX[name]]
-            place = x + right * _FINE, y + down * _FINE
-            pen.text(place, text, color, _font(13 * _FINE), anchor=anchor, stroke_width=_FINE, stroke_fill=PAPER)
+            panel.text(pixels[JOINT_INDEX[name]] + [right, down], text, color, 13, anchor, stroke=1)
 
 
-def _finished(panel: Image.Image, title: str) -> Image.Image:
-    pen = ImageDraw.Draw(panel)
-    font = _font(13 * _FINE)
-    pen.rectangle([0, 0, font.getlength(title) + 16 * _FINE, 24 * _FINE], PAPER)
-    pen.text((8 * _FINE, 12 * _FINE), title, INK, font, anchor="lm")
-    return panel.resize((panel.width // _FINE, panel.height // _FINE), Image.Resampling.BOX)
+def color_of(performer: Performer) -> _Color:
+    """Return what a performer is drawn in."""
+    return PERFORMERS[performer.newest.user % len(PERFORMERS)]
 
 
 def _words(sight: Sight, reasons: Sequence[Reason], width: int) -> Image.Image:

@@ -1,7 +1,9 @@
 """What is seen of a source in a few seconds, and in words why nothing moves."""
 
+import math
 import re
 import time
+from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -9,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import Event, Lost
+from capture.events import Event, Lost, Tick
+from capture.reopening import Reopening
 from capture.sensors.picture import Picture
 from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
-from capture.source import SkeletonSource, wait
+from capture.source import Counts, Silence, SkeletonSource, wait
 from puppetline.errors import SourceError
 
 PATIENCE = 10.0
@@ -27,6 +30,8 @@ NEAREST, FARTHEST = 0.8, 4.5
 """Metres between which depth sensors see somebody well."""
 SILENT = 1.0
 """Seconds without a frame after which a performer has gone, though nobody said so."""
+RECENT = 2.0
+"""Seconds for which somebody who looks on and on wants to know what came."""
 SLOW = 12.0
 """Frames a second under which a performance is seen to stutter."""
 FROZEN = 10
@@ -82,7 +87,7 @@ class Performer:
 
 @dataclass
 class Sight:
-    """What was seen of a source.
+    """What was seen of a source in the time that is remembered.
 
     Attributes
     ----------
@@ -91,7 +96,7 @@ class Sight:
     listens : bool
         Whether it waits for senders in the network.
     seconds : float
-        For which it was looked at.
+        For which it was looked at in all.
     received : int
         Pictures, packets, or lines of a file.
     refused : dict
@@ -104,6 +109,10 @@ class Sight:
         Users who were there before.
     failure : str
         Why it can give no more; empty while it can.
+    retried : bool
+        Whether it is opened again until it does.
+    silent : float
+        Seconds since something came, or in all where nothing has.
     """
 
     source: str
@@ -115,6 +124,8 @@ class Sight:
     performers: dict[int, Performer] = field(default_factory=dict)
     gone: set[int] = field(default_factory=set)
     failure: str = ""
+    retried: bool = False
+    silent: float = 0.0
 
     def take(self, event: Event) -> None:
         """Go on with what a source gives."""
@@ -145,6 +156,99 @@ class Reason:
     fix: str = ""
 
 
+@dataclass(frozen=True)
+class _News:
+    """What came at one time, on the source's clock: events, how many packets, and those refused by the reason."""
+
+    time: float
+    events: list[Event]
+    received: int
+    refused: Counter[str]
+
+
+class Watch:
+    """Looks at a source for as long as somebody wants to know what it sees.
+
+    Parameters
+    ----------
+    source : SkeletonSource
+        It is not closed.
+    memory : float
+        Seconds for which is remembered what came.
+
+    Attributes
+    ----------
+    begun, over : bool
+        Whether anything has come, and whether nothing more can.
+    """
+
+    def __init__(self, source: SkeletonSource, memory: float = math.inf) -> None:
+        self.begun = self.over = False
+        self._source, self._memory = source, memory
+        self._listens = not isinstance(self._inner, SensorSource) and source.fileno() is not None
+        self._news: deque[_News] = deque()
+        self._counted = Counts()
+        self._started = self._heard = time.monotonic()
+        self._failure = ""
+
+    @property
+    def _inner(self) -> SkeletonSource:
+        return self._source.inner if isinstance(self._source, Reopening) else self._source
+
+    @property
+    def _trouble(self) -> str:
+        """Why a source is opened again: until it is, and of a sensor until a picture comes, its sign of life."""
+        if isinstance(self._source, Reopening) and isinstance(self._source.inner, Silence | SensorSource):
+            return self._source.trouble
+        return ""
+
+    def take_in(self, deadline: float) -> None:
+        """Wait for what comes next, though not beyond a deadline, `time.monotonic`, and remember it."""
+        wait(self._source, deadline)
+        try:
+            events = self._source.receive()
+        except SourceError as error:
+            self._failure, self.over = str(error), True
+            return
+        self._remember([event for event in events if not isinstance(event, Tick)])
+
+    def sight(self) -> Sight:
+        """Return what was seen."""
+        moment, now, trouble = time.monotonic(), self._source.now(), self._trouble
+        sight = Sight(
+            self._source.name,
+            self._listens,
+            moment - self._started,
+            failure=self._failure or trouble,
+            retried=bool(trouble),
+            silent=moment - self._heard,
+        )
+        refused: Counter[str] = Counter()
+        for news in self._news:
+            sight.received += news.received
+            refused.update(news.refused)
+            for event in news.events:
+                sight.take(event)
+        sight.refused = dict(refused)
+        patience = 0.0 if sight.retried else SILENT
+        for user in [user for user, each in sight.performers.items() if now - each.newest.time > patience]:
+            sight.take(Lost(now, user))
+        if isinstance(self._inner, SensorSource):
+            sight.picture = self._inner.seen
+        return sight
+
+    def _remember(self, events: list[Event]) -> None:
+        counts, now = self._source.counts, self._source.now()
+        received, refused = counts.received - self._counted.received, counts.refused - self._counted.refused
+        self._counted = Counts(counts.received, refused=counts.refused.copy())
+        if received:
+            self._heard, self.begun = time.monotonic(), True
+        if received or events:
+            self._news.append(_News(now, events, received, refused))
+        while self._news and now - self._news[0].time > self._memory:
+            self._news.popleft()
+
+
 def watch(source: SkeletonSource, seconds: float, patience: float = PATIENCE) -> Sight:
     """Look at a source for so many seconds from the first thing that comes, and return what was seen.
 
@@ -156,27 +260,13 @@ def watch(source: SkeletonSource, seconds: float, patience: float = PATIENCE) ->
     patience : float
         Seconds in which the first thing must come.
     """
-    pictures = isinstance(source, SensorSource)
-    sight = Sight(source.name, listens=not pictures and source.fileno() is not None)
-    start = time.monotonic()
-    deadline, begun = start + patience, False
-    try:
-        while time.monotonic() < deadline:
-            wait(source, deadline)
-            for event in source.receive():
-                sight.take(event)
-            if not begun and (source.counts.received or sight.performers):
-                deadline, begun = time.monotonic() + seconds, True
-    except SourceError as error:
-        sight.failure = str(error)
-    for user in [user for user, each in sight.performers.items() if source.now() - each.newest.time > SILENT]:
-        sight.take(Lost(source.now(), user))
-    sight.seconds = time.monotonic() - start
-    sight.received = source.counts.received
-    sight.refused = dict(source.counts.refused)
-    if isinstance(source, SensorSource):
-        sight.picture = source.seen
-    return sight
+    looking = Watch(source)
+    deadline, waiting = time.monotonic() + patience, True
+    while not looking.over and time.monotonic() < deadline:
+        looking.take_in(deadline)
+        if waiting and looking.begun:
+            deadline, waiting = time.monotonic() + seconds, False
+    return looking.sight()
 
 
 def told(performer: Performer) -> str:
@@ -193,7 +283,7 @@ def reasons(sight: Sight) -> list[Reason]:
         return [*found, *_of_nobody(sight)]
     for user, performer in sorted(sight.performers.items()):
         found += _of_performer(f"User {user}", performer, sight.picture)
-    return [*found, Reason(sight.failure)] if sight.failure else found
+    return [*found, _of_failure(sight)] if sight.failure else found
 
 
 def summary(sight: Sight, why: Sequence[Reason]) -> dict[str, Any]:
@@ -251,9 +341,13 @@ def _of_picture(picture: Picture) -> Iterator[Reason]:
             )
 
 
+def _of_failure(sight: Sight) -> Reason:
+    return Reason(sight.failure, "It is opened again twice a second." if sight.retried else "")
+
+
 def _of_nobody(sight: Sight) -> Iterator[Reason]:
     if sight.failure:
-        yield Reason(sight.failure)
+        yield _of_failure(sight)
     elif sight.refused:
         kinds = ", ".join(f"{reason} ({count} ×)" for reason, count in sorted(sight.refused.items()))
         yield Reason(
@@ -262,11 +356,11 @@ def _of_nobody(sight: Sight) -> Iterator[Reason]:
         )
     elif not sight.received and sight.listens:
         yield Reason(
-            f"Nothing has come in {sight.seconds:.0f} s.",
+            f"Nothing has come in {sight.silent:.0f} s.",
             "Start the sender, have it send to this machine and port, and let UDP through the firewall.",
         )
     elif not sight.received:
-        yield Reason(f"No picture has come in {sight.seconds:.0f} s.", "Look after the cable and the power supply.")
+        yield Reason(f"No picture has come in {sight.silent:.0f} s.", "Look after the cable and the power supply.")
     elif sight.listens:
         yield Reason("Packets come, with nobody in them.", "See whether the sender's own window shows somebody.")
     else:

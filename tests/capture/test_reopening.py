@@ -113,6 +113,16 @@ def test_trouble_is_told_once_and_its_end_with_the_first_event_that_is_no_tick(r
     assert {record.fields["source"] for record in caplog.records} == {"device:0"}
 
 
+def test_pictures_without_anybody_are_the_end_of_trouble(reopening):
+    second = Scripted([Tick(0.0)], [Tick(1.0)])
+    source = reopening(Scripted(GONE), second)
+    run(source, lambda: source.inner is second)
+    assert source.trouble == str(GONE)
+    second.counts.received += 1
+    run(source, lambda: not second.script)
+    assert source.trouble == ""
+
+
 def test_a_recording_that_has_ended_is_not_opened_again(reopening):
     source = reopening(Scripted(GONE), Scripted(), again=False)
     assert source.receive() == []

@@ -1,5 +1,6 @@
 import json
 import socket
+import time
 from contextlib import closing
 from dataclasses import replace
 
@@ -10,11 +11,14 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.events import Lost, Tick
 from capture.network.osc import encode
 from capture.network.source import open_osc
+from capture.reopening import Reopening
 from capture.replay import TakeSource
 from capture.sensors import sight as sights
 from capture.sensors.picture import Lens, Picture
-from capture.sensors.sight import FROZEN, Performer, Reason, Sight, reasons, summary, told
+from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, summary, told
+from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
+from capture.source import Counts
 from puppetline.errors import SourceError
 
 LENS = Lens(640, 480, 525.0)
@@ -71,8 +75,8 @@ def test_of_somebody_who_is_seen_well_there_is_nothing_to_say(shown):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ({"listens": True, "received": 0}, ["Nothing has come in 3 s."]),
-        ({"listens": False, "received": 0}, ["No picture has come in 3 s."]),
+        ({"listens": True, "received": 0, "silent": 3.2}, ["Nothing has come in 3 s."]),
+        ({"listens": False, "received": 0, "silent": 3.2}, ["No picture has come in 3 s."]),
         ({"listens": True, "received": 7}, ["Packets come, with nobody in them."]),
         (
             {"listens": True, "received": 1007, "refused": {"unknown message": 1000, "not OSC": 7}},
@@ -215,3 +219,139 @@ def test_a_sensor_that_fails_is_told_with_its_own_error(watch, scripted_tracker)
 
     sight = sights.watch(watch(absent, scripted_tracker).source, 1)
     assert why_of(sight) == ["freenect: found no Kinect v1 on USB; expected one. Plug it in."]
+
+
+PATIENCE = 30.0
+"""Seconds after which a test gives up."""
+
+
+def until(looking, condition):
+    """Look until what is seen satisfies a condition, and return it."""
+    give_up = time.monotonic() + PATIENCE
+    while not condition(sight := looking.sight()):
+        assert time.monotonic() < give_up, sight
+        looking.take_in(time.monotonic() + 0.05)
+    return sight
+
+
+class Played:
+    """A source of events at times that the test tells; a stand-in, for no other one comes as fast as a test wants."""
+
+    name = "played:"
+    beginning = None
+
+    def __init__(self):
+        self.counts, self.time, self.events = Counts(), 0.0, []
+
+    def play(self, looking, *events, refused=()):
+        self.events += events
+        self.time = max([self.time, *(event.time for event in events)])
+        self.counts.received += len(events) + len(refused)
+        self.counts.refused.update(refused)
+        looking.take_in(0)
+
+    def fileno(self):
+        return None
+
+    def due(self):
+        return 0.0
+
+    def now(self):
+        return self.time
+
+    def receive(self):
+        events, self.events = self.events, []
+        return events
+
+    def close(self):
+        pass
+
+
+def test_who_looks_on_sees_what_came_of_late():
+    source = Played()
+    looking = Watch(source, memory=2.0)
+    fast = [frame(number) for number in range(60)]
+    for each in fast:
+        source.play(looking, each)
+    assert told(looking.sight().performers[1]).endswith("30 frames a second")
+    slow = [replace(frame(0), time=fast[-1].time + (number + 1) / 8) for number in range(20)]
+    for each in slow:
+        source.play(looking, each)
+    assert [reason.what for reason in reasons(looking.sight())] == [
+        "User 1 does not move at all: 17 times the very same pose came.",
+        "User 1: only 8 frames a second come.",
+    ]
+    source.play(looking, replace(frame(5), time=source.time + 1 / 8))
+    assert why_of(looking.sight()) == ["User 1: only 8 frames a second come."]
+
+
+def test_who_looks_on_forgets_who_has_gone_and_what_was_refused():
+    source = Played()
+    looking = Watch(source, memory=2.0)
+    source.play(looking, frame(0), Lost(0.1, 1), refused=["not OSC"])
+    assert looking.sight().gone == {1}
+    assert looking.sight().refused == {"not OSC": 1}
+    source.play(looking, Tick(3.0))
+    sight = looking.sight()
+    assert (sight.gone, sight.refused, sight.received) == (set(), {}, 1)
+
+
+def test_a_source_that_is_silent_is_told_of_with_the_seconds_since_something_came(osc):
+    looking = Watch(osc, memory=0.1)
+    send(osc, b"nonsense")
+    until(looking, lambda sight: sight.received)
+    sight = until(looking, lambda sight: not sight.received)
+    assert 0.1 < sight.silent < sight.seconds
+    assert why_of(sight) == ["Nothing has come in 0 s."]
+
+
+def test_a_sensor_that_fails_is_opened_again_until_a_picture_comes(watch, scripted_device, scripted_tracker):
+    absent = SourceError("freenect:", found="no Kinect v1 on USB", expected="one", fix="Plug it in.")
+    answers = iter([scripted_device, absent, scripted_device])
+
+    def opened():
+        answer = next(answers)
+        if answer is absent:
+            raise absent
+        return watch(answer, scripted_tracker).source
+
+    looking = Watch(source := Reopening("freenect:", opened), sights.RECENT)
+    scripted_device.show(0.0)
+    assert until(looking, lambda sight: sight.performers).picture is not None
+    gone = SourceError("freenect:", found="it gone", expected="one", fix="Plug it in.")
+    scripted_device.pictures.put(gone)
+    sight = until(looking, lambda sight: sight.failure)
+    assert (sight.performers, sight.picture, looking.over) == ({}, None, False)
+    assert reasons(sight)[0] == Reason(str(gone), "It is opened again twice a second.")
+    until(looking, lambda sight: sight.failure == str(absent))
+    until(looking, lambda _: isinstance(source.inner, SensorSource))
+    assert looking.sight().failure == str(absent)  # it is open, and nothing has come
+    scripted_tracker.users = ()
+    scripted_device.show(1.0)
+    sight = until(looking, lambda sight: sight.picture)
+    assert (sight.failure, sight.performers, sight.picture.time) == ("", {}, 1.0)
+
+
+def test_a_port_that_was_taken_is_waited_for_and_then_listened_to(osc):
+    def fail():
+        raise failure
+
+    failure = SourceError("osc:7110", found="that the port is taken", expected="a free one", fix="Wait.")
+    played = Played()
+    played.receive = fail
+    sources = iter([played, osc])
+    looking = Watch(source := Reopening("osc:7110", lambda: next(sources)))
+    assert until(looking, lambda sight: sight.failure).failure == str(failure)
+    assert until(looking, lambda sight: not sight.failure).retried is False
+    assert source.inner is osc
+
+
+def test_a_source_that_fails_and_is_not_opened_again_is_over():
+    short = replace(
+        WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
+    )
+    with closing(TakeSource.of_clips("replay:short.log", [short])) as source:
+        looking = Watch(source)
+        assert (looking.begun, looking.over) == (False, False)
+        sight = until(looking, lambda _: looking.over)
+        assert (looking.begun, sight.retried, set(sight.performers)) == (True, False, {1})

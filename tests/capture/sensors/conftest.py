@@ -123,7 +123,7 @@ def scripted_tracker():
     return ScriptedTracker(1)
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No picture is too old, however busy the machine is."""
     monkeypatch.setattr(source, "OLDEST", PATIENCE)

@@ -72,6 +72,26 @@ class Place:
     loop: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A sensor that is plugged in.
+
+    Attributes
+    ----------
+    name : str
+        What it calls itself.
+    uri, serial : str
+        By which it can be chosen; the second may be unknown, and is empty then.
+    trouble : SourceError or None
+        Why it cannot be opened.
+    """
+
+    name: str
+    uri: str
+    serial: str
+    trouble: SourceError | None
+
+
 def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     """Open a sensor or a recording and find people in what it shows.
 
@@ -143,9 +163,26 @@ def openni2(where: str) -> Any:
 
 
 def devices(bindings: Any) -> list[str]:
-    """Return the URIs of the sensors that are plugged in; the library has files that are open among them."""
-    known = [uri.decode(errors="replace") for uri in bindings.Device.enumerate_uris()]
-    return [uri for uri in known if not Path(uri).is_file()]
+    """Return the URIs of the sensors that are plugged in."""
+    return [uri for uri, _ in _listed(bindings)]
+
+
+def plugged_in(where: str) -> list[Sensor]:
+    """Return the sensors that the library finds.
+
+    Parameters
+    ----------
+    where : str
+        Who asks, for the message.
+
+    Raises
+    ------
+    SourceError
+        There is no library.
+    """
+    bindings = openni2(where)
+    with _alone(where):
+        return [_looked_at(bindings, uri, name) for uri, name in _listed(bindings)]
 
 
 class OpenNIDevice:
@@ -187,7 +224,7 @@ class OpenNIDevice:
             self._device = self._opened(place, folder)
             try:
                 info = self._device.device_info
-                self.name = " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
+                self.name = _name(info)
                 self._place = info.uri
                 self._prepare(place)
             except BaseException:
@@ -282,8 +319,8 @@ class OpenNIDevice:
                 fix="Record it with such pictures." if self._recorded else "It cannot be used through OpenNI2.",
             )
         self._mirrored = {stream: self._is_mirrored(stream) for stream in self._streams}
-        if len(self._streams) == 2 and not self._recorded:
-            self._join()
+        if len(self._streams) == 2:
+            self._tell_registration() if self._recorded else self._join()
         self._lens = self._lens_of(self._streams[-1])
         for stream in self._streams:
             stream.start()
@@ -322,6 +359,17 @@ class OpenNIDevice:
             said = "%s %s cannot register depth to colour, so depth is a little off"
             log.warning(said, heading(self._uri), self.name)
         device.set_depth_color_sync_enabled(True)
+
+    def _tell_registration(self) -> None:
+        """Say whether depth of a recording is where colour is; OpenNI2's own recorder does not write that down."""
+        try:
+            mode = self._device.get_image_registration_mode()
+        except self._oni.OpenNIError:
+            said = "%s the recording does not tell whether its depth is registered to colour, so it is taken to be"
+            log.info(said, heading(self._uri))
+        else:
+            if mode != self._oni.IMAGE_REGISTRATION_DEPTH_TO_COLOR:
+                log.warning("%s its depth was not registered to colour, so depth is a little off", heading(self._uri))
 
     def _lens_of(self, stream: Any) -> Lens:
         mode = stream.video_mode
@@ -383,8 +431,7 @@ class OpenNIDevice:
             raise self._failed(error) from error
 
     def _failed(self, error: Exception) -> SourceError:
-        _, said, _ = error.args
-        reason = (said.decode(errors="replace") if isinstance(said, bytes) else said) or "without a reason"
+        reason = _reason(error)
         if self._recorded:
             return SourceError(
                 self._uri,
@@ -392,20 +439,7 @@ class OpenNIDevice:
                 expected="a whole .oni recording",
                 fix="Record it again.",
             )
-        for node in filter(None, map(usb_node, devices(self._oni))):
-            if not os.access(node, os.R_OK | os.W_OK):
-                return SourceError(
-                    self._uri,
-                    found=f"a sensor at {node} that this user may not open",
-                    expected="permission to read and write there",
-                    fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
-                )
-        return SourceError(
-            self._uri,
-            found=f"a sensor that does not work ({reason})",
-            expected="one that no other program uses",
-            fix="End other programs that may use it, or plug it out and in again.",
-        )
+        return _unusable(self._uri, devices(self._oni), reason)
 
 
 def _tracker(device: Device) -> Tracker:
@@ -468,6 +502,58 @@ def _path() -> str:
     if not found:
         raise FileNotFoundError(f"none of {', '.join(_NAMES)} in {folder}")
     return str(found[0].absolute())
+
+
+def _listed(bindings: Any) -> list[tuple[str, str]]:
+    """Return the URIs and names of sensors; the library has files that are open among them."""
+    infos, count = ctypes.POINTER(bindings.c_api.OniDeviceInfo)(), ctypes.c_int()
+    bindings.c_api.oniGetDeviceList(ctypes.byref(infos), ctypes.byref(count))
+    try:
+        known = [(infos[k].uri.decode(errors="replace"), _name(infos[k])) for k in range(count.value)]
+    finally:
+        bindings.c_api.oniReleaseDeviceList(infos)
+    return [(uri, name) for uri, name in known if not Path(uri).is_file()]
+
+
+def _name(info: Any) -> str:
+    return " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
+
+
+def _looked_at(bindings: Any, uri: str, name: str) -> Sensor:
+    try:
+        device = bindings.Device(uri.encode())
+    except bindings.OpenNIError as error:
+        return Sensor(name, uri, "", _unusable(f"openni:uri={uri}", [uri], _reason(error)))
+    try:
+        return Sensor(name, uri, _serial(device), None)
+    except bindings.OpenNIError:  # it has none
+        return Sensor(name, uri, "", None)
+    finally:
+        device.close()
+
+
+def _reason(error: Exception) -> str:
+    """Return what the library said."""
+    _, said, _ = error.args
+    return (said.decode(errors="replace") if isinstance(said, bytes) else said) or "without a reason"
+
+
+def _unusable(where: str, uris: list[str], reason: str) -> SourceError:
+    """Tell why a sensor does not work, which is one of those: the library says no more than that."""
+    for node in filter(None, map(usb_node, uris)):
+        if not os.access(node, os.R_OK | os.W_OK):
+            return SourceError(
+                where,
+                found=f"a sensor at {node} that this user may not open",
+                expected="permission to read and write there",
+                fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
+            )
+    return SourceError(
+        where,
+        found=f"a sensor that does not work ({reason})",
+        expected="one that no other program uses",
+        fix="End other programs that may use it, or plug it out and in again.",
+    )
 
 
 def _serial(device: Any) -> str:

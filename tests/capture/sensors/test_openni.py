@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 
 from capture.sensors import openni as module
-from capture.sensors.openni import OpenNIDevice, Place, devices, open_openni, openni2, parse, usb_node
+from capture.sensors.openni import (
+    OpenNIDevice,
+    Place,
+    Sensor,
+    devices,
+    open_openni,
+    openni2,
+    parse,
+    plugged_in,
+    usb_node,
+)
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
 from engine_bridge.live.line import Line
@@ -85,6 +95,16 @@ def test_sensors_are_listed_as_they_are_plugged_in_and_out(virtual_sensors):
     assert devices(bindings) == ["virtual/0", "virtual/1"]
     virtual_sensors[0].unplug()
     assert devices(bindings) == ["virtual/1"]
+
+
+def test_sensors_that_are_plugged_in_are_told_with_names_serial_numbers_and_what_is_wrong(virtual_sensors):
+    virtual_sensors[0].plug()
+    virtual_sensors[1].plug(refuses=["opening"])
+    well, amiss = plugged_in(NAME)
+    assert well == Sensor("Puppetline virtual sensor 0", "virtual/0", "serial-0", None)
+    assert (amiss.name, amiss.uri, amiss.serial) == ("Puppetline virtual sensor 1", "virtual/1", "")
+    assert amiss.trouble.found == "a sensor that does not work (the virtual sensor refuses)"
+    assert virtual_sensors[0].streaming == 0
 
 
 @pytest.mark.parametrize("kind", ["serial", "uri"])
@@ -297,6 +317,25 @@ def test_a_recording_plays_the_pictures_that_were_recorded_and_ends(recording, o
     with pytest.raises(SourceError) as caught:
         device.read(0.1)
     assert caught.value.found == "that it has ended"
+
+
+def test_it_is_said_that_a_recording_does_not_tell_whether_depth_is_registered(recording, caplog):
+    caplog.set_level("INFO", "capture")
+    with closing(OpenNIDevice("openni:file=take.oni", Place("file", str(recording[0])))):
+        assert caplog.messages == [
+            "openni:file=take.oni: the recording does not tell whether its depth is registered to colour, "
+            "so it is taken to be"
+        ]
+
+
+def test_of_a_recording_that_tells_so_it_is_said_that_depth_is_not_registered(recording, caplog, monkeypatch):
+    """As other builds of the library may; Debian's gives nothing back."""
+    bindings = openni2(NAME)
+    monkeypatch.setattr(bindings.Device, "get_image_registration_mode", lambda _device: bindings.IMAGE_REGISTRATION_OFF)
+    with closing(OpenNIDevice("openni:file=take.oni", Place("file", str(recording[0])))):
+        assert caplog.messages == [
+            "openni:file=take.oni: its depth was not registered to colour, so depth is a little off"
+        ]
 
 
 def test_a_recording_in_a_loop_begins_again_and_its_time_goes_on(recording, opened):

@@ -25,6 +25,7 @@ import numpy as np
 from capture.events import TICK, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.picture import Device, Picture, Tracker
+from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import SourceError, heading
@@ -108,8 +109,7 @@ class SensorSource:
         self._read_all = False  # nor tracked, once the last picture is
         self._shut = False  # device and tracker are closed
 
-        self._thread = threading.Thread(target=self._run, name=f"{name} reader", daemon=True)
-        self._thread.start()
+        self._done = start(self._run, f"{name} reader")
 
     def fileno(self) -> int:
         """Return what becomes readable when somebody was found."""
@@ -154,7 +154,7 @@ class SensorSource:
         with self._changed:
             self._over = True
             self._changed.notify_all()
-        self._thread.join(_CLOSING)
+        self._done.wait(_CLOSING)
         self._waker.close()
         self._waiter.close()
 
@@ -196,11 +196,8 @@ class SensorSource:
                 log.info(
                     "%s %s gives the pictures, %s finds people in them", heading(self.name), device.name, tracker.name
                 )
-                tracking = threading.Thread(
-                    target=self._track, args=[tracker], name=f"{self.name} tracker", daemon=True
-                )
-                tracking.start()
-                stack.callback(tracking.join)
+                tracking = start(lambda: self._track(tracker), f"{self.name} tracker")
+                stack.callback(tracking.wait)
                 stack.callback(self._end)
                 what = device.name
                 self._read(device)

@@ -432,6 +432,36 @@ def test_starting_the_library_leaves_the_working_folder_alone():
     assert result.stdout == "True\n"
 
 
+REOPEN = """
+import sys, threading, time
+from capture.sensors.openni import devices, openni2
+from capture.sensors.source import SensorSource
+from puppetline.errors import SourceError
+
+def unplugged():
+    raise SourceError("openni:", found=f"{len(devices(library))} sensors", expected="one", fix="Plug it in.")
+
+library = openni2("openni:")
+for megabytes in range(64, 320, 16):  # so many that the system takes back a thread's memory as soon as it ends
+    threading.stack_size(megabytes << 20)
+    source = SensorSource("openni:", unplugged, None)
+    try:
+        while True:
+            source.receive()
+            time.sleep(0.001)
+    except SourceError as error:
+        print(error.found)
+    source.close()
+"""
+
+
+@pytest.mark.usefixtures("openni_folder")
+def test_a_sensor_is_looked_for_again_and_again_without_a_crash_of_the_library():
+    """It asks the system about every thread that ever called it, which Linux does not forgive of one that has ended."""
+    result = subprocess.run([sys.executable, "-c", REOPEN], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout.splitlines()) == (0, ["0 sensors"] * 16)
+
+
 def test_an_opening_that_never_returns_does_not_hold_up_others_for_ever(sensor, monkeypatch):
     monkeypatch.setattr(module, "_PATIENCE", 0.1)
     with module._library, pytest.raises(SourceError, match="has been opening another sensor"):

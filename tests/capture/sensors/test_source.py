@@ -411,15 +411,25 @@ def test_what_a_driver_throws_is_an_error_that_says_who_and_what_to_do(
     assert (scripted_device.closed, scripted_tracker.closed) == (1, 1)
 
 
-def test_closing_closes_the_tracker_and_then_the_device_once_and_leaves_no_thread(scripted_device, scripted_tracker):
+def test_closing_closes_the_tracker_and_then_the_device_once(scripted_device, scripted_tracker):
     order = []
     scripted_device.close = lambda: order.append("device")
     scripted_tracker.close = lambda: order.append("tracker")
-    before = threading.active_count()
     source = SensorSource("test:", lambda: scripted_device, lambda _device: scripted_tracker)
     scripted_device.show(0.0)
     assert select([source.fileno()], [], [], 10)[0]
     source.close()
     source.close()
     assert order == ["tracker", "device"]
-    assert threading.active_count() == before
+
+
+def test_a_source_that_is_opened_again_and_again_needs_two_threads(watch, scripted_device, scripted_tracker):
+    used = set()
+    for _ in range(5):
+        watched = watch(scripted_device, scripted_tracker)
+        scripted_device.show(0.0)
+        watched.events()
+        threads = {thread.name: thread for thread in threading.enumerate()}
+        used |= {threads["test: reader"], threads["test: tracker"]}
+        watched.source.close()
+    assert len(used) == 2

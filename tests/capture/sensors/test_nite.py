@@ -145,7 +145,7 @@ def opened(sensor, monkeypatch):
     yield openni_source
     for source in sources:
         source.close()
-        source._thread.join(10)
+        source._done.wait(10)
 
 
 def _wait_for(caplog, message):

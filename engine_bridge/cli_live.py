@@ -76,9 +76,10 @@ def _run(
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
-        from engine_bridge.live import logs
+        from engine_bridge.live import logs, native_output
         from engine_bridge.live.service import Service
 
+        stack.enter_context(native_output.logged())
         logs.setup(log_format, log_level)
         stack.enter_context(logs.beside())
         display = None
@@ -151,6 +152,7 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
     from contextlib import closing
     from dataclasses import asdict
 
+    from engine_bridge.live import native_output
     from engine_bridge.live.record import record as run
     from engine_bridge.live.sources import open_source
 
@@ -158,7 +160,7 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
         if sys.stderr.isatty():
             click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
 
-    with closing(open_source(source)) as opened:
+    with native_output.logged(), closing(open_source(source)) as opened:
         summary = run(opened, output, seconds, report, force)
     if sys.stderr.isatty():
         click.echo(err=True)
@@ -187,12 +189,13 @@ def look(source: str, output: Path, seconds: float, as_json: bool) -> None:
     from capture.sensors.look import draw
     from capture.sensors.sight import reasons, summary, told, watch
     from engine_bridge.files import check_writable, written_whole
+    from engine_bridge.live import native_output
     from engine_bridge.live.sources import open_source
 
     check_writable(output, ".png")
     if sys.stderr.isatty():
         click.echo(f"looking at {source} …", err=True)
-    with closing(open_source(source)) as opened:
+    with native_output.logged(), closing(open_source(source)) as opened:
         sight = watch(opened, seconds)
     why = reasons(sight)
     with written_whole(output) as partial:

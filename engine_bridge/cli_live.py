@@ -164,11 +164,15 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
         summary = run(opened, output, seconds, report, force)
     if sys.stderr.isatty():
         click.echo(err=True)
+    if summary.why:
+        click.echo(f"puppetline: {summary.why}", err=True)
     if as_json:
         click.echo(json.dumps(asdict(summary), indent=2))
-        return
-    users = ", ".join(map(str, summary.users)) or "nobody"
-    click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+    elif output.exists():
+        users = ", ".join(map(str, summary.users)) or "nobody"
+        click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+    if summary.why:
+        raise click.exceptions.Exit(1)
 
 
 @click.command()

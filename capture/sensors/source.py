@@ -10,6 +10,7 @@ always that late, `SLOW` pictures in a row, people are given late rather than ne
 tracked, at the recording's own times.
 """
 
+import atexit
 import logging
 import math
 import socket
@@ -110,6 +111,7 @@ class SensorSource:
         self._shut = False  # device and tracker are closed
 
         self._done = start(self._run, f"{name} reader")
+        atexit.register(self.close)
 
     def fileno(self) -> int:
         """Return what becomes readable when somebody was found."""
@@ -150,7 +152,8 @@ class SensorSource:
         return [self._in_order(event) for event in news]
 
     def close(self) -> None:
-        """Let go of device and tracker, unless they do not come back."""
+        """Let go of device and tracker, unless they do not come back. The end of the program does this, too."""
+        atexit.unregister(self.close)
         with self._changed:
             self._over = True
             self._changed.notify_all()

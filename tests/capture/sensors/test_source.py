@@ -1,4 +1,6 @@
 import logging
+import subprocess
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -433,3 +435,30 @@ def test_a_source_that_is_opened_again_and_again_needs_two_threads(watch, script
         used |= {threads["test: reader"], threads["test: tracker"]}
         watched.source.close()
     assert len(used) == 2
+
+
+LEFT = """
+import sys, threading, time
+from capture.sensors.source import SensorSource
+
+class Device:
+    name = "a device"
+    read = lambda self, timeout: time.sleep(timeout)
+    close = lambda self: print("device", flush=True)
+
+class Tracker:
+    name = "a tracker"
+    close = lambda self: print("tracker", flush=True)
+
+def opened():
+    time.sleep(0.3)
+    return Device()
+
+source = SensorSource("test:", opened, lambda _: Tracker())
+sys.exit("left")
+"""
+
+
+def test_the_end_of_the_program_closes_what_is_open_or_being_opened():
+    result = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout, result.stderr) == (1, "tracker\ndevice\n", "left\n")

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 import threading
 
 from capture.sensors.threads import start
@@ -33,3 +35,17 @@ def test_what_never_ends_holds_up_nothing_else():
     assert not stuck.is_set()
     go_on.set()
     assert stuck.wait(10)
+
+
+LEFT = """
+import sys, time
+from capture.sensors.threads import start
+
+start(lambda: time.sleep(0.3) or print("done", flush=True), "work")
+sys.exit("left")
+"""
+
+
+def test_the_end_of_the_program_waits_for_what_is_being_done():
+    result = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout, result.stderr) == (1, "done\n", "left\n")

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.nite import REDIST as NITE2_REDIST
 from capture.sensors.nite import NiTE, library_path
-from capture.sensors.oni_file import check_whole
+from capture.sensors.oni_file import check_plays, check_whole
 from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
 from puppetline.errors import SourceError, heading
@@ -113,6 +113,7 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     if place.kind == "file" or library_path() is None:
         library()
     if place.kind == "file":
+        check_plays(uri, folder / place.value)
         file = OpenNIDevice(uri, place, folder)
         return SensorSource(uri, lambda: file, lambda _device: MediaPipePose(), recorded=True, fast=place.fast)
     return SensorSource(uri, lambda: OpenNIDevice(uri, place), _tracker)
@@ -379,13 +380,23 @@ class OpenNIDevice:
     def _take(self, stream: Any) -> None:
         """Read a picture that is there."""
         frame = stream.read_frame()
-        kind = np.uint16 if stream is self._depth else np.dtype((np.uint8, 3))
-        rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
-        pixels = np.ndarray((frame.height, frame.width), kind, rows, strides=(frame.stride, np.dtype(kind).itemsize))
-        self._waiting[stream] = frame.timestamp * 1e-6, (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
         if self._left:
             self._left[stream] = stream.get_number_of_frames() - frame.frameIndex
+        pixels = self._pixels(stream, frame)
+        if pixels is not None:
+            self._waiting[stream] = frame.timestamp * 1e-6, pixels
         frame.close()
+
+    def _pixels(self, stream: Any, frame: Any) -> NDArray[Any] | None:
+        """Return what a picture shows, as an array of its own; None if it is damaged, as in a recording."""
+        kind = np.dtype(np.uint16 if stream is self._depth else (np.uint8, 3))
+        size = frame.height, frame.width
+        whole = frame.stride >= frame.width * kind.itemsize and frame.dataSize >= frame.height * frame.stride
+        if size != (self._lens.height, self._lens.width) or not whole:
+            return None
+        rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
+        pixels = np.ndarray(size, kind, rows, strides=(frame.stride, kind.itemsize))
+        return (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
 
     def _pair(self) -> Picture | None:
         """Return what all streams show at one moment; forget what has no counterpart."""

@@ -319,6 +319,13 @@ class SensorSource:
             self._changed.notify_all()
 
     def _silent(self) -> SourceError:
+        if self._recorded:
+            return SourceError(
+                self.name,
+                found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
+                expected="a recording that goes on to its end",
+                fix="It is damaged: record it again.",
+            )
         return SourceError(
             self.name,
             found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",

@@ -242,16 +242,18 @@ def virtual_sensors(_virtual_sensors):
 
 
 @pytest.fixture(scope="session")
-def record(openni_folder):
+def record(_virtual_sensors):
     """Record what a sensor that is plugged in shows with OpenNI2's recorder: pairs of depth and colour, in even steps.
 
     On a busy machine, the recorder leaves pictures out; then it is done again.
     """
     from capture.sensors.openni import OpenNIDevice, Place, openni2
 
+    bindings = openni2("test")
+
     def once(sensor, path, pictures, step):
         with closing(OpenNIDevice("openni:", Place())) as device:
-            recorder = openni2("test").Recorder(os.fsencode(path))
+            recorder = bindings.Recorder(os.fsencode(path))
             for stream in device._streams:
                 recorder.attach(stream)
             recorder.start()

@@ -8,10 +8,12 @@ from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from select import select
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from capture.sensors import oni_file
 from capture.sensors import openni as module
 from capture.sensors.openni import (
     OpenNIDevice,
@@ -372,6 +374,43 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
     for _ in range(100):
         with pytest.raises(SourceError, match="which is damaged at byte 1"):
             OpenNIDevice(NAME, Place("file", str(damaged)))
+
+
+def test_a_recording_on_which_the_library_crashes_costs_another_process(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "library", lambda: None)
+    damaged = tmp_path / "damaged.oni"
+    content = bytearray(recording[0].read_bytes())
+    content[23] = 127  # there are billions of nodes
+    damaged.write_bytes(content)
+    with pytest.raises(SourceError) as caught:
+        open_openni("openni:file=damaged.oni", "file=damaged.oni", tmp_path)
+    assert caught.value.found == f"{damaged}, on which OpenNI2 crashes"
+
+
+def test_a_recording_on_which_the_library_hangs_is_given_up(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(oni_file, "_PLAY", "import time; time.sleep(60)")
+    monkeypatch.setattr(oni_file, "_PATIENCE", 0.1)
+    with pytest.raises(SourceError, match=r"take\.oni, on which OpenNI2 hangs"):
+        oni_file.check_plays(NAME, recording[0])
+
+
+def test_a_picture_that_is_too_short_is_left_out(sensor, opened, rng, monkeypatch):
+    """OpenNI2 gives one where the compressed data of a recording are damaged."""
+    device = opened()
+    pixels, shortened = device._pixels, []
+
+    def first_shortened(stream, frame):
+        if shortened:
+            return pixels(stream, frame)
+        shortened.append(frame)
+        return pixels(stream, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
+
+    monkeypatch.setattr(device, "_pixels", first_shortened)
+    sensor.show(*_noise(rng), 1.0)
+    assert device.read(0.2) is None
+    sensor.show(*_noise(rng), 2.0)
+    assert read(device).time == 2.0
+    assert shortened
 
 
 def test_pictures_that_are_damaged_are_left_out_and_the_recording_ends_all_the_same(recording, opened, tmp_path, rng):

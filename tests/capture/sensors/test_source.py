@@ -357,6 +357,14 @@ def test_a_device_that_stops_giving_pictures_is_given_up(watch, scripted_device,
     assert "no new picture within 0.2 s" in watched.error().found
 
 
+def test_a_recording_that_stops_before_its_end_is_damaged(watch, scripted_device, scripted_tracker, monkeypatch):
+    monkeypatch.setattr(module, "SILENT", 0.2)
+    watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
+    scripted_device.show(0.0)
+    watched.events()
+    assert watched.error().fix == "It is damaged: record it again."
+
+
 @pytest.mark.usefixtures("strict")
 def test_a_device_that_gives_old_pictures_only_is_given_up(watch, scripted_device, scripted_tracker, monkeypatch):
     monkeypatch.setattr(module, "SILENT", 0.2)

@@ -275,19 +275,19 @@ class OpenNIDevice:
     def _opened(self, place: Place, folder: Path) -> Any:
         if place.kind == "file":
             check_whole(self._uri, folder / place.value)
-            return self._oni.Device(os.fsencode(folder / place.value))
+            return _open(self._oni, os.fsencode(folder / place.value))
         there = devices(self._oni)
         if place.kind == "serial":
             for uri in there:
                 with suppress(self._oni.OpenNIError):
-                    device = self._oni.Device(uri.encode())
+                    device = _open(self._oni, uri.encode())
                     if _serial(device) == place.value:
                         return device
                     device.close()
         elif there and place.kind == "any":
-            return self._oni.Device(there[0].encode())
+            return _open(self._oni, there[0].encode())
         elif place.value in there:
-            return self._oni.Device(place.value.encode())
+            return _open(self._oni, place.value.encode())
         raise SourceError(
             self._uri,
             found=f"sensors {', '.join(there)}" if there else "no sensor",
@@ -526,13 +526,29 @@ def _listed(bindings: Any) -> list[tuple[str, str]]:
     return [(uri, name) for uri, name in known if not Path(uri).is_file()]
 
 
+def _open(bindings: Any, name: bytes) -> Any:
+    """Open a device.
+
+    What cannot be opened is not closed either, as the bindings would: the library counts closings, takes the sensor for
+    open the next time, and crashes.
+    """
+    device = bindings.Device.__new__(bindings.Device)
+    try:
+        device.__init__(name)
+    except bindings.OpenNIError:
+        if not hasattr(device, "playback"):  # which comes after opening
+            device._handle = None
+        raise
+    return device
+
+
 def _name(info: Any) -> str:
     return " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
 
 
 def _looked_at(bindings: Any, uri: str, name: str) -> Sensor:
     try:
-        device = bindings.Device(uri.encode())
+        device = _open(bindings, uri.encode())
     except bindings.OpenNIError as error:
         return Sensor(name, uri, "", _unusable(f"openni:uri={uri}", [uri], _reason(error)))
     try:

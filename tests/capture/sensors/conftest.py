@@ -172,9 +172,13 @@ class VirtualSensor:
 
     def plug(self, refuses=()):
         """Plug it in, and have it not do some of `refusals`."""
-        self._refuses[:] = sum(1 << self.refusals.index(what) for what in refuses)
+        self.refuse(*refuses)
         self._plugged[:] = 1
         self._wait(lambda: self._listed[0])
+
+    def refuse(self, *what):
+        """Have it not do some of `refusals` from now on."""
+        self._refuses[:] = sum(1 << self.refusals.index(each) for each in what)
 
     def unplug(self):
         self._plugged[:] = 0

@@ -1,5 +1,6 @@
 """Through the real OpenNI2 library, with sensors that a driver of the tests shows to it; see virtual_sensor.cpp."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -194,6 +195,20 @@ def test_a_sensor_that_refuses_is_an_error_with_its_own_words(sensor):
     with pytest.raises(SourceError, match="the virtual sensor refuses") as caught:
         OpenNIDevice(NAME, Place())
     assert "other programs" in caught.value.fix
+
+
+def test_a_sensor_that_has_refused_often_opens_as_soon_as_it_does_not(sensor, opened, rng):
+    """As another program lets go of it: what was closed without having been open would crash the library."""
+    sensor.refuse("opening")
+    for _ in range(20):
+        with pytest.raises(SourceError, match="the virtual sensor refuses"):
+            OpenNIDevice(NAME, Place())
+        assert plugged_in(NAME)[0].trouble is not None
+        gc.collect()
+    sensor.refuse()
+    device = opened()
+    sensor.show(*_noise(rng), 1.0)
+    assert read(device).time == 1.0
 
 
 def test_a_sensor_that_may_not_be_opened_is_an_error_that_names_the_udev_rules(sensor, monkeypatch):

@@ -77,9 +77,10 @@ def _run(
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
-        from engine_bridge.live import logs
+        from engine_bridge.live import logs, native_output
         from engine_bridge.live.service import Service
 
+        stack.enter_context(native_output.logged())
         logs.setup(log_format, log_level)
         stack.enter_context(logs.beside())
         display = None
@@ -152,6 +153,7 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
     from contextlib import closing
     from dataclasses import asdict
 
+    from engine_bridge.live import native_output
     from engine_bridge.live.record import record as run
     from engine_bridge.live.sources import open_source
 
@@ -159,15 +161,19 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
         if sys.stderr.isatty():
             click.echo(f"\r{frames:,} frames, {elapsed:.0f} s", err=True, nl=False)
 
-    with closing(open_source(source)) as opened:
+    with native_output.logged(), closing(open_source(source)) as opened:
         summary = run(opened, output, seconds, report, force)
     if sys.stderr.isatty():
         click.echo(err=True)
+    if summary.why:
+        click.echo(f"puppetline: {summary.why}", err=True)
     if as_json:
         click.echo(json.dumps(asdict(summary), indent=2))
-        return
-    users = ", ".join(map(str, summary.users)) or "nobody"
-    click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+    elif output.exists():
+        users = ", ".join(map(str, summary.users)) or "nobody"
+        click.echo(f"{summary.take}: {summary.frames:,} frames, {summary.seconds:.1f} s, performers: {users}")
+    if summary.why:
+        raise click.exceptions.Exit(1)
 
 
 @click.command()
@@ -224,9 +230,10 @@ def _seen(source: str, seconds: float | None) -> "Sight":
     from contextlib import closing
 
     from capture.sensors.sight import watch
+    from engine_bridge.live import native_output
     from engine_bridge.live.sources import open_source
 
-    with closing(open_source(source)) as opened:
+    with native_output.logged(), closing(open_source(source)) as opened:
         return watch(opened, 3.0 if seconds is None else seconds)
 
 
@@ -238,11 +245,13 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from capture.sensors.screen import Screen
     from capture.sensors.sight import RECENT, Watch
     from capture.sensors.view import watch_live
+    from engine_bridge.live import native_output
     from engine_bridge.live.signals import Signals
     from engine_bridge.live.sources import RECORDED, open_source
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        stack.enter_context(native_output.logged())
         opened = open_source(source) if source.startswith(RECORDED) else Reopening(source, lambda: open_source(source))
         stack.callback(opened.close)
         screen = stack.enter_context(Screen())

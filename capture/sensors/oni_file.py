@@ -1,10 +1,12 @@
-"""Whether an .oni recording is whole: OpenNI2 2.2 can crash on one that was cut off.
+"""Whether an .oni recording is whole and plays: OpenNI2 2.2 can crash on one that was cut off or is damaged.
 
 A recording is a head of 24 bytes and then records, one behind the other, up to the one that ends it. Each begins with
 its magic, type, node, its own size with this head, that of the data behind it, and where it replaces an earlier one.
 """
 
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 from puppetline.errors import SourceError
@@ -13,6 +15,21 @@ _FILE, _RECORD = b"NI10", b"NIR\0"
 _FIRST = 24
 _HEAD = struct.Struct("<4sIIIIQ")
 _END = 11
+
+_PATIENCE = 20.0  # seconds for another process to start and play the beginning
+_PLAY = """
+import os, sys
+sys.path[:] = sys.argv[2:]
+from capture.sensors.openni import OpenNIDevice, Place
+from puppetline.errors import SourceError
+try:
+    device = OpenNIDevice("", Place("file", sys.argv[1]))
+    for _ in range(5):
+        device.read(0.2)
+except SourceError:
+    pass  # which is found again, by who wants to play it
+os._exit(0)
+"""
 
 
 def check_whole(where: str, path: Path) -> None:
@@ -45,6 +62,33 @@ def check_whole(where: str, path: Path) -> None:
             expected="a whole .oni recording",
             fix="Record it again, and end recording before the program that records.",
         )
+
+
+def check_plays(where: str, path: Path) -> None:
+    """Have another process play the beginning, in which the library may crash.
+
+    Parameters
+    ----------
+    where : str
+        Who asks, for the message.
+    path : Path
+
+    Raises
+    ------
+    SourceError
+        It crashes, or never comes back. What it says itself is not raised.
+    """
+    command = [sys.executable, "-c", _PLAY, str(path), *sys.path]
+    try:
+        subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=True)  # noqa: S603
+    except subprocess.SubprocessError as error:
+        hangs = isinstance(error, subprocess.TimeoutExpired)
+        raise SourceError(
+            where,
+            found=f"{path}, on which OpenNI2 {'hangs' if hangs else 'crashes'}",
+            expected="a whole .oni recording",
+            fix="Record it again.",
+        ) from error
 
 
 def _damage(path: Path) -> int | None:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.nite import REDIST as NITE2_REDIST
 from capture.sensors.nite import NiTE, library_path
-from capture.sensors.oni_file import check_whole
+from capture.sensors.oni_file import check_plays, check_whole
 from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
 from puppetline.errors import SourceError, heading
@@ -72,6 +72,26 @@ class Place:
     loop: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """A sensor that is plugged in.
+
+    Attributes
+    ----------
+    name : str
+        What it calls itself.
+    uri, serial : str
+        By which it can be chosen; the second may be unknown, and is empty then.
+    trouble : SourceError or None
+        Why it cannot be opened.
+    """
+
+    name: str
+    uri: str
+    serial: str
+    trouble: SourceError | None
+
+
 def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     """Open a sensor or a recording and find people in what it shows.
 
@@ -93,6 +113,7 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
     if place.kind == "file" or library_path() is None:
         library()
     if place.kind == "file":
+        check_plays(uri, folder / place.value)
         file = OpenNIDevice(uri, place, folder)
         return SensorSource(uri, lambda: file, lambda _device: MediaPipePose(), recorded=True, fast=place.fast)
     return SensorSource(uri, lambda: OpenNIDevice(uri, place), _tracker)
@@ -143,9 +164,26 @@ def openni2(where: str) -> Any:
 
 
 def devices(bindings: Any) -> list[str]:
-    """Return the URIs of the sensors that are plugged in; the library has files that are open among them."""
-    known = [uri.decode(errors="replace") for uri in bindings.Device.enumerate_uris()]
-    return [uri for uri in known if not Path(uri).is_file()]
+    """Return the URIs of the sensors that are plugged in."""
+    return [uri for uri, _ in _listed(bindings)]
+
+
+def plugged_in(where: str) -> list[Sensor]:
+    """Return the sensors that the library finds.
+
+    Parameters
+    ----------
+    where : str
+        Who asks, for the message.
+
+    Raises
+    ------
+    SourceError
+        There is no library.
+    """
+    bindings = openni2(where)
+    with _alone(where):
+        return [_looked_at(bindings, uri, name) for uri, name in _listed(bindings)]
 
 
 class OpenNIDevice:
@@ -187,7 +225,7 @@ class OpenNIDevice:
             self._device = self._opened(place, folder)
             try:
                 info = self._device.device_info
-                self.name = " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
+                self.name = _name(info)
                 self._place = info.uri
                 self._prepare(place)
             except BaseException:
@@ -237,19 +275,19 @@ class OpenNIDevice:
     def _opened(self, place: Place, folder: Path) -> Any:
         if place.kind == "file":
             check_whole(self._uri, folder / place.value)
-            return self._oni.Device(os.fsencode(folder / place.value))
+            return _open(self._oni, os.fsencode(folder / place.value))
         there = devices(self._oni)
         if place.kind == "serial":
             for uri in there:
                 with suppress(self._oni.OpenNIError):
-                    device = self._oni.Device(uri.encode())
+                    device = _open(self._oni, uri.encode())
                     if _serial(device) == place.value:
                         return device
                     device.close()
         elif there and place.kind == "any":
-            return self._oni.Device(there[0].encode())
+            return _open(self._oni, there[0].encode())
         elif place.value in there:
-            return self._oni.Device(place.value.encode())
+            return _open(self._oni, place.value.encode())
         raise SourceError(
             self._uri,
             found=f"sensors {', '.join(there)}" if there else "no sensor",
@@ -282,8 +320,8 @@ class OpenNIDevice:
                 fix="Record it with such pictures." if self._recorded else "It cannot be used through OpenNI2.",
             )
         self._mirrored = {stream: self._is_mirrored(stream) for stream in self._streams}
-        if len(self._streams) == 2 and not self._recorded:
-            self._join()
+        if len(self._streams) == 2:
+            self._tell_registration() if self._recorded else self._join()
         self._lens = self._lens_of(self._streams[-1])
         for stream in self._streams:
             stream.start()
@@ -323,6 +361,17 @@ class OpenNIDevice:
             log.warning(said, heading(self._uri), self.name)
         device.set_depth_color_sync_enabled(True)
 
+    def _tell_registration(self) -> None:
+        """Say whether depth of a recording is where colour is; OpenNI2's own recorder does not write that down."""
+        try:
+            mode = self._device.get_image_registration_mode()
+        except self._oni.OpenNIError:
+            said = "%s the recording does not tell whether its depth is registered to colour, so it is taken to be"
+            log.info(said, heading(self._uri))
+        else:
+            if mode != self._oni.IMAGE_REGISTRATION_DEPTH_TO_COLOR:
+                log.warning("%s its depth was not registered to colour, so depth is a little off", heading(self._uri))
+
     def _lens_of(self, stream: Any) -> Lens:
         mode = stream.video_mode
         width, height = mode.resolutionX, mode.resolutionY
@@ -331,13 +380,23 @@ class OpenNIDevice:
     def _take(self, stream: Any) -> None:
         """Read a picture that is there."""
         frame = stream.read_frame()
-        kind = np.uint16 if stream is self._depth else np.dtype((np.uint8, 3))
-        rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
-        pixels = np.ndarray((frame.height, frame.width), kind, rows, strides=(frame.stride, np.dtype(kind).itemsize))
-        self._waiting[stream] = frame.timestamp * 1e-6, (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
         if self._left:
             self._left[stream] = stream.get_number_of_frames() - frame.frameIndex
+        pixels = self._pixels(stream, frame)
+        if pixels is not None:
+            self._waiting[stream] = frame.timestamp * 1e-6, pixels
         frame.close()
+
+    def _pixels(self, stream: Any, frame: Any) -> NDArray[Any] | None:
+        """Return what a picture shows, as an array of its own; None if it is damaged, as in a recording."""
+        kind = np.dtype(np.uint16 if stream is self._depth else (np.uint8, 3))
+        size = frame.height, frame.width
+        whole = frame.stride >= frame.width * kind.itemsize and frame.dataSize >= frame.height * frame.stride
+        if size != (self._lens.height, self._lens.width) or not whole:
+            return None
+        rows = np.ctypeslib.as_array((ctypes.c_uint8 * frame.dataSize).from_address(frame.data))
+        pixels = np.ndarray(size, kind, rows, strides=(frame.stride, kind.itemsize))
+        return (pixels[:, ::-1] if self._mirrored[stream] else pixels).copy()
 
     def _pair(self) -> Picture | None:
         """Return what all streams show at one moment; forget what has no counterpart."""
@@ -383,8 +442,7 @@ class OpenNIDevice:
             raise self._failed(error) from error
 
     def _failed(self, error: Exception) -> SourceError:
-        _, said, _ = error.args
-        reason = (said.decode(errors="replace") if isinstance(said, bytes) else said) or "without a reason"
+        reason = _reason(error)
         if self._recorded:
             return SourceError(
                 self._uri,
@@ -392,20 +450,7 @@ class OpenNIDevice:
                 expected="a whole .oni recording",
                 fix="Record it again.",
             )
-        for node in filter(None, map(usb_node, devices(self._oni))):
-            if not os.access(node, os.R_OK | os.W_OK):
-                return SourceError(
-                    self._uri,
-                    found=f"a sensor at {node} that this user may not open",
-                    expected="permission to read and write there",
-                    fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
-                )
-        return SourceError(
-            self._uri,
-            found=f"a sensor that does not work ({reason})",
-            expected="one that no other program uses",
-            fix="End other programs that may use it, or plug it out and in again.",
-        )
+        return _unusable(self._uri, devices(self._oni), reason)
 
 
 def _tracker(device: Device) -> Tracker:
@@ -468,6 +513,74 @@ def _path() -> str:
     if not found:
         raise FileNotFoundError(f"none of {', '.join(_NAMES)} in {folder}")
     return str(found[0].absolute())
+
+
+def _listed(bindings: Any) -> list[tuple[str, str]]:
+    """Return the URIs and names of sensors; the library has files that are open among them."""
+    infos, count = ctypes.POINTER(bindings.c_api.OniDeviceInfo)(), ctypes.c_int()
+    bindings.c_api.oniGetDeviceList(ctypes.byref(infos), ctypes.byref(count))
+    try:
+        known = [(infos[k].uri.decode(errors="replace"), _name(infos[k])) for k in range(count.value)]
+    finally:
+        bindings.c_api.oniReleaseDeviceList(infos)
+    return [(uri, name) for uri, name in known if not Path(uri).is_file()]
+
+
+def _open(bindings: Any, name: bytes) -> Any:
+    """Open a device.
+
+    What cannot be opened is not closed either, as the bindings would: the library counts closings, takes the sensor for
+    open the next time, and crashes.
+    """
+    device = bindings.Device.__new__(bindings.Device)
+    try:
+        device.__init__(name)
+    except bindings.OpenNIError:
+        if not hasattr(device, "playback"):  # which comes after opening
+            device._handle = None
+        raise
+    return device
+
+
+def _name(info: Any) -> str:
+    return " ".join(part.decode(errors="replace") for part in (info.vendor, info.name) if part)
+
+
+def _looked_at(bindings: Any, uri: str, name: str) -> Sensor:
+    try:
+        device = _open(bindings, uri.encode())
+    except bindings.OpenNIError as error:
+        return Sensor(name, uri, "", _unusable(f"openni:uri={uri}", [uri], _reason(error)))
+    try:
+        return Sensor(name, uri, _serial(device), None)
+    except bindings.OpenNIError:  # it has none
+        return Sensor(name, uri, "", None)
+    finally:
+        device.close()
+
+
+def _reason(error: Exception) -> str:
+    """Return what the library said."""
+    _, said, _ = error.args
+    return (said.decode(errors="replace") if isinstance(said, bytes) else said) or "without a reason"
+
+
+def _unusable(where: str, uris: list[str], reason: str) -> SourceError:
+    """Tell why a sensor does not work, which is one of those: the library says no more than that."""
+    for node in filter(None, map(usb_node, uris)):
+        if not os.access(node, os.R_OK | os.W_OK):
+            return SourceError(
+                where,
+                found=f"a sensor at {node} that this user may not open",
+                expected="permission to read and write there",
+                fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
+            )
+    return SourceError(
+        where,
+        found=f"a sensor that does not work ({reason})",
+        expected="one that no other program uses",
+        fix="End other programs that may use it, or plug it out and in again.",
+    )
 
 
 def _serial(device: Any) -> str:

@@ -1,6 +1,7 @@
 """The terminal as a screen: its alternate screen without a cursor, its size, and when it is ready for more."""
 
 import os
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ _ENTER = f"{Control.alt_screen(enable=True)}{Control.show_cursor(show=False)}"
 _LEAVE = f"\x1b[0m{Control.show_cursor(show=True)}{Control.alt_screen(enable=False)}"
 _DONE, _IS_DONE = b"\x1b[5n", b"\x1b[0n"  # "report your status", and the report, which comes after all before it
 _GLANCE = 0.05  # seconds between looks whether it is over
-_IN, _OUT, _ERROR = 0, 1, 2
+_IN = 0
 
 
 class Screen:
@@ -37,6 +38,7 @@ class Screen:
 
     def __init__(self) -> None:
         self.gone = False
+        self._out = sys.stdout.fileno()
         self._undo = ExitStack()
         self._thread = threading.Thread(target=self._run, name="screen", daemon=True)
         self._texts: SimpleQueue[str | None] = SimpleQueue()
@@ -48,7 +50,7 @@ class Screen:
 
     def __enter__(self) -> Self:
         self._undo.enter_context(_silent_keyboard())
-        self._undo.enter_context(_silent_errors())
+        self._undo.enter_context(_silent_errors(sys.stderr.fileno()))
         self._undo.callback(self._leave)
         self._thread.start()
         self.show(_ENTER)
@@ -66,7 +68,7 @@ class Screen:
     def size(self) -> tuple[int, int]:
         """Columns and lines, which change as a window does."""
         try:
-            columns, lines = os.get_terminal_size(_OUT)
+            columns, lines = os.get_terminal_size(self._out)
         except OSError:  # it is gone
             columns, lines = 0, 0
         return columns or 80, lines or 24
@@ -103,7 +105,7 @@ class Screen:
         data = text.encode() + _DONE * self._asks
         self._open += self._asks
         while data:
-            data = data[os.write(_OUT, data) :]
+            data = data[os.write(self._out, data) :]
 
     def _listen(self) -> None:
         """Take what has been typed, and answers."""
@@ -133,13 +135,13 @@ def _silent_keyboard() -> Iterator[None]:
 
 
 @contextmanager
-def _silent_errors() -> Iterator[None]:
-    """Keep off the terminal what libraries write to the standard error; the view says what matters."""
+def _silent_errors(descriptor: int) -> Iterator[None]:
+    """Keep off the terminal what is written to the standard error; the view says what matters."""
     with ExitStack() as stack:
-        if os.isatty(_ERROR):
-            before, nowhere = os.dup(_ERROR), os.open(os.devnull, os.O_WRONLY)
+        if os.isatty(descriptor):
+            before, nowhere = os.dup(descriptor), os.open(os.devnull, os.O_WRONLY)
             stack.callback(os.close, before)
-            stack.callback(os.dup2, before, _ERROR)
-            os.dup2(nowhere, _ERROR)
+            stack.callback(os.dup2, before, descriptor)
+            os.dup2(nowhere, descriptor)
             os.close(nowhere)
         yield

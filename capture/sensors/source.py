@@ -5,11 +5,14 @@ seconds, or never come back. What they find wakes whoever runs the source throug
 
 Events of a live device are on the monotonic clock, at the moments of their pictures, as evenly spaced as the device's
 own clock says; where nothing comes, ticks follow at a distance, so as not to be ahead of the picture that is being
-tracked. Of a recording, every picture is tracked, at the recording's own times.
+tracked. What is older than `OLDEST` is left out, before it is tracked and when it is given; but on a machine that is
+always that late, `SLOW` pictures in a row, people are given late rather than never. Of a recording, every picture is
+tracked, at the recording's own times.
 
 Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands, `capture.sensors.floor`.
 """
 
+import atexit
 import logging
 import math
 import socket
@@ -23,8 +26,10 @@ from typing import Any
 import numpy as np
 
 from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.sensors.clock import DeviceClock
 from capture.sensors.floor import FloorWatch
 from capture.sensors.picture import Device, Picture, Tracker
+from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import SourceError, heading
@@ -34,13 +39,15 @@ OPENING = 10.0
 SILENT = 2.0
 """Seconds without a picture after which a device is taken for gone."""
 OLDEST = 0.1
-"""Seconds; a picture older than that is never tracked, as nobody wants to see it any more."""
+"""Seconds; a picture older than that is not tracked, and who was found in it not given: nobody wants to see it."""
+SLOW = 10
+"""Pictures in a row that people were found in too late, after which these are given all the same until as many come in
+time: this machine cannot do better, and late is better than never."""
 PATIENCE = 1.0
 """Seconds by which a recording in real time may be late before the rest of it comes as much later."""
 
 _READ = 0.1  # seconds that a device is waited for at a time: closing takes as long
 _CLOSING = 0.5  # seconds that closing waits for a device or tracker that does not come back
-_RISE = 0.01  # of a longer difference between the clocks, taken over with each picture
 
 _News = SkeletonFrame | Lost | Tick | Cue
 
@@ -67,7 +74,7 @@ class SensorSource:
     ----------
     name : str
     counts : Counts
-        Received are pictures; dropped are those that were overtaken or too old, and frames that were overtaken.
+        Received are pictures; dropped are those that were overtaken or too old, and so are frames.
     beginning : None
     seen : Picture or None
         The newest picture in which people were looked for.
@@ -89,6 +96,9 @@ class SensorSource:
         self._open_device, self._open_tracker = open_device, open_tracker
         self._recorded, self._fast = recorded, fast
         self._given = 0.0 if recorded else time.monotonic() - OLDEST  # the time of the last event
+        self._behind = OLDEST  # seconds by which ticks are late, so as not to be ahead of what is being tracked
+        self._late = 0  # how much more often what was found was too old than not, 0 to SLOW
+        self._slow = self._told = False  # whether that is the rule on this machine, and whether it was said
         self._waker, self._waiter = socket.socketpair()
         self._waker.setblocking(False)
         self._waiter.setblocking(False)
@@ -103,8 +113,8 @@ class SensorSource:
         self._read_all = False  # nor tracked, once the last picture is
         self._shut = False  # device and tracker are closed
 
-        self._thread = threading.Thread(target=self._run, name=f"{name} reader", daemon=True)
-        self._thread.start()
+        self._done = start(self._run, f"{name} reader")
+        atexit.register(self.close)
 
     def fileno(self) -> int:
         """Return what becomes readable when somebody was found."""
@@ -114,7 +124,7 @@ class SensorSource:
         """Return when a tick is due, or when a device that gives nothing is given up."""
         if self._shut:
             return time.monotonic()
-        return self._deadline if self._recorded else min(self._deadline, self._given + TICK + OLDEST)
+        return self._deadline if self._recorded else min(self._deadline, self._given + TICK + self._behind)
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
@@ -131,7 +141,7 @@ class SensorSource:
         with suppress(BlockingIOError):
             self._waiter.recv(4096)
         with self._changed:
-            news, self._news = self._news, []
+            news, self._news = self._news if self._recorded else self._fresh(self._news), []
             failure = self._failure if self._shut else None
             silent = time.monotonic() >= self._deadline
             self._changed.notify_all()
@@ -139,19 +149,38 @@ class SensorSource:
             raise failure
         if not news and silent:
             raise self._silent()
-        tick = time.monotonic() - OLDEST
+        tick = time.monotonic() - self._behind
         if not (news or self._recorded) and tick - self._given >= TICK:
             news.append(Tick(tick))
         return [self._in_order(event) for event in news]
 
     def close(self) -> None:
-        """Let go of device and tracker, unless they do not come back."""
+        """Let go of device and tracker, unless they do not come back. The end of the program does this, too."""
+        atexit.unregister(self.close)
         with self._changed:
             self._over = True
             self._changed.notify_all()
-        self._thread.join(_CLOSING)
+        self._done.wait(_CLOSING)
         self._waker.close()
         self._waiter.close()
+
+    def _fresh(self, news: list[_News]) -> list[_News]:
+        """Leave out who is seen too late, unless this machine cannot do better."""
+        if not news:
+            return news
+        now = time.monotonic()
+        age = now - max(event.time for event in news)
+        self._late = min(self._late + 1, SLOW) if age > OLDEST else max(self._late - 1, 0)
+        self._slow = self._late > (0 if self._slow else SLOW - 1)
+        self._behind = max(age, OLDEST) if self._slow else OLDEST
+        if self._slow:
+            if not self._told:
+                log.warning("%s finding people takes so long here that they are %.2f s late", heading(self.name), age)
+            self._told = True
+            return news
+        fresh = [event for event in news if isinstance(event, Lost | Cue) or now - event.time <= OLDEST]
+        self.counts.dropped += _frames(news) - _frames(fresh)
+        return fresh
 
     def _in_order(self, event: _News) -> _News:
         """Return an event that is not before those that were given, as one of a slow tracker may be."""
@@ -173,11 +202,8 @@ class SensorSource:
                 log.info(
                     "%s %s gives the pictures, %s finds people in them", heading(self.name), device.name, tracker.name
                 )
-                tracking = threading.Thread(
-                    target=self._track, args=[tracker], name=f"{self.name} tracker", daemon=True
-                )
-                tracking.start()
-                stack.callback(tracking.join)
+                tracking = start(lambda: self._track(tracker), f"{self.name} tracker")
+                stack.callback(tracking.wait)
                 stack.callback(self._end)
                 what = device.name
                 self._read(device)
@@ -187,7 +213,7 @@ class SensorSource:
         self._wake()
 
     def _read(self, device: Device) -> None:
-        clock = _Clock()
+        clock, told = DeviceClock(), False
         begun = None
         while not self._over:
             picture = device.read(_READ)
@@ -200,7 +226,15 @@ class SensorSource:
                     begun = now - taken
                 self._offer(taken, picture, now if self._fast else begun + taken)
             else:
-                self._offer(clock.monotonic(picture.time, now), picture, now)
+                self._offer(clock.moment(picture.time, now), picture, now)
+                if clock.pace is not None and not told:
+                    told = True
+                    log.warning(
+                        "%s a second is %g s on the clock of %s: frames have the moments at which pictures come",
+                        heading(self.name),
+                        clock.pace,
+                        device.name,
+                    )
 
     def _offer(self, taken: float, picture: Picture, due: float) -> None:
         """Hand a picture over when it is due; that of a live device instead of the one before."""
@@ -295,6 +329,13 @@ class SensorSource:
             self._changed.notify_all()
 
     def _silent(self) -> SourceError:
+        if self._recorded:
+            return SourceError(
+                self.name,
+                found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
+                expected="a recording that goes on to its end",
+                fix="It is damaged: record it again.",
+            )
         return SourceError(
             self.name,
             found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
@@ -307,32 +348,9 @@ class SensorSource:
             self._waker.send(b"\0")
 
 
+def _frames(news: list[_News]) -> int:
+    return sum(isinstance(event, SkeletonFrame) for event in news)
+
+
 def _kind(event: _News) -> tuple[type[_News], int | None]:
     return type(event), None if isinstance(event, Tick | Cue) else event.user
-
-
-class _Clock:
-    """Tells when pictures were taken, from a device's own times and from when they came.
-
-    The quickest pictures on their way set the difference between the two clocks. It falls at once and rises slowly, so
-    that neither a picture that came late nor a clock that runs slow moves it far.
-    """
-
-    def __init__(self) -> None:
-        self._before = math.inf
-        self._ahead = 0.0
-
-    def monotonic(self, taken: float, now: float) -> float:
-        """Return the moment of a picture, on the monotonic clock and not after `now`.
-
-        Parameters
-        ----------
-        taken, now : float
-            Seconds on the device's clock, and `time.monotonic` when the picture came.
-        """
-        ahead = now - taken
-        if taken <= self._before:  # the first one, or the device's clock was set anew
-            self._ahead = ahead
-        self._ahead += (ahead - self._ahead) * (1.0 if ahead < self._ahead else _RISE)
-        self._before = taken
-        return taken + self._ahead

@@ -11,6 +11,7 @@ from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import SkeletonSource, wait
 from engine_bridge.files import check_writable
+from engine_bridge.live.sources import RECORDED
 from puppetline.errors import OutputError, SourceError
 
 
@@ -34,6 +35,8 @@ class RecordSummary:
         Packets that were not understood, by the reason.
     ended : str
         ``"time"``, ``"source"`` or ``"stopped"``: the seconds were over, the source has ended, somebody stopped it.
+    why : str
+        What is wrong with a source that has ended, though no recording; empty for others.
     """
 
     take: str
@@ -44,6 +47,7 @@ class RecordSummary:
     dropped: int
     refused: dict[str, int]
     ended: str
+    why: str = ""
 
 
 def record(
@@ -55,7 +59,8 @@ def record(
 ) -> RecordSummary:
     """Write what a source gives to a take, until the time is over, the source ends or Ctrl-C.
 
-    Whatever happens, what has come so far is in the file and can be read.
+    Whatever happens, what has come so far is in the file and can be read. A source that fails before anything has come
+    leaves no file.
 
     Parameters
     ----------
@@ -80,7 +85,7 @@ def record(
     frames = 0
     users: set[int] = set()
     first = last = None
-    ended = "time"
+    ended, why = "time", ""
     with Recorder(path) as recorder:
         try:
             while time.monotonic() < deadline:
@@ -92,12 +97,14 @@ def record(
                         frames += 1
                         users.add(event.user)
                 report(frames, time.monotonic() - started)
-        except SourceError:
+        except SourceError as error:
             if isinstance(source, TakeSource) and source.damaged:
                 raise
-            ended = "source"
+            ended, why = "source", "" if source.name.startswith(RECORDED) else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
+    if why and first is None:
+        path.unlink()
     return RecordSummary(
         take=str(path),
         source=source.name,
@@ -107,6 +114,7 @@ def record(
         dropped=source.counts.dropped,
         refused=dict(source.counts.refused),
         ended=ended,
+        why=why,
     )
 
 

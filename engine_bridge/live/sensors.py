@@ -1,13 +1,12 @@
 """What `puppetline doctor` says of sensors and cameras: what is plugged in, what reads it, and what is in the way."""
 
-import ctypes.util
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from capture.sensors import freenect, openni
+from capture.sensors import freenect, nite, openni
 from capture.sensors.camera import opencv
 from capture.sensors.mediapipe import library as mediapipe
 from engine_bridge.live.finding import Finding
@@ -61,10 +60,10 @@ def examine() -> Iterator[Finding]:
     yield from _depth_sensors(plugged)
     yield _library("libfreenect", _kinects, "freenect: wants it", needed="freenect:" in wanted)
     yield _library("OpenNI 2", _openni, "openni: wants it", needed="openni:" in wanted)
+    yield from _openni_sensors()
     yield _library("MediaPipe", _mediapipe, "cameras and depth sensors want it", needed=bool(wanted - {""}))
     yield _library("OpenCV", _opencv, "cameras want it", needed=False)
-    nite = ctypes.util.find_library("NiTE2")
-    yield Finding("NiTE 2", True if nite else None, nite or "not installed")
+    yield _nite()
 
 
 def _cameras() -> Iterator[Finding]:
@@ -135,7 +134,32 @@ def _kinects(name: str) -> str:
 
 
 def _openni(name: str) -> str:
-    return f"there; {', '.join(openni.devices(openni.openni2(name))) or 'no sensor'} plugged in"
+    count = len(openni.devices(openni.openni2(name)))
+    return f"there; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+
+
+def _openni_sensors() -> Iterator[Finding]:
+    """Go through the sensors that OpenNI2 finds, by the names that sources have."""
+    try:
+        found = openni.plugged_in("OpenNI 2")
+    except SourceError:  # which is said of the library
+        return
+    for sensor in found:
+        uri = f"openni:uri={sensor.uri}"
+        if sensor.trouble is not None:
+            yield Finding(uri, False, f"{sensor.name}, {sensor.trouble.found}", sensor.trouble.fix)
+        elif sensor.serial:
+            yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
+        else:
+            yield Finding(uri, True, f"{sensor.name}, which has no serial number")
+
+
+def _nite() -> Finding:
+    found = nite.library_path()
+    if found is not None:
+        return Finding("NiTE 2", True, found)
+    folder = os.environ.get(nite.REDIST)
+    return Finding("NiTE 2", None, "not installed" if folder is None else f"not in {folder}, which {nite.REDIST} names")
 
 
 def _mediapipe(_name: str) -> str:

@@ -123,7 +123,7 @@ def scripted_tracker():
     return ScriptedTracker(1)
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No picture is too old, however busy the machine is."""
     monkeypatch.setattr(source, "OLDEST", PATIENCE)
@@ -172,9 +172,13 @@ class VirtualSensor:
 
     def plug(self, refuses=()):
         """Plug it in, and have it not do some of `refusals`."""
-        self._refuses[:] = sum(1 << self.refusals.index(what) for what in refuses)
+        self.refuse(*refuses)
         self._plugged[:] = 1
         self._wait(lambda: self._listed[0])
+
+    def refuse(self, *what):
+        """Have it not do some of `refusals` from now on."""
+        self._refuses[:] = sum(1 << self.refusals.index(each) for each in what)
 
     def unplug(self):
         self._plugged[:] = 0
@@ -242,16 +246,18 @@ def virtual_sensors(_virtual_sensors):
 
 
 @pytest.fixture(scope="session")
-def record(openni_folder):
+def record(_virtual_sensors):
     """Record what a sensor that is plugged in shows with OpenNI2's recorder: pairs of depth and colour, in even steps.
 
     On a busy machine, the recorder leaves pictures out; then it is done again.
     """
     from capture.sensors.openni import OpenNIDevice, Place, openni2
 
+    bindings = openni2("test")
+
     def once(sensor, path, pictures, step):
         with closing(OpenNIDevice("openni:", Place())) as device:
-            recorder = openni2("test").Recorder(os.fsencode(path))
+            recorder = bindings.Recorder(os.fsencode(path))
             for stream in device._streams:
                 recorder.attach(stream)
             recorder.start()

@@ -145,7 +145,7 @@ def opened(sensor, monkeypatch):
     yield openni_source
     for source in sources:
         source.close()
-        source._thread.join(10)
+        source._done.wait(10)
 
 
 def _wait_for(caplog, message):
@@ -270,7 +270,7 @@ def test_a_picture_that_the_library_does_not_come_to_is_an_error(stand_in, look,
 def test_people_are_found_and_lost_through_the_source(stand_in, opened, show, body, standing, caplog):
     caplog.set_level(logging.INFO, "capture.sensors")
     watched = opened()
-    _wait_for(caplog, "openni:: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
+    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
     moments = iter(np.arange(1.0, 100.0, 1 / 30))
 
     def events():
@@ -296,7 +296,7 @@ def test_a_library_that_fails_in_the_middle_is_an_error_and_lets_go_of_the_senso
 ):
     caplog.set_level(logging.INFO, "capture.sensors")
     watched = opened()
-    _wait_for(caplog, "openni:: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
+    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
     stand_in.refuse(READING)
     show(1.0)
     assert watched.error().found == "that niteReadUserTrackerFrame fails (status 1)"
@@ -314,7 +314,7 @@ def test_a_library_that_does_not_start_leaves_it_to_mediapipe(
     stand_in.refuse(refusal)
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni:: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
+    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
     [said] = [record for record in caplog.records if record.levelname == "WARNING"]
     assert "MediaPipe finds people, as NiTE2 does not start" in said.getMessage()
     assert f"{call} fails (status 1)" in said.getMessage()
@@ -327,7 +327,7 @@ def test_without_a_library_it_is_mediapipe_and_the_log_says_so(opened, sensor, c
     assert library_path() is None
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni:: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
+    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
     said = "Puppetline virtual sensor 0: no NiTE2 library (NITE2_REDIST may name its folder), so MediaPipe finds people"
     assert said in caplog.messages
 

@@ -1,5 +1,6 @@
 """Through the real OpenNI2 library, with sensors that a driver of the tests shows to it; see virtual_sensor.cpp."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -8,12 +9,24 @@ from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from select import select
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from capture.sensors import oni_file
 from capture.sensors import openni as module
-from capture.sensors.openni import OpenNIDevice, Place, devices, open_openni, openni2, parse, usb_node
+from capture.sensors.openni import (
+    OpenNIDevice,
+    Place,
+    Sensor,
+    devices,
+    open_openni,
+    openni2,
+    parse,
+    plugged_in,
+    usb_node,
+)
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
 from engine_bridge.live.line import Line
@@ -85,6 +98,16 @@ def test_sensors_are_listed_as_they_are_plugged_in_and_out(virtual_sensors):
     assert devices(bindings) == ["virtual/0", "virtual/1"]
     virtual_sensors[0].unplug()
     assert devices(bindings) == ["virtual/1"]
+
+
+def test_sensors_that_are_plugged_in_are_told_with_names_serial_numbers_and_what_is_wrong(virtual_sensors):
+    virtual_sensors[0].plug()
+    virtual_sensors[1].plug(refuses=["opening"])
+    well, amiss = plugged_in(NAME)
+    assert well == Sensor("Puppetline virtual sensor 0", "virtual/0", "serial-0", None)
+    assert (amiss.name, amiss.uri, amiss.serial) == ("Puppetline virtual sensor 1", "virtual/1", "")
+    assert amiss.trouble.found == "a sensor that does not work (the virtual sensor refuses)"
+    assert virtual_sensors[0].streaming == 0
 
 
 @pytest.mark.parametrize("kind", ["serial", "uri"])
@@ -172,6 +195,20 @@ def test_a_sensor_that_refuses_is_an_error_with_its_own_words(sensor):
     with pytest.raises(SourceError, match="the virtual sensor refuses") as caught:
         OpenNIDevice(NAME, Place())
     assert "other programs" in caught.value.fix
+
+
+def test_a_sensor_that_has_refused_often_opens_as_soon_as_it_does_not(sensor, opened, rng):
+    """As another program lets go of it: what was closed without having been open would crash the library."""
+    sensor.refuse("opening")
+    for _ in range(20):
+        with pytest.raises(SourceError, match="the virtual sensor refuses"):
+            OpenNIDevice(NAME, Place())
+        assert plugged_in(NAME)[0].trouble is not None
+        gc.collect()
+    sensor.refuse()
+    device = opened()
+    sensor.show(*_noise(rng), 1.0)
+    assert read(device).time == 1.0
 
 
 def test_a_sensor_that_may_not_be_opened_is_an_error_that_names_the_udev_rules(sensor, monkeypatch):
@@ -299,6 +336,25 @@ def test_a_recording_plays_the_pictures_that_were_recorded_and_ends(recording, o
     assert caught.value.found == "that it has ended"
 
 
+def test_it_is_said_that_a_recording_does_not_tell_whether_depth_is_registered(recording, caplog):
+    caplog.set_level("INFO", "capture")
+    with closing(OpenNIDevice("openni:file=take.oni", Place("file", str(recording[0])))):
+        assert caplog.messages == [
+            "openni:file=take.oni: the recording does not tell whether its depth is registered to colour, "
+            "so it is taken to be"
+        ]
+
+
+def test_of_a_recording_that_tells_so_it_is_said_that_depth_is_not_registered(recording, caplog, monkeypatch):
+    """As other builds of the library may; Debian's gives nothing back."""
+    bindings = openni2(NAME)
+    monkeypatch.setattr(bindings.Device, "get_image_registration_mode", lambda _device: bindings.IMAGE_REGISTRATION_OFF)
+    with closing(OpenNIDevice("openni:file=take.oni", Place("file", str(recording[0])))):
+        assert caplog.messages == [
+            "openni:file=take.oni: its depth was not registered to colour, so depth is a little off"
+        ]
+
+
 def test_a_recording_in_a_loop_begins_again_and_its_time_goes_on(recording, opened):
     path, pictures = recording
     device = opened("file", str(path), loop=True)
@@ -333,6 +389,43 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
     for _ in range(100):
         with pytest.raises(SourceError, match="which is damaged at byte 1"):
             OpenNIDevice(NAME, Place("file", str(damaged)))
+
+
+def test_a_recording_on_which_the_library_crashes_costs_another_process(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "library", lambda: None)
+    damaged = tmp_path / "damaged.oni"
+    content = bytearray(recording[0].read_bytes())
+    content[23] = 127  # there are billions of nodes
+    damaged.write_bytes(content)
+    with pytest.raises(SourceError) as caught:
+        open_openni("openni:file=damaged.oni", "file=damaged.oni", tmp_path)
+    assert caught.value.found == f"{damaged}, on which OpenNI2 crashes"
+
+
+def test_a_recording_on_which_the_library_hangs_is_given_up(recording, tmp_path, monkeypatch):
+    monkeypatch.setattr(oni_file, "_PLAY", "import time; time.sleep(60)")
+    monkeypatch.setattr(oni_file, "_PATIENCE", 0.1)
+    with pytest.raises(SourceError, match=r"take\.oni, on which OpenNI2 hangs"):
+        oni_file.check_plays(NAME, recording[0])
+
+
+def test_a_picture_that_is_too_short_is_left_out(sensor, opened, rng, monkeypatch):
+    """OpenNI2 gives one where the compressed data of a recording are damaged."""
+    device = opened()
+    pixels, shortened = device._pixels, []
+
+    def first_shortened(stream, frame):
+        if shortened:
+            return pixels(stream, frame)
+        shortened.append(frame)
+        return pixels(stream, SimpleNamespace(height=480, width=640, stride=frame.stride, dataSize=1000))
+
+    monkeypatch.setattr(device, "_pixels", first_shortened)
+    sensor.show(*_noise(rng), 1.0)
+    assert device.read(0.2) is None
+    sensor.show(*_noise(rng), 2.0)
+    assert read(device).time == 2.0
+    assert shortened
 
 
 def test_pictures_that_are_damaged_are_left_out_and_the_recording_ends_all_the_same(recording, opened, tmp_path, rng):
@@ -391,6 +484,36 @@ def test_starting_the_library_leaves_the_working_folder_alone():
     script = f"import os; os.chdir = None\n{ALONE}\nfrom openni import openni2\nprint(openni2.is_initialized())"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout == "True\n"
+
+
+REOPEN = """
+import sys, threading, time
+from capture.sensors.openni import devices, openni2
+from capture.sensors.source import SensorSource
+from puppetline.errors import SourceError
+
+def unplugged():
+    raise SourceError("openni:", found=f"{len(devices(library))} sensors", expected="one", fix="Plug it in.")
+
+library = openni2("openni:")
+for megabytes in range(64, 320, 16):  # so many that the system takes back a thread's memory as soon as it ends
+    threading.stack_size(megabytes << 20)
+    source = SensorSource("openni:", unplugged, None)
+    try:
+        while True:
+            source.receive()
+            time.sleep(0.001)
+    except SourceError as error:
+        print(error.found)
+    source.close()
+"""
+
+
+@pytest.mark.usefixtures("openni_folder")
+def test_a_sensor_is_looked_for_again_and_again_without_a_crash_of_the_library():
+    """It asks the system about every thread that ever called it, which Linux does not forgive of one that has ended."""
+    result = subprocess.run([sys.executable, "-c", REOPEN], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout.splitlines()) == (0, ["0 sensors"] * 16)
 
 
 def test_an_opening_that_never_returns_does_not_hold_up_others_for_ever(sensor, monkeypatch):

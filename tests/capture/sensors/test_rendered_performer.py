@@ -102,7 +102,6 @@ def sensor(virtual_sensors, tmp_path, monkeypatch):
     return virtual_sensors[0]
 
 
-@pytest.mark.usefixtures("unhurried")
 def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_pictures(sensor, shown, rendered_body):
     frames, moments = [], []
     with closing(open_source("openni:")) as source:

@@ -124,6 +124,37 @@ def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path
     assert summary.seconds == came[-1].time - came[0].time
 
 
+class Failing:
+    """A live source that gives some ticks and then fails."""
+
+    name, beginning = "openni:", None
+
+    def __init__(self, ticks):
+        self.counts, self._ticks = Counts(), ticks
+
+    def fileno(self):
+        return None
+
+    def due(self):
+        return time.monotonic()
+
+    def receive(self):
+        if self._ticks:
+            self._ticks -= 1
+            return [Tick(-float(self._ticks))]
+        raise SourceError(self.name, found="that it was unplugged", expected="a sensor", fix="Plug it in.")
+
+
+@pytest.mark.parametrize("ticks", [0, 3])
+def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_path, ticks):
+    path = tmp_path / "take"
+    summary = record(Failing(ticks), path)
+    assert summary.ended == "source"
+    assert summary.why == "openni: found that it was unplugged; expected a sensor. Plug it in."
+    assert path.exists() == bool(ticks)
+    assert not ticks or list(events(path)) == [Tick(-2.0), Tick(-1.0), Tick(-0.0)]
+
+
 def test_a_silent_source_leaves_a_take_without_events(tmp_path, sender):
     summary = record(sender, tmp_path / "take", seconds=0.05)
     assert (summary.frames, summary.seconds, summary.ended) == (0, 0.0, "time")

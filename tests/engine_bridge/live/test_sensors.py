@@ -1,8 +1,11 @@
+import ctypes.util
 import os
 
 import pytest
 
-from capture.sensors import freenect
+from capture.sensors import freenect, openni
+from capture.sensors.nite import library_path
+from capture.sensors.openni import Sensor
 from engine_bridge.live import sensors
 from engine_bridge.live.finding import Finding
 from puppetline.errors import SourceError
@@ -119,6 +122,33 @@ def test_what_is_not_installed_and_what_does_not_load_are_told_apart(cause, ok):
     finding = sensors._library("MediaPipe", look, "cameras want it", needed=False)
     detail = "not installed; cameras want it" if ok is None else f"cannot be loaded ({cause})"
     assert finding == Finding("MediaPipe", ok, detail, "" if ok is None else "Mend it.")
+
+
+def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):
+    trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
+    plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
+    monkeypatch.setattr(openni, "openni2", lambda _where: None)
+    monkeypatch.setattr(openni, "devices", lambda _bindings: [sensor.uri for sensor in plugged])
+    monkeypatch.setattr(openni, "plugged_in", lambda _where: plugged)
+    findings = [*sensors.examine()]
+    start = findings.index(Finding("OpenNI 2", True, "there; 3 sensors plugged in"))
+    assert findings[start + 1 : start + 4] == [
+        Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
+        Finding("openni:uri=b", False, "Xtion, a sensor that does not work (busy)", "End it."),
+        Finding("openni:uri=c", True, "Carmine, which has no serial number"),
+    ]
+
+
+def test_nite2_is_looked_for_where_openni_looks_for_it(usb, tmp_path, monkeypatch):
+    monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
+    assert sensors._nite() == Finding("NiTE 2", None, f"not in {tmp_path}, which NITE2_REDIST names")
+    (tmp_path / "libNiTE2.so").touch()
+    assert sensors._nite() == Finding("NiTE 2", True, f"{tmp_path}/libNiTE2.so")
+    assert sensors._nite().detail == library_path()
+    monkeypatch.delenv("NITE2_REDIST")
+    monkeypatch.setattr(ctypes.util, "find_library", {}.get)
+    assert sensors._nite() == Finding("NiTE 2", None, "not installed")
+    assert library_path() is None
 
 
 def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):

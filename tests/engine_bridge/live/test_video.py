@@ -42,11 +42,22 @@ def test_a_character_squats_with_the_performer(serve, blob_puppet, squats):
 
 def test_a_video_is_recorded_whole(squats, tmp_path):
     take = tmp_path / "squats.log"
-    summary = json.loads(puppetline("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json").stdout)
+    result = puppetline("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json")
+    summary = json.loads(result.stdout)
+    assert result.stderr == "", "MediaPipe says a lot"
     assert (summary["frames"], summary["users"]) == (PICTURES, [1])
     [clip] = read_log(take)
     np.testing.assert_allclose(np.diff(clip.times), 0.2, atol=1e-6)
     assert [height(pose) for pose in clip.positions] == pytest.approx([1.65] * PICTURES, abs=1e-3)
+
+
+def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path):
+    """FFmpeg and OpenCV would say something, too."""
+    (tmp_path / "cut.mp4").write_bytes(b"\0\0\0\x20ftypisom" + bytes(100))
+    result = puppetline("look", "--source", f"video:{tmp_path}/cut.mp4", "-o", tmp_path / "look.png")
+    [line] = result.stderr.splitlines()
+    assert "found no picture in" in line
+    assert (result.returncode, result.stdout) == (1, "")
 
 
 def test_no_video_is_one_line_and_exit_code_1(blob_puppet, tmp_path):

@@ -1,0 +1,71 @@
+"""What native libraries write to the standard streams by themselves: MediaPipe, OpenCV, FFmpeg and OpenNI2 all do."""
+
+import ctypes
+import logging
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+_Streams = tuple[TextIO, TextIO]
+
+_LAST_WORDS = 0.3  # seconds that the end waits for them
+
+log = logging.getLogger(__name__)
+
+
+@contextmanager
+def logged() -> Iterator[None]:
+    """Send it to the debug log, so that users see what is meant for them, and programs nothing but JSON.
+
+    What Python writes goes where it went, through other file descriptors.
+    """
+    before = sys.stdout, sys.stderr
+    if os.name != "posix" or None in before or not _are_the_systems(before):
+        yield  # somebody else has changed them, and knows why
+        return
+    for stream in before:
+        stream.flush()
+    kept = os.dup(1), os.dup(2)
+    read, write = os.pipe()
+    for descriptor in (1, 2):
+        os.dup2(write, descriptor)
+    os.close(write)
+    after = _on(kept[0], before[0]), _on(kept[1], before[1])
+    _bind(before, after)
+    reader = threading.Thread(target=_log, args=[read], name="native output", daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        for stream in after:
+            stream.flush()
+        ctypes.CDLL(None).fflush(None)  # what C has not written yet
+        for descriptor, original in zip((1, 2), kept, strict=True):
+            os.dup2(original, descriptor)
+        _bind(after, before)
+        reader.join(_LAST_WORDS)
+
+
+def _are_the_systems(streams: _Streams) -> bool:
+    return streams == (sys.__stdout__, sys.__stderr__)
+
+
+def _on(descriptor: int, like: TextIO) -> TextIO:
+    return open(descriptor, "w", buffering=1, encoding=like.encoding, errors=like.errors)
+
+
+def _bind(before: _Streams, after: _Streams) -> None:
+    """Have Python and its logs write to other streams."""
+    sys.stdout, sys.stderr = after
+    for handler in logging.getLogger().handlers:
+        if isinstance(handler, logging.StreamHandler) and handler.stream in before:
+            handler.setStream(after[before.index(handler.stream)])
+
+
+def _log(descriptor: int) -> None:
+    with open(descriptor, "rb") as lines:
+        for line in lines:
+            log.debug("%s", line.decode(errors="replace").rstrip())

@@ -1,0 +1,131 @@
+"""Devices' clocks are simulated; ours is exact, 32 pictures a second, where nothing else is said."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from capture.sensors.clock import SPAN, DeviceClock
+
+STEP = 1 / 32
+START = 1000.0
+PROVED = round(2 * SPAN / STEP)
+"""Pictures after which a good clock is trusted."""
+
+
+def arrivals(seconds=20.0):
+    return START + np.arange(round(seconds / STEP)) * STEP
+
+
+def moments(clock, taken, now):
+    return np.array([clock.moment(*each) for each in zip(taken.tolist(), now.tolist(), strict=True)])
+
+
+def proved():
+    """Return a clock that has gone as ours does, from 0 on, for so long that it is trusted."""
+    clock = DeviceClock()
+    now = arrivals(4.0)
+    moments(clock, now - START, now)
+    assert clock.trusted
+    return clock
+
+
+def test_pictures_are_of_the_moment_at_which_they_come_until_the_clock_has_gone_as_ours_for_two_spans():
+    clock, now = DeviceClock(), arrivals()
+    late = np.where(np.arange(len(now)) % 2, 0.25 * STEP, 0.0)
+    found = moments(clock, now - START, now + late)
+    np.testing.assert_array_equal(found[:PROVED], (now + late)[:PROVED])
+    np.testing.assert_allclose(found[PROVED:], now[PROVED:], atol=1e-3)
+    assert (clock.trusted, clock.pace) == (True, None)
+
+
+def test_pictures_that_come_unevenly_are_spaced_as_the_device_says():
+    now = arrivals()
+    late = np.random.default_rng(7).uniform(0.0, 0.005, len(now))
+    found = moments(DeviceClock(), now - START, now + late)
+    uneven = np.abs(np.diff(found[PROVED + 1 :]) - STEP)
+    assert np.median(uneven) < 1e-4
+    assert uneven.max() < 0.002
+
+
+@pytest.mark.parametrize("rate", [0.99, 0.995, 0.9999])
+def test_a_clock_that_is_a_little_slow_makes_pictures_a_little_old(rate):
+    clock, now = DeviceClock(), arrivals(40.0)
+    found = moments(clock, (now - START) * rate, now)
+    share = 1 - math.exp(-STEP * rate / 2.0)
+    assert now[-1] - found[-1] == pytest.approx(STEP * (1 - rate) * (1 - share) / share, rel=1e-6)
+    assert (now - found).max() < 2.5 * (1 - rate)
+    np.testing.assert_allclose(np.diff(found)[-100:], STEP, rtol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [1.01, 1.005, 1.0001])
+def test_a_clock_that_is_a_little_fast_makes_no_picture_old(rate):
+    now = arrivals()
+    np.testing.assert_allclose(moments(DeviceClock(), (now - START) * rate, now), now, atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [0.97, 1.03, 0.9, 1.1, 0.5, 1.5, 0.001, 1000.0, 0.0, -1.0])
+def test_a_clock_that_goes_wrong_is_not_used(rate):
+    clock, now = DeviceClock(), arrivals()
+    np.testing.assert_array_equal(moments(clock, 5.0 + (now - START) * rate, now), now)
+    assert not clock.trusted
+    assert clock.pace == round(rate, 2)
+
+
+@pytest.mark.parametrize("rate", [0.9, 0.0, 1.1])
+def test_a_clock_that_begins_to_go_wrong_is_not_used_any_more_and_again_once_it_goes_well(rate):
+    clock, now = DeviceClock(), arrivals(30.0)
+    device = np.cumsum(np.where((now < START + 10) | (now >= START + 20), STEP, STEP * rate))
+    found = moments(clock, device, now)
+    for second, trusted in ((9, True), (16, False), (19, False), (29, True)):
+        k = round(second / STEP)
+        sure = slice(k, k + round(1 / STEP))
+        np.testing.assert_allclose(found[sure], now[sure], atol=0 if not trusted else 0.02)
+    assert clock.trusted
+
+
+def test_a_late_picture_is_as_old_as_it_is_late():
+    clock = proved()
+    assert clock.moment(4.0, START + 4.2) == pytest.approx(START + 4.0, abs=0.005)
+    assert clock.moment(4.0 + STEP, START + 4.0 + STEP + 0.2) == pytest.approx(START + 4.0 + STEP, abs=0.01)
+
+
+def test_a_picture_that_is_early_shows_that_the_others_were_late():
+    clock = proved()
+    assert clock.moment(4.0, START + 3.99) == START + 3.99
+    assert clock.moment(4.0 + STEP, START + 4.0 + STEP) == pytest.approx(START + 3.99 + STEP, abs=0.001)
+
+
+def test_a_lasting_delay_is_taken_for_the_rule():
+    clock, now = proved(), START + 4.0 + np.arange(1000) * STEP
+    found = moments(clock, now - START, now + 0.09)
+    assert found[0] == pytest.approx(now[0], abs=0.002)
+    assert found[-1] == pytest.approx(now[-1] + 0.09, abs=1e-4)
+    assert clock.trusted
+
+
+@pytest.mark.parametrize("device", [0.0, 1e9])
+def test_a_clock_that_is_set_anew_goes_on_from_there(device):
+    clock, now = proved(), START + 4.0 + np.arange(100) * STEP
+    np.testing.assert_allclose(moments(clock, device + now - START, now), now, atol=1e-6)
+    assert clock.trusted
+
+
+def test_an_hour_of_even_pictures_is_as_even_as_the_device_says():
+    """Its clock is 100 parts in a million slow, as a bad crystal is."""
+    now = arrivals(3600.0)
+    found = moments(DeviceClock(), (now - START) * (1 - 1e-4), now)
+    assert np.abs(np.diff(found) - STEP).max() < 0.001
+    assert (now - found).max() < 0.001
+
+
+@given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(0.0, 100.0)), max_size=200))
+def test_no_moment_is_before_the_last_or_after_now_whatever_the_device_says(pictures):
+    clock, now, last = DeviceClock(), START, -math.inf
+    for taken, later in pictures:
+        now += later
+        moment = clock.moment(taken, now)
+        assert last <= moment <= now
+        last = moment

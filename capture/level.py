@@ -1,7 +1,9 @@
 """A sensor that looks up or down, at some height: its skeletons turned upright and put on the floor."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +43,23 @@ class Level:
     tilt: float = 0.0
     height: float = 0.0
     roll: float = 0.0
+
+    @classmethod
+    def of_cue(cls, arguments: Mapping[str, Any]) -> Self:
+        """Make one of what a cue ``level`` says.
+
+        Raises
+        ------
+        ValueError
+            It says something else.
+        """
+        try:
+            level = cls(**{each.name: float(arguments[each.name]) for each in fields(cls)})
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"no tilt, height and roll: {error}") from error
+        if not all(map(math.isfinite, astuple(level))):
+            raise ValueError("neither tilt, height nor roll can be endless")
+        return level
 
     def near(self, other: "Level", degrees: float, metres: float) -> bool:
         """Tell whether another sensor stands about the same."""

@@ -212,7 +212,7 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
 
 def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
-    from capture.sensors.sight import reasons, summary, told
+    from capture.sensors.sight import reasons, stands, summary, told
 
     why = reasons(sight)
     if as_json:
@@ -221,6 +221,8 @@ def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
     click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
     for _, performer in sorted(sight.performers.items()):
         click.echo(f"  {told(performer)}")
+    if sight.level is not None:
+        click.echo(f"  {stands(sight.level)}")
     for reason in why:
         click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
 

@@ -5,13 +5,15 @@ import re
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import Event, Lost, Tick
+from capture.events import Cue, Event, Lost, Tick
+from capture.level import Level
 from capture.reopening import Reopening
 from capture.sensors.picture import Picture
 from capture.sensors.source import SensorSource
@@ -113,6 +115,8 @@ class Sight:
         Whether it is opened again until it does.
     silent : float
         Seconds since something came, or in all where nothing has.
+    level : Level or None
+        How the sensor stands, where it sees the floor.
     """
 
     source: str
@@ -126,6 +130,7 @@ class Sight:
     failure: str = ""
     retried: bool = False
     silent: float = 0.0
+    level: Level | None = None
 
     def take(self, event: Event) -> None:
         """Go on with what a source gives."""
@@ -190,6 +195,7 @@ class Watch:
         self._counted = Counts()
         self._started = self._heard = time.monotonic()
         self._failure = ""
+        self._level: Level | None = None
 
     @property
     def _inner(self) -> SkeletonSource:
@@ -222,6 +228,7 @@ class Watch:
             failure=self._failure or trouble,
             retried=bool(trouble),
             silent=moment - self._heard,
+            level=self._level,
         )
         refused: Counter[str] = Counter()
         for news in self._news:
@@ -243,6 +250,10 @@ class Watch:
         self._counted = Counts(counts.received, refused=counts.refused.copy())
         if received:
             self._heard, self.begun = time.monotonic(), True
+        for event in events:
+            if isinstance(event, Cue) and event.do == "level":  # which is said once, and holds
+                with suppress(ValueError):  # of a take that was not recorded like that
+                    self._level = Level.of_cue(event.arguments)
         if received or events:
             self._news.append(_News(now, events, received, refused))
         while self._news and now - self._news[0].time > self._memory:
@@ -276,6 +287,13 @@ def told(performer: Performer) -> str:
     return f"user {performer.newest.user}: {seen}, {performer.distance:.2f} m away{rate}"
 
 
+def stands(level: Level) -> str:
+    """Say in a few words how a sensor stands."""
+    leans = f", leans by {abs(level.roll):.0f}°" if abs(level.roll) >= 1 else ""
+    looks = f"looks {abs(level.tilt):.0f}° {'down' if level.tilt > 0 else 'up'}" if abs(level.tilt) >= 1 else "level"
+    return f"the sensor: {level.height:.2f} m above the floor, {looks}{leans}"
+
+
 def reasons(sight: Sight) -> list[Reason]:
     """Return why nothing moves or not as it should, the most important first; empty where all is well."""
     found = [] if sight.picture is None else list(_of_picture(sight.picture))
@@ -305,6 +323,7 @@ def summary(sight: Sight, why: Sequence[Reason]) -> dict[str, Any]:
             for user, performer in sorted(sight.performers.items())
         ],
         "gone": sorted(sight.gone),
+        "sensor": None if sight.level is None else asdict(sight.level),
         "reasons": [asdict(reason) for reason in why],
     }
 

@@ -6,7 +6,7 @@ which is these events, plays to the very same controls again.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -175,17 +175,14 @@ class Stage:
 
     def _level_of(self, cue: Cue) -> Level:
         try:
-            level = Level(**{each.name: float(cue.arguments[each.name]) for each in fields(Level)})
-        except (KeyError, TypeError, ValueError):
-            level = Level(math.nan)
-        if not all(map(math.isfinite, astuple(level))):
+            return Level.of_cue(cue.arguments)
+        except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",
                 found=f"a sensor that stands like {cue.arguments}",
                 expected="tilt and roll in degrees, height in metres",
                 fix="Measure it again; until then it counts as before.",
-            )
-        return level
+            ) from error
 
     def _nobody(self, character: str | None) -> ServiceError:
         return ServiceError(

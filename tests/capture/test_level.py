@@ -61,3 +61,15 @@ def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
     assert level_of(cut) is None
     lying = turned(upright, 80.0, 0.0)
     assert level_of(lying) is None
+
+
+def test_a_cue_says_it_as_it_is():
+    assert Level.of_cue({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == Level(12.0, 1.3, -1.5)
+
+
+@pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])
+def test_a_cue_that_says_something_else_is_an_error(wrong):
+    with pytest.raises(ValueError, match=r"."):
+        Level.of_cue({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
+    with pytest.raises(ValueError, match="no tilt"):
+        Level.of_cue({})

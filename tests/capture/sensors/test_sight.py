@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from puppetline.examples.performances import PERFORMANCES
 
-from capture.events import Lost, Tick
+from capture.events import Cue, Lost, Tick
+from capture.level import Level
 from capture.network.osc import encode
 from capture.network.source import open_osc
 from capture.reopening import Reopening
 from capture.replay import TakeSource
 from capture.sensors import sight as sights
 from capture.sensors.picture import Lens, Picture
-from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, summary, told
+from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, stands, summary, told
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
@@ -294,6 +295,23 @@ def test_who_looks_on_forgets_who_has_gone_and_what_was_refused():
     source.play(looking, Tick(3.0))
     sight = looking.sight()
     assert (sight.gone, sight.refused, sight.received) == (set(), {}, 1)
+
+
+def test_how_the_sensor_stands_is_said_once_and_holds():
+    source = Played()
+    looking = Watch(source, memory=2.0)
+    assert looking.sight().level is None
+    source.play(looking, Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
+    source.play(looking, Cue(1.0, "level", {"tilt": "steep"}), Tick(9.0))
+    sight = looking.sight()
+    assert sight.level == Level(12.2, 1.304, -2.6)
+    assert stands(sight.level) == "the sensor: 1.30 m above the floor, looks 12° down, leans by 3°"
+    assert summary(sight, [])["sensor"] == {"tilt": 12.2, "height": 1.304, "roll": -2.6}
+
+
+@pytest.mark.parametrize(("tilt", "looks"), [(0.4, "level"), (-7.0, "looks 7° up"), (25.0, "looks 25° down")])
+def test_a_sensor_looks_up_down_or_level(tilt, looks):
+    assert stands(Level(tilt, 0.8)) == f"the sensor: 0.80 m above the floor, {looks}"
 
 
 def test_a_source_that_is_silent_is_told_of_with_the_seconds_since_something_came(osc):

@@ -14,6 +14,10 @@ def run() -> None:
         main()
     except KeyboardInterrupt:
         sys.exit("puppetline: stopped")
+    finally:
+        # Python ends as if killed where an interrupt has once fallen into an exec(), say of a dataclass; the next
+        # exec() makes it forget that
+        exec("")  # noqa: S102
 
 
 if __name__ == "__main__":

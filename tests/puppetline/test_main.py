@@ -1,3 +1,4 @@
+import os
 import subprocess
 import sys
 from importlib.metadata import version
@@ -25,6 +26,18 @@ def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
         "run()\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
+
+
+def test_an_interrupt_in_what_a_module_executes_ends_in_the_same_way(tmp_path):
+    (tmp_path / "click.py").write_text("exec('raise KeyboardInterrupt')")
+    done = subprocess.run(
+        [sys.executable, "-m", "puppetline"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (done.returncode, done.stderr) == (1, "puppetline: stopped\n")
 
 

@@ -20,7 +20,7 @@ from capture.events import Tick
 from capture.sensors import source
 from capture.sensors.picture import Lens, Person, Picture
 from capture.sensors.source import SensorSource
-from capture.skeleton import JOINT_INDEX, PARENTS
+from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
 
 from ...conftest import missing
 from ..network.conftest import STANDING
@@ -100,6 +100,11 @@ class Watched:
             self.wait()
             found += [event for event in self.source.receive() if not isinstance(event, Tick)]
         return found
+
+    def frames(self, count=1):
+        """Return the frames among the events that come until there are so many."""
+        events = self.events(until=lambda found: sum(isinstance(each, SkeletonFrame) for each in found) >= count)
+        return [each for each in events if isinstance(each, SkeletonFrame)]
 
     def wait(self):
         """Wait until the source wants to be called."""

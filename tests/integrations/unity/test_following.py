@@ -80,7 +80,8 @@ def moved(service, character, follow, reference):
 def test_every_example_character_moves_as_the_service_has_it(
     serve, free_port, follow, reference, tmp_path, character, example_character, monkeypatch
 ):
-    monkeypatch.setitem(demo.CHARACTERS, character, lambda: example_character(character))
+    made = example_character(character)
+    monkeypatch.setitem(demo.CHARACTERS, character, lambda: made)
     log, puppet = demo.prepare(character, tmp_path, lambda _stage, _share: None)
     port = free_port()
     service = serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", "--port", port)

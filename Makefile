@@ -3,6 +3,9 @@ BIN := .venv/bin
 OUT ?= out
 GDSCRIPT := integrations/godot tests/integrations/godot benchmarks
 
+# a machine where Python may not keep what it has compiled would compile it anew for every process that a test starts
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test test-camera lint format bench lock peers clean
 
@@ -11,11 +14,22 @@ help: ## Show this list
 
 setup: .venv/.installed ## Make .venv from the pinned requirements (the other targets do this by themselves)
 
-.venv/.installed: requirements.txt pyproject.toml
+# Python's own pip may be old, and looks for a minute at all files that there ever were of each package; what is compiled
+# is what is used, when it is used
+INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
+
+.venv/.required: requirements.txt
+.venv-camera/.required: requirements-camera.txt
+
+.venv/.required .venv-camera/.required: %/.required: requirements-pip.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Puppetline needs Python 3.11 or newer; call make PYTHON=python3.11 …")'
-	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(PYTHON) -m venv $*
+	$*/$(INSTALL) --require-hashes -r requirements-pip.txt
+	$*/$(INSTALL) --require-hashes -r $(filter-out requirements-pip.txt,$^)
+	@touch $@
+
+.venv/.installed .venv-camera/.installed: %/.installed: %/.required pyproject.toml
+	$*/$(INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@
 
 demo: setup ## Animate the example characters into out/
@@ -24,19 +38,13 @@ demo: setup ## Animate the example characters into out/
 # matrices here are small: threads that wait for each other only cost time
 test: export OPENBLAS_NUM_THREADS = 1
 test: setup ## Run every test, two at a time (PYTEST="-m 'not slow'" for a quick round)
-	$(BIN)/pytest -n 2 --dist loadfile $(PYTEST)
+	$(BIN)/pytest -n 2 $(PYTEST)
 
 # MediaPipe wants an older NumPy than everything else: cameras are tested beside it, and so is what all else rests on
 test-camera: export OPENBLAS_NUM_THREADS = 1
 test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick round of others, on their older NumPy
-	.venv-camera/bin/pytest -n 2 --dist loadfile tests/capture/sensors tests/engine_bridge/live/test_video.py
-	.venv-camera/bin/pytest -n 2 --dist loadfile -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors
-
-.venv-camera/.installed: requirements-camera.txt pyproject.toml
-	$(PYTHON) -m venv .venv-camera
-	.venv-camera/bin/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-camera.txt
-	.venv-camera/bin/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
-	@touch $@
+	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/engine_bridge/live/test_video.py
+	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors
 
 lint: setup ## Check style, types and which package may import which
 	$(BIN)/ruff check .
@@ -58,11 +66,12 @@ peers: ## Install the outside programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
-	--no-emit-index-url --upgrade pyproject.toml
+	--no-emit-index-url --upgrade
 
 lock: ## Pin the newest versions of all dependencies (needs uv)
-	$(COMPILE) --extra dev -o requirements.txt
-	$(COMPILE) --extra camera --extra test -o requirements-camera.txt
+	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
+	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements-camera.txt
+	echo pip | $(COMPILE) - -o requirements-pip.txt
 
 clean: ## Remove the environment and everything made
 	rm -rf .venv .venv-camera $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

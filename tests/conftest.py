@@ -5,6 +5,7 @@ import importlib
 import importlib.util
 import json
 import os
+import pickle
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -42,6 +43,41 @@ if REQUIRED - OPTIONAL:
     raise pytest.UsageError(
         f"PUPPETLINE_TEST_REQUIRE={','.join(sorted(REQUIRED))}: expected a comma-separated part of {sorted(OPTIONAL)}"
     )
+
+
+COMPILING = "tests/solver"
+"""Where nearly all compiled loops are used: one worker compiles them here, and the others find them compiled."""
+
+WITHOUT = ("tests/capture", "tests/examples", "tests/test_")
+"""What the others can do meanwhile, since it knows no solver."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with what compiles; files with slow tests come before the others, so that all workers end together."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+
+    def turn(item: pytest.Item) -> int:
+        if item.nodeid.startswith(COMPILING):
+            return 0
+        if item.nodeid.startswith(WITHOUT):
+            return 1
+        return 2 if item.path in slow else 3
+
+    items.sort(key=turn)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each worker a whole file at a time, in the order of collection; `COMPILING` is like one file."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return COMPILING if nodeid.startswith(COMPILING) else super()._split_scope(nodeid)
+
+    config.option.loadscopereorder = False
+    return Scheduling(config, log)
 
 
 def missing(what: str, reason: str) -> None:
@@ -123,6 +159,26 @@ def multicast() -> None:
         Zeroconf(["127.0.0.1"]).close()
     except OSError:
         pytest.skip("no multicast on loopback here")
+
+
+@pytest.fixture(scope="session")
+def example_character(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Callable[[str], Any]:
+    """Make an example character, which takes seconds, once in a run: whichever worker comes first leaves it for all."""
+    from puppetline.examples.characters import CHARACTERS
+
+    own = tmp_path_factory.getbasetemp()
+    folder = (own if worker_id == "master" else own.parent) / "characters"
+    folder.mkdir(exist_ok=True)
+
+    def make(name: str) -> Any:
+        path = folder / name
+        if not path.exists():
+            beside = path.with_name(f"{name}.{os.getpid()}")
+            beside.write_bytes(pickle.dumps(CHARACTERS[name]()))
+            beside.replace(path)
+        return pickle.loads(path.read_bytes())
+
+    return make
 
 
 @pytest.fixture(scope="session")

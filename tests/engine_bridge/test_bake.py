@@ -292,9 +292,9 @@ def test_a_log_that_is_none_is_named(blob_puppet, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHARACTERS)
 def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
-    name, request, tmp_path, assert_valid_gltf
+    name, request, example_character, tmp_path, assert_valid_gltf
 ):
-    made = CHARACTERS[name]()
+    made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
     summary = bake(tmp_path / f"{name}.toml", tmp_path / "out.glb")

@@ -122,5 +122,7 @@ def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_fi
 
 
 @pytest.mark.slow
-def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path):
+def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path, example_character, monkeypatch):
+    made = example_character(bench.EXAMPLE)
+    monkeypatch.setitem(bench.CHARACTERS, bench.EXAMPLE, lambda: made)
     assert bench.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

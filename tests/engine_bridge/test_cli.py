@@ -63,6 +63,12 @@ def stage(tmp_path, take, blob_file, write_puppet):
     return write_puppet(tmp_path / "blob.toml", "blob.glb")
 
 
+@pytest.fixture(scope="module")
+def long_take(record, dance, tmp_path_factory):
+    """A log that takes its time."""
+    return record(tmp_path_factory.mktemp("long") / "long.log", np.tile(dance(), (500, 1, 1)))
+
+
 def names(folder):
     return {path.name for path in folder.iterdir()}
 
@@ -332,12 +338,11 @@ def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(stage, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
-def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, record, dance, tmp_path, delay):
-    record(tmp_path / "long.log", np.tile(dance(), (500, 1, 1)))
+def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, long_take, tmp_path, delay):
     (tmp_path / "out.glb").write_text("old")
     before = names(tmp_path)
     terminal, other = pty.openpty()
-    command = [COMMAND, "convert", "long.log", "--puppet", stage, "-o", "out.glb"]
+    command = [COMMAND, "convert", long_take, "--puppet", stage, "-o", "out.glb"]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other) as process:
         os.close(other)
         select.select([terminal], [], [], 60)  # the first sign of progress

@@ -126,8 +126,8 @@ def test_the_command_says_what_it_made(blob_puppet, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHARACTERS)
-def test_every_example_is_its_scene(name, request, tmp_path, assert_valid_gltf):
-    made = CHARACTERS[name]()
+def test_every_example_is_its_scene(name, request, example_character, tmp_path, assert_valid_gltf):
+    made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
     summary = write_ladder(tmp_path / f"{name}.toml", tmp_path / "out.glb")

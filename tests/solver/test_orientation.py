@@ -3,7 +3,6 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-from puppetline.examples.characters import CHARACTERS
 
 from solver import orientation
 from solver.mesh import SolverMesh
@@ -48,10 +47,10 @@ def assert_turns_with_the_mesh(mesh, up, front):
 
 
 @pytest.fixture(scope="module")
-def example():
+def example(example_character):
     @cache
     def make(name):
-        character = CHARACTERS[name]()
+        character = example_character(name)
         return SolverMesh(character.vertices, character.faces, np.arange(len(character.vertices)))
 
     return make

@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -25,6 +26,9 @@ TOKEN = "Zp3-sYd_0123456789"
 DECIDED = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_DISCONNECTED
 PATIENCE = 20_000
 """Milliseconds after which something that must happen has not."""
+
+
+ask = partial(request, timeout=PATIENCE / 1000)
 
 
 @pytest.fixture(autouse=True)
@@ -76,7 +80,7 @@ class House:
 
     def clients(self):
         """Return the guard's figures, as its own thread has them."""
-        return request(self.control.endpoints[0], "clients", token=self.doors[0].token.decode() or None)
+        return ask(self.control.endpoints[0], "clients", token=self.doors[0].token.decode() or None)
 
     def address(self, mechanism):
         """Return the stream's and the control socket's address of a door."""
@@ -217,9 +221,9 @@ def test_the_control_socket_has_the_same_lock(house):
     control = house("PLAIN").address("PLAIN")[1]
     for token in ("another-token-of-that-length", None):
         with pytest.raises(ServiceError, match="does not let this client in") as told:
-            request(control, "ping", token=token)
+            ask(control, "ping", token=token)
         assert TOKEN not in str(told.value)
-    assert request(control, "ping", token=TOKEN) == "pong"
+    assert ask(control, "ping", token=TOKEN) == "pong"
 
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x01%b\x00" + bytes(31)
@@ -346,7 +350,7 @@ def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
     assert not late.poll(0)
     assert opened.clients()["connected"] == opened.clients()["limit"] == 64
     assert opened.clients()["refused"] >= 1
-    assert request(control, "ping") == "pong", "the control socket has room of its own"
+    assert ask(control, "ping") == "pong", "the control socket has room of its own"
     clients.pop().close(0)
     assert late.poll(PATIENCE), "there is room again, and nobody told it to try again"
 
@@ -383,7 +387,7 @@ def test_the_place_of_who_left_is_free_at_once(house, visit):
 
 def test_requests_come_and_go_as_often_as_they_like(house):
     _, control = house("NULL", max_clients=2).address("NULL")
-    assert [request(control, "ping") for _ in range(30)] == ["pong"] * 30
+    assert [ask(control, "ping") for _ in range(30)] == ["pong"] * 30
 
 
 def test_a_crowd_counts_those_let_in_who_are_still_there():

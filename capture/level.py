@@ -45,8 +45,8 @@ class Level:
     roll: float = 0.0
 
     @classmethod
-    def of_cue(cls, arguments: Mapping[str, Any]) -> Self:
-        """Make one of what a cue ``level`` says.
+    def of_json(cls, values: Mapping[str, Any]) -> Self:
+        """Make one of what a cue ``level`` or a memory says.
 
         Raises
         ------
@@ -54,12 +54,17 @@ class Level:
             It says something else.
         """
         try:
-            level = cls(**{each.name: float(arguments[each.name]) for each in fields(cls)})
-        except (KeyError, TypeError) as error:
+            level = cls(**{each.name: float(values[each.name]) for each in fields(cls)})
+        except (KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"no tilt, height and roll: {error}") from error
         if not all(map(math.isfinite, astuple(level))):
             raise ValueError("neither tilt, height nor roll can be endless")
         return level
+
+    def __str__(self) -> str:
+        looks = f"looks {abs(self.tilt):.0f}° {'down' if self.tilt > 0 else 'up'}" if abs(self.tilt) >= 1 else "level"
+        leans = f", leans by {abs(self.roll):.0f}°" if abs(self.roll) >= 1 else ""
+        return f"{self.height:.2f} m above the floor, {looks}{leans}"
 
     def near(self, other: "Level", degrees: float, metres: float) -> bool:
         """Tell whether another sensor stands about the same."""

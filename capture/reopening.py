@@ -25,13 +25,11 @@ class Reopening:
         The URI.
     opener : callable
         Opens the source: now, and again whenever it has failed.
-    again : bool
-        False for a recording, whose end is the end of it.
 
     Attributes
     ----------
-    name, counts, beginning
-        As of the source.
+    name, counts, beginning, recorded
+        As of the source. A recording that has ended is not opened again.
     inner : SkeletonSource
         What is open now, or the `Silence` in its place.
     trouble : str
@@ -43,12 +41,13 @@ class Reopening:
         The source cannot be opened now.
     """
 
-    def __init__(self, name: str, opener: Callable[[], SkeletonSource], again: bool = True) -> None:
+    def __init__(self, name: str, opener: Callable[[], SkeletonSource]) -> None:
         self.name = name
         self.inner = opener()
         self.counts = self.inner.counts
         self.beginning = self.inner.beginning
-        self._opener, self._again = opener, again
+        self.recorded = self.inner.recorded
+        self._opener = opener
         self._reopen_at = math.inf
         self._counted = 0  # until trouble came
         self.trouble = ""
@@ -89,7 +88,7 @@ class Reopening:
         silence = Silence(self.name, self.counts, self.inner.now())
         self.inner.close()
         self.inner, self._counted = silence, self.counts.received
-        if self._again:
+        if not self.recorded:
             self._reopen_at = time.monotonic() + AGAIN
 
     def _reopen(self) -> None:

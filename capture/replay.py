@@ -62,6 +62,7 @@ class TakeSource:
         self.name = name
         self.counts = Counts()
         self.beginning = beginning
+        self.recorded = True
         self._play = play
         self.damaged = False
         """Whether it cannot be read any further, though it has not ended."""

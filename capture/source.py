@@ -55,11 +55,14 @@ class SkeletonSource(Protocol):
     counts : Counts
     beginning : dict or None
         What a take says the stage was like when it began (see `capture.recording`); None for all else.
+    recorded : bool
+        Whether it is a recording, which ends and which nobody performs now.
     """
 
     name: str
     counts: Counts
     beginning: dict[str, Any] | None
+    recorded: bool
 
     def fileno(self) -> int | None:
         """Return what becomes readable when something has come; None where only time matters."""
@@ -109,6 +112,7 @@ class Silence:
     """
 
     beginning: dict[str, Any] | None = None
+    recorded = False
 
     def __init__(self, name: str, counts: Counts, start: float) -> None:
         self.name, self.counts = name, counts

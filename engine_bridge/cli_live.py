@@ -212,7 +212,7 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
 
 def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
-    from capture.sensors.sight import reasons, stands, summary, told
+    from capture.sensors.sight import reasons, summary, told
 
     why = reasons(sight)
     if as_json:
@@ -222,7 +222,7 @@ def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
     for _, performer in sorted(sight.performers.items()):
         click.echo(f"  {told(performer)}")
     if sight.level is not None:
-        click.echo(f"  {stands(sight.level)}")
+        click.echo(f"  the sensor: {sight.level}")
     for reason in why:
         click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
 
@@ -249,12 +249,12 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from capture.sensors.view import watch_live
     from engine_bridge.live import native_output
     from engine_bridge.live.signals import Signals
-    from engine_bridge.live.sources import RECORDED, open_source
+    from engine_bridge.live.sources import open_source
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         stack.enter_context(native_output.logged())
-        opened = open_source(source) if source.startswith(RECORDED) else Reopening(source, lambda: open_source(source))
+        opened = Reopening(source, lambda: open_source(source))
         stack.callback(opened.close)
         screen = stack.enter_context(Screen())
         signals.waiting = True

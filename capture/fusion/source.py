@@ -83,7 +83,7 @@ class FusedSource:
         self.name = name
         self.counts = Counts()
         self._counted = Counts()
-        self._recorded = recorded
+        self.recorded = recorded
         self._people = People()
         self._waiting: list[tuple[float, int, int, _News]] = []  # a heap: time, order, member, what came
         self._order = count()
@@ -112,7 +112,7 @@ class FusedSource:
         dues = [line.source.due() for line in self._lines if not line.ended]
         if self._waiting:
             dues.append(time.monotonic() + self._waiting[0][0] - self._now())
-        if not self._recorded:
+        if not self.recorded:
             dues.append(self._given + TICK + self._late)
         polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLLING
         return min(*dues, polled) if dues else time.monotonic()
@@ -135,7 +135,7 @@ class FusedSource:
                 heapq.heappush(self._waiting, (event.time, next(self._order), place, event))
             self._watch(line)
         self._count()
-        if self._recorded and not self._waiting and all(line.ended for line in self._lines):
+        if self.recorded and not self._waiting and all(line.ended for line in self._lines):
             raise SourceError(
                 self.name,
                 found="that all its recordings have ended",
@@ -146,12 +146,12 @@ class FusedSource:
         if self._ahead is None:
             self._ahead = time.monotonic() - now
         news: list[_News] = []
-        while self._waiting and (self._waiting[0][0] <= now or not self._recorded):
+        while self._waiting and (self._waiting[0][0] <= now or not self.recorded):
             _, _, place, event = heapq.heappop(self._waiting)
             news += self._fused(place, event)
         if math.isfinite(now):
             news += self._people.forget(now)
-        if not self._recorded:
+        if not self.recorded:
             news = self._latest(news)
         events: list[Event] = [self._in_order(replace(event, time=event.time + self._ahead)) for event in news]
         if not events and self.now() - self._late - self._given >= TICK:
@@ -177,7 +177,7 @@ class FusedSource:
 
     def _now(self) -> float:
         """Return the time on the members' common clock: of recordings, that of the one which is least far."""
-        if not self._recorded:
+        if not self.recorded:
             return time.monotonic()
         return min((line.now() for line in self._lines if not line.ended), default=math.inf)
 
@@ -240,7 +240,7 @@ class _Line:
             return []
         try:
             events = self.source.receive()
-        except SourceError:  # only recordings raise it, in the end
+        except Exception:  # only recordings raise, in the end or where they are damaged
             self.ended = True
             return []
         return [self._placed(event) for event in events if self._is_news(event)]

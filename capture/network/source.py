@@ -99,6 +99,7 @@ class OscSource:
     """
 
     beginning: dict[str, Any] | None = None
+    recorded = False
 
     def __init__(self, name: str, address: Address) -> None:
         self.name = name

@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 STEEPEST = 45.0
 """Degrees of tilt or roll beyond which a plane is none that people stand on."""
+LOWEST = 0.35
+"""Metres; no sensor stands lower. A plane that is nearer joins what the sensor stands on to the floor behind it."""
 
 _POINTS = 1500  # of a picture that are looked at, evenly spread
 _TRIES = 200
@@ -61,7 +63,8 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
     if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _EXTENT:
         return None
     right, up, away, height = plane
-    return Level(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    level = Level(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    return level if level.height >= LOWEST and max(abs(level.tilt), abs(level.roll)) <= STEEPEST else None
 
 
 def _points(depth: NDArray[np.uint16], lens: Lens) -> Floats:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from capture.sensors.picture import Picture
-from capture.sensors.sight import Performer, Reason, Sight, stands, told
+from capture.sensors.sight import Performer, Reason, Sight, told
 from capture.skeleton import JOINT_INDEX, PARENTS
 
 HEIGHT = 480
@@ -368,7 +368,7 @@ def _words(sight: Sight, reasons: Sequence[Reason], width: int) -> Image.Image:
         lines += [(line, INK, 15) for line in _wrapped(reason.fix, 15, width)]
     lines += [(told(performer), FAINT, 14) for _, performer in sorted(sight.performers.items())]
     if sight.level is not None:
-        lines.append((stands(sight.level), FAINT, 14))
+        lines.append((f"the sensor: {sight.level}", FAINT, 14))
     if any((each.known() & ~each.seen()).any() for each in sight.performers.values()):
         lines.append(("orange: joints that are guessed", GUESSED, 14))
     lines += [(line, FAINT, 14) for line in _wrapped(f"{sight.source}, {sight.seconds:.1f} s", 14, width)]

@@ -183,12 +183,12 @@ class Watch:
 
     Attributes
     ----------
-    begun, over : bool
-        Whether anything has come, and whether nothing more can.
+    begun : bool
+        Whether anything has come.
     """
 
     def __init__(self, source: SkeletonSource, memory: float = math.inf) -> None:
-        self.begun = self.over = False
+        self.begun = False
         self._source, self._memory = source, memory
         self._listens = not isinstance(self._inner, SensorSource) and source.fileno() is not None
         self._news: deque[_News] = deque()
@@ -196,6 +196,11 @@ class Watch:
         self._started = self._heard = time.monotonic()
         self._failure = ""
         self._level: Level | None = None
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more can come."""
+        return bool(self._failure) or (self._source.recorded and bool(self._trouble))
 
     @property
     def _inner(self) -> SkeletonSource:
@@ -214,7 +219,7 @@ class Watch:
         try:
             events = self._source.receive()
         except SourceError as error:
-            self._failure, self.over = str(error), True
+            self._failure = str(error)
             return
         self._remember([event for event in events if not isinstance(event, Tick)])
 
@@ -226,7 +231,7 @@ class Watch:
             self._listens,
             moment - self._started,
             failure=self._failure or trouble,
-            retried=bool(trouble),
+            retried=bool(trouble) and not self.over,
             silent=moment - self._heard,
             level=self._level,
         )
@@ -253,7 +258,7 @@ class Watch:
         for event in events:
             if isinstance(event, Cue) and event.do == "level":  # which is said once, and holds
                 with suppress(ValueError):  # of a take that was not recorded like that
-                    self._level = Level.of_cue(event.arguments)
+                    self._level = Level.of_json(event.arguments)
         if received or events:
             self._news.append(_News(now, events, received, refused))
         while self._news and now - self._news[0].time > self._memory:
@@ -285,13 +290,6 @@ def told(performer: Performer) -> str:
     rate = "" if performer.rate is None else f", {performer.rate:.0f} frames a second"
     seen = f"{performer.seen().sum()} of 20 joints seen"
     return f"user {performer.newest.user}: {seen}, {performer.distance:.2f} m away{rate}"
-
-
-def stands(level: Level) -> str:
-    """Say in a few words how a sensor stands."""
-    leans = f", leans by {abs(level.roll):.0f}°" if abs(level.roll) >= 1 else ""
-    looks = f"looks {abs(level.tilt):.0f}° {'down' if level.tilt > 0 else 'up'}" if abs(level.tilt) >= 1 else "level"
-    return f"the sensor: {level.height:.2f} m above the floor, {looks}{leans}"
 
 
 def reasons(sight: Sight) -> list[Reason]:

@@ -6,13 +6,12 @@ seconds, or never come back. What they find wakes whoever runs the source throug
 Events of a live device are on the monotonic clock, at the moments of their pictures, as evenly spaced as the device's
 own clock says; where nothing comes, ticks follow at a distance, so as not to be ahead of the picture that is being
 tracked. What is older than `OLDEST` is left out, before it is tracked and when it is given; but on a machine that is
-always that late, `SLOW` pictures in a row, people are given late rather than never. Of a recording, every picture is
+late for `SLOW` pictures more than not, people are given late rather than never. Of a recording, every picture is
 tracked, at the recording's own times.
 
 Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands, `capture.sensors.floor`.
 """
 
-import atexit
 import logging
 import math
 import socket
@@ -41,8 +40,8 @@ SILENT = 2.0
 OLDEST = 0.1
 """Seconds; a picture older than that is not tracked, and who was found in it not given: nobody wants to see it."""
 SLOW = 10
-"""Pictures in a row that people were found in too late, after which these are given all the same until as many come in
-time: this machine cannot do better, and late is better than never."""
+"""Pictures, more than those in time, that people were found in too late, after which these are given all the same until
+as many come in time: this machine cannot do better, and late is better than never."""
 PATIENCE = 1.0
 """Seconds by which a recording in real time may be late before the rest of it comes as much later."""
 
@@ -94,7 +93,7 @@ class SensorSource:
         self.counts = Counts()
         self.seen: Picture | None = None
         self._open_device, self._open_tracker = open_device, open_tracker
-        self._recorded, self._fast = recorded, fast
+        self.recorded, self._fast = recorded, fast
         self._given = 0.0 if recorded else time.monotonic() - OLDEST  # the time of the last event
         self._behind = OLDEST  # seconds by which ticks are late, so as not to be ahead of what is being tracked
         self._late = 0  # how much more often what was found was too old than not, 0 to SLOW
@@ -113,8 +112,7 @@ class SensorSource:
         self._read_all = False  # nor tracked, once the last picture is
         self._shut = False  # device and tracker are closed
 
-        self._done = start(self._run, f"{name} reader")
-        atexit.register(self.close)
+        self._done = start(self._run, f"{name} reader", self._stop)
 
     def fileno(self) -> int:
         """Return what becomes readable when somebody was found."""
@@ -124,11 +122,11 @@ class SensorSource:
         """Return when a tick is due, or when a device that gives nothing is given up."""
         if self._shut:
             return time.monotonic()
-        return self._deadline if self._recorded else min(self._deadline, self._given + TICK + self._behind)
+        return self._deadline if self.recorded else min(self._deadline, self._given + TICK + self._behind)
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
-        return self._given if self._recorded else time.monotonic()
+        return self._given if self.recorded else time.monotonic()
 
     def receive(self) -> list[Event]:
         """Return who was found or lost since the last call, or a tick in silence; never waits.
@@ -141,7 +139,7 @@ class SensorSource:
         with suppress(BlockingIOError):
             self._waiter.recv(4096)
         with self._changed:
-            news, self._news = self._news if self._recorded else self._fresh(self._news), []
+            news, self._news = self._news if self.recorded else self._fresh(self._news), []
             failure = self._failure if self._shut else None
             silent = time.monotonic() >= self._deadline
             self._changed.notify_all()
@@ -150,19 +148,21 @@ class SensorSource:
         if not news and silent:
             raise self._silent()
         tick = time.monotonic() - self._behind
-        if not (news or self._recorded) and tick - self._given >= TICK:
+        if not (news or self.recorded) and tick - self._given >= TICK:
             news.append(Tick(tick))
         return [self._in_order(event) for event in news]
 
     def close(self) -> None:
-        """Let go of device and tracker, unless they do not come back. The end of the program does this, too."""
-        atexit.unregister(self.close)
-        with self._changed:
-            self._over = True
-            self._changed.notify_all()
+        """Let go of device and tracker, unless they do not come back."""
+        self._stop()
         self._done.wait(_CLOSING)
         self._waker.close()
         self._waiter.close()
+
+    def _stop(self) -> None:
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
 
     def _fresh(self, news: list[_News]) -> list[_News]:
         """Leave out who is seen too late, unless this machine cannot do better."""
@@ -202,7 +202,7 @@ class SensorSource:
                 log.info(
                     "%s %s gives the pictures, %s finds people in them", heading(self.name), device.name, tracker.name
                 )
-                tracking = start(lambda: self._track(tracker), f"{self.name} tracker")
+                tracking = start(lambda: self._track(tracker), f"{self.name} tracker", self._stop)
                 stack.callback(tracking.wait)
                 stack.callback(self._end)
                 what = device.name
@@ -220,7 +220,7 @@ class SensorSource:
             if picture is None:
                 continue
             now = time.monotonic()
-            if self._recorded:
+            if self.recorded:
                 taken = picture.time
                 if begun is None or now - begun - taken > PATIENCE:
                     begun = now - taken
@@ -240,7 +240,7 @@ class SensorSource:
         """Hand a picture over when it is due; that of a live device instead of the one before."""
         with self._changed:
             self.counts.received += 1
-            if self._recorded:
+            if self.recorded:
                 self._deadline = math.inf  # as long as the tracker takes
                 self._changed.wait_for(lambda: self._over, max(0.0, due - time.monotonic()))
                 self._changed.wait_for(lambda: self._over or self._picture is None)
@@ -272,10 +272,7 @@ class SensorSource:
                 self._tell([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
                 present = found
                 if (floor := watch.see(last, picture)) is not None:  # once nobody waits for it
-                    log.info(
-                        "%s: the sensor is %.2f m above the floor, looks %.1f° down and leans by %.1f°",
-                        *(self.name, floor.height, floor.tilt, abs(floor.roll)),
-                    )
+                    log.info("%s the sensor is %s", heading(self.name), floor)
                     self._tell([Cue(last, "level", asdict(floor))])
         except Exception as error:  # as of a device
             self._fail(tracker.name, error)
@@ -289,14 +286,14 @@ class SensorSource:
                 self._changed.notify_all()
                 if self._over or found is None:
                     return None
-                if self._recorded or time.monotonic() - found[0] <= OLDEST:
+                if self.recorded or time.monotonic() - found[0] <= OLDEST:
                     return found
                 self.counts.dropped += 1
 
     def _tell(self, news: list[_News]) -> None:
         """Give news to the caller: those of a live device instead of what is older and of the same kind."""
         with self._changed:
-            if self._recorded:
+            if self.recorded:
                 self._changed.wait_for(lambda: self._over or not self._news)
             kinds = {_kind(event) for event in news}
             overtaken = kinds & {_kind(event) for event in self._news}
@@ -309,7 +306,7 @@ class SensorSource:
         """Have the tracker finish."""
         with self._changed:
             self._read_all = True
-            if self._recorded:
+            if self.recorded:
                 self._deadline = math.inf
             self._changed.notify_all()
 
@@ -329,7 +326,7 @@ class SensorSource:
             self._changed.notify_all()
 
     def _silent(self) -> SourceError:
-        if self._recorded:
+        if self.recorded:
             return SourceError(
                 self.name,
                 found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",

@@ -16,12 +16,13 @@ PATIENCE = 5.0
 """Seconds that the end of the program waits for what is being done."""
 
 _Work = tuple[Callable[[], None], str, threading.Event]
+_Stop = Callable[[], None]
 
 _idle: list[SimpleQueue[_Work]] = []  # what those threads wait at that have nothing to do
-_doing: set[threading.Event] = set()
+_doing: dict[threading.Event, _Stop] = {}
 
 
-def start(work: Callable[[], None], name: str) -> threading.Event:
+def start(work: Callable[[], None], name: str, stop: _Stop) -> threading.Event:
     """Do something in a thread that has nothing else to do, and return what is set when it is done.
 
     Parameters
@@ -30,6 +31,8 @@ def start(work: Callable[[], None], name: str) -> threading.Event:
         It must not raise.
     name : str
         Of the thread as long as it does that.
+    stop : callable
+        Asks the work to end soon, and does not wait for it; called at the end of the program.
     """
     done = threading.Event()
     try:
@@ -37,7 +40,7 @@ def start(work: Callable[[], None], name: str) -> threading.Event:
     except IndexError:
         tasks = SimpleQueue()
         threading.Thread(target=_stay, args=[tasks], daemon=True).start()
-    _doing.add(done)
+    _doing[done] = stop
     tasks.put((work, name, done))
     atexit.unregister(_finish)
     atexit.register(_finish)  # again, as it is to come before what libraries do that were loaded meanwhile
@@ -46,7 +49,10 @@ def start(work: Callable[[], None], name: str) -> threading.Event:
 
 def _finish() -> None:
     until = time.monotonic() + PATIENCE
-    for done in [*_doing]:
+    doing = dict(_doing)
+    for stop in doing.values():
+        stop()
+    for done in doing:
         done.wait(max(0.0, until - time.monotonic()))
 
 
@@ -55,7 +61,7 @@ def _stay(tasks: SimpleQueue[_Work]) -> None:
         done = _do(*tasks.get())
         threading.current_thread().name = "an idle sensor"
         _idle.append(tasks)
-        _doing.discard(done)
+        _doing.pop(done, None)
         done.set()
 
 

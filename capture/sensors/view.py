@@ -19,7 +19,7 @@ from rich.text import Text
 
 from capture.sensors.look import GUESSED, PAPER, color_of, small_panels
 from capture.sensors.screen import Screen
-from capture.sensors.sight import Reason, Sight, Watch, reasons, stands, told
+from capture.sensors.sight import Reason, Sight, Watch, reasons, told
 
 PERIOD = 0.1
 """Seconds from one view to the next, where drawing it takes less than half of that."""
@@ -186,7 +186,7 @@ def _words(sight: Sight, why: Sequence[Reason]) -> Text:
     for _, performer in sorted(sight.performers.items()):
         lines.append(_swatch(color_of(performer)).append(told(performer)))
     if sight.level is not None:
-        lines.append(Text(stands(sight.level)))
+        lines.append(Text(f"the sensor: {sight.level}"))
     if any((each.known() & ~each.seen()).any() for each in sight.performers.values()):
         lines.append(_swatch(GUESSED).append("joints that are guessed"))
     lines.append(Text(f"{_printable(sight.source)}, Ctrl-C ends", "dim"))

@@ -20,7 +20,7 @@ from engine_bridge.live.frame import Frame
 from engine_bridge.live.idle import Idle
 from engine_bridge.live.logs import OnceASecond, fields
 from engine_bridge.live.role import Role
-from engine_bridge.live.sources import RECORDED, open_source
+from engine_bridge.live.sources import open_source
 from engine_bridge.live.stage import Stage
 from engine_bridge.puppet import Puppet
 from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
@@ -50,8 +50,6 @@ class Line:
     ----------
     stage : Stage
     source : Reopening
-    recorded : bool
-        Whether the source is a recording, which nobody performs now.
     events, skeletons : int
         Taken in so far, and how many of them were frames.
     faults : int
@@ -65,14 +63,18 @@ class Line:
 
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
         self.stage = stage
-        self.recorded = uri.startswith(RECORDED)
         self.events = self.skeletons = self.faults = 0
-        self.source = Reopening(uri, lambda: open_source(uri, folder), again=not self.recorded)
+        self.source = Reopening(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
         self._time = -math.inf
         self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
         if self.source.beginning is not None:
             self._recall(self.source.beginning)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the source is a recording, which nobody performs now."""
+        return self.source.recorded
 
     @property
     def recording(self) -> str | None:
@@ -166,7 +168,8 @@ class Line:
             ) from error
         if not self._recalled:
             log.warning(
-                "the take was made with other characters, puppets or idle performances: it does not play as it did",
+                "the take was made with other characters, puppets, idle performances or by another version: "
+                "it does not play as it did",
                 extra=fields(stage=self.stage.name, source=self.source.name),
             )
 

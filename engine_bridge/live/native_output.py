@@ -1,6 +1,7 @@
 """What native libraries write to the standard streams by themselves: MediaPipe, OpenCV, FFmpeg and OpenNI2 all do."""
 
 import ctypes
+import faulthandler
 import logging
 import os
 import sys
@@ -32,14 +33,17 @@ def logged() -> Iterator[None]:
     read, write = os.pipe()
     for descriptor in (1, 2):
         os.dup2(write, descriptor)
-    os.close(write)
     after = _on(kept[0], before[0]), _on(kept[1], before[1])
     _bind(before, after)
+    os.set_blocking(write, False)  # what is too much at once is lost, and nobody waits
+    os.close(write)
+    faulthandler.enable(after[1])  # a crash is no debug message
     reader = threading.Thread(target=_log, args=[read], name="native output", daemon=True)
     reader.start()
     try:
         yield
     finally:
+        faulthandler.disable()
         for stream in after:
             stream.flush()
         ctypes.CDLL(None).fflush(None)  # what C has not written yet

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.events import Tick
 from capture.recording import Recorder
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import SkeletonSource, wait
 from engine_bridge.files import check_writable
-from engine_bridge.live.sources import RECORDED
 from puppetline.errors import OutputError, SourceError
 
 
@@ -83,6 +83,7 @@ def record(
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
+    empty = True
     users: set[int] = set()
     first = last = None
     ended, why = "time", ""
@@ -92,6 +93,7 @@ def record(
                 wait(source, deadline)
                 for event in source.receive():
                     recorder.write(event)
+                    empty &= isinstance(event, Tick)
                     first, last = event.time if first is None else first, event.time
                     if isinstance(event, SkeletonFrame):
                         frames += 1
@@ -100,10 +102,10 @@ def record(
         except SourceError as error:
             if isinstance(source, TakeSource) and source.damaged:
                 raise
-            ended, why = "source", "" if source.name.startswith(RECORDED) else str(error)
+            ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:
             ended = "stopped"
-    if why and first is None:
+    if why and empty:
         path.unlink()
     return RecordSummary(
         take=str(path),

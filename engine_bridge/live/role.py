@@ -7,7 +7,7 @@ where they were shown last to what they follow now, so that nothing ever jumps.
 import hashlib
 import math
 from concurrent.futures import Executor, Future
-from dataclasses import asdict, astuple, dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -92,7 +92,7 @@ class Calibration:
     @property
     def memory(self) -> list[Any]:
         """All of it, for `engine_bridge.live.memory`."""
-        return [self.rest, list(astuple(self.level))]
+        return [self.rest, asdict(self.level)]
 
     @classmethod
     def of_memory(cls, memory: list[Any]) -> "Calibration":
@@ -106,7 +106,7 @@ class Calibration:
         rest, level = memory
         if np.shape(rest) != (len(JOINTS), 3):
             raise ValueError(f"a pose of shape {np.shape(rest)}")
-        return cls(rest, Level(*map(float, level)))
+        return cls(rest, Level.of_json(level))
 
 
 @dataclass(frozen=True)
@@ -228,6 +228,9 @@ class Role:
         self._last_second.forget()
         self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
+        if calibration is not None and self._floor is not None:
+            stands = self._as_told(self._floor)
+            calibration = calibration if calibration.level.near(stands, *MOVED) else None  # or is seen from elsewhere
         self._look_again = calibration is not None and time - left <= self._manner.remember
         if calibration is not None and self._look_again:
             self._prepare(calibration, time)
@@ -243,13 +246,14 @@ class Role:
         self.user = self._part = self._held = None
         self._drop_next()
 
-    def set_level(self, level: Level) -> None:
-        """Take over how the sensor stands: at once, or with the next calibration where somebody performs."""
-        if self._floor is not None and not level.near(self._floor, *MOVED):
-            self._remembered = {}  # who comes back is seen from elsewhere
-        self._floor = level
+    def set_level(self, level: Level, time: float) -> None:
+        """Take over how the sensor stands: at once, or with the next calibration of who performs while it is moved."""
+        first, self._floor, level = self._floor is None, level, self._as_told(level)
+        part = self.next_part or self._part
+        if first and part is not None and not level.near(part.calibration.level, *MOVED):
+            self._prepare(Calibration(part.calibration.rest, level), time)  # which was taken without
         if self._part is None:
-            self._level = self._as_told(level)
+            self._level = level
             self._watched.reset()
 
     def calibrate(self, time: float) -> bool:
@@ -474,8 +478,8 @@ class Role:
             "state": self.state,
             "mirror": self.mirror,
             "look_again": self._look_again,
-            "level": list(astuple(self._level)),
-            "floor": None if self._floor is None else list(astuple(self._floor)),
+            "level": asdict(self._level),
+            "floor": None if self._floor is None else asdict(self._floor),
             "part": None if self._part is None else self._part.memory,
             "retargeting": None if self._part is None else self._part.retargeting.memory,
             "next_part": None if self.next_part is None else self.next_part.memory,
@@ -494,8 +498,8 @@ class Role:
         self._manner = Manner(**memory["manner"])
         self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
         self._look_again = bool(memory["look_again"])
-        self._level = Level(*map(float, memory["level"]))
-        self._floor = None if memory["floor"] is None else Level(*map(float, memory["floor"]))
+        self._level = Level.of_json(memory["level"])
+        self._floor = None if memory["floor"] is None else Level.of_json(memory["floor"])
         self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
         if self._part is not None:
             restore(self._part.retargeting, memory["retargeting"])

@@ -147,7 +147,7 @@ def _openni_sensors() -> Iterator[Finding]:
     for sensor in found:
         uri = f"openni:uri={sensor.uri}"
         if sensor.trouble is not None:
-            yield Finding(uri, False, f"{sensor.name}, {sensor.trouble.found}", sensor.trouble.fix)
+            yield Finding(uri, None, f"{sensor.name}, {sensor.trouble.found}", sensor.trouble.fix)
         elif sensor.serial:
             yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
         else:

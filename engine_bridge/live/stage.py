@@ -148,7 +148,7 @@ class Stage:
             case "level":
                 level = self._level_of(cue)
                 for role in chosen:
-                    role.set_level(level)
+                    role.set_level(level, cue.time)
 
     def _named(self, character: str | None) -> list[Role]:
         """Return the role of that name, or all roles for None."""
@@ -175,7 +175,7 @@ class Stage:
 
     def _level_of(self, cue: Cue) -> Level:
         try:
-            return Level.of_cue(cue.arguments)
+            return Level.of_json(cue.arguments)
         except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",

@@ -63,13 +63,27 @@ def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
     assert level_of(lying) is None
 
 
-def test_a_cue_says_it_as_it_is():
-    assert Level.of_cue({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == Level(12.0, 1.3, -1.5)
+def test_json_says_it_as_it_is():
+    assert Level.of_json({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == Level(12.0, 1.3, -1.5)
 
 
-@pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])
-def test_a_cue_that_says_something_else_is_an_error(wrong):
+@pytest.mark.parametrize(
+    "wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}, {"tilt": 10**400}]
+)
+def test_json_that_says_something_else_is_an_error(wrong):
     with pytest.raises(ValueError, match=r"."):
-        Level.of_cue({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
+        Level.of_json({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
     with pytest.raises(ValueError, match="no tilt"):
-        Level.of_cue({})
+        Level.of_json({})
+
+
+@pytest.mark.parametrize(
+    ("level", "words"),
+    [
+        (Level(12.2, 1.304, -2.6), "1.30 m above the floor, looks 12° down, leans by 3°"),
+        (Level(-7.0, 0.8, 0.6), "0.80 m above the floor, looks 7° up"),
+        (Level(0.4, 0.8), "0.80 m above the floor, level"),
+    ],
+)
+def test_it_is_said_in_words(level, words):
+    assert str(level) == words

@@ -17,7 +17,8 @@ class Scripted:
 
     name, beginning = "scripted", None
 
-    def __init__(self, *script, received=0, clock=0.0):
+    def __init__(self, *script, received=0, clock=0.0, recorded=False):
+        self.recorded = recorded
         self.script, self.counts, self.ahead, self.closed = list(script), Counts(received), clock, False
 
     def fileno(self):
@@ -43,7 +44,7 @@ class Scripted:
 def reopening():
     """Make a source of what the opener gives, one after the other; an exception is raised."""
 
-    def make(*openings, again=True):
+    def make(*openings):
         left = list(openings)
 
         def opener():
@@ -52,7 +53,7 @@ def reopening():
                 raise found
             return found
 
-        source = Reopening("device:0", opener, again)
+        source = Reopening("device:0", opener)
         source.left = left
         return source
 
@@ -124,7 +125,7 @@ def test_pictures_without_anybody_are_the_end_of_trouble(reopening):
 
 
 def test_a_recording_that_has_ended_is_not_opened_again(reopening):
-    source = reopening(Scripted(GONE), Scripted(), again=False)
+    source = reopening(Scripted(GONE, recorded=True), Scripted())
     assert source.receive() == []
     silence = source.inner
     ticks = []

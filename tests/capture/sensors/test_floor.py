@@ -42,6 +42,13 @@ def test_a_table_alone_is_no_floor():
     assert find_floor(depth, LENS) is None
 
 
+@pytest.mark.parametrize("tilt", [-3, 0, 3, 6])
+@pytest.mark.parametrize("wall", [3.5, 4.0, 5.0])
+def test_a_desk_that_a_sensor_stands_on_does_not_join_the_floor_behind_it(tilt, wall):
+    found = find_floor(room(tilt, 0, 0.95, 0.0015, desk=1.3, wall=wall), LENS)
+    assert found is None or found.near(Level(tilt, 0.95), 0.5, 0.03)
+
+
 def test_little_or_no_depth_tells_nothing():
     depth = room(0, 0, 1.0)
     assert find_floor(np.zeros_like(depth), LENS) is None

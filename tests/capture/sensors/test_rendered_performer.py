@@ -128,7 +128,7 @@ def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_re
     record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
     with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
         events = Watched(source).events(len(shown) + 1)
-    [stands] = [Level.of_cue(event.arguments) for event in events if isinstance(event, Cue)]
+    [stands] = [Level.of_json(event.arguments) for event in events if isinstance(event, Cue)]
     assert stands.near(Level(0.0, rendered_body.EYE), 0.3, 0.02)
     frames = [event for event in events if isinstance(event, SkeletonFrame)]
     np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)

@@ -347,7 +347,7 @@ def test_a_depth_sensor_says_how_it_stands_as_soon_as_the_floor_tells(watch, scr
     assert [frame.time for frame in before] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert (cue.time, cue.do, after.time) == (1.0, "level", 1.25)
     assert cue.arguments == pytest.approx({"tilt": 12, "roll": 0, "height": 1.3}, abs=0.1)
-    assert caplog.messages[-1] == "test:: the sensor is 1.30 m above the floor, looks 12.0° down and leans by 0.0°"
+    assert caplog.messages[-1] == "test: the sensor is 1.30 m above the floor, looks 12° down"
 
 
 def test_a_recording_takes_its_time_unless_it_is_to_be_fast(watch, scripted_device, scripted_tracker):

@@ -5,6 +5,10 @@ import threading
 from capture.sensors.threads import start
 
 
+def _let():
+    """Let it be done to the end."""
+
+
 def _work():
     """Return what tells which thread did something, and that."""
     seen = []
@@ -14,7 +18,7 @@ def _work():
 def test_one_thread_does_one_thing_after_the_other():
     seen, work = _work()
     for name in "abc":
-        assert start(work, name).wait(10)
+        assert start(work, name, _let).wait(10)
     assert [name for _, name in seen] == ["a", "b", "c"]
     assert len({thread for thread, _ in seen}) == 1
     assert seen[0][0].is_alive()
@@ -23,29 +27,31 @@ def test_one_thread_does_one_thing_after_the_other():
 def test_what_is_done_at_the_same_time_is_done_by_several_threads():
     together = threading.Barrier(3, timeout=10)
     for _ in range(2):
-        done = [start(together.wait, str(k)) for k in range(2)]
+        done = [start(together.wait, str(k), _let) for k in range(2)]
         together.wait()
         assert all(each.wait(10) for each in done)
 
 
 def test_what_never_ends_holds_up_nothing_else():
     go_on = threading.Event()
-    stuck = start(lambda: go_on.wait(10) and None, "stuck")
-    assert start(lambda: None, "other").wait(10)
+    stuck = start(lambda: go_on.wait(10) and None, "stuck", _let)
+    assert start(lambda: None, "other", _let).wait(10)
     assert not stuck.is_set()
     go_on.set()
     assert stuck.wait(10)
 
 
 LEFT = """
-import sys, time
+import sys, threading, time
 from capture.sensors.threads import start
 
-start(lambda: time.sleep(0.3) or print("done", flush=True), "work")
+told = threading.Event()
+start(lambda: told.wait(60) and time.sleep(0.3) or print("one", flush=True), "work", told.set)
+start(lambda: told.wait(60) and time.sleep(0.6) or print("two", flush=True), "more work", lambda: None)
 sys.exit("left")
 """
 
 
-def test_the_end_of_the_program_waits_for_what_is_being_done():
+def test_the_end_of_the_program_asks_everything_to_end_and_waits_for_it():
     result = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stdout, result.stderr) == (1, "done\n", "left\n")
+    assert (result.returncode, result.stdout, result.stderr) == (1, "one\ntwo\n", "left\n")

@@ -1,3 +1,4 @@
+import signal
 import subprocess
 import sys
 
@@ -14,8 +15,12 @@ with logged():
     print("output")
     print("error", file=sys.stderr)
     logging.warning("warning")
-    if sys.argv[2:]:
+    if sys.argv[2:] == ["stop"]:
         raise SystemExit("stopped")
+    if sys.argv[2:] == ["crash"]:
+        ctypes.CDLL(None).abort()
+    if sys.argv[2:] == ["flood"]:
+        ctypes.PyDLL(None).write(2, bytes(1 << 20), 1 << 20)  # nobody can read meanwhile
 print("output afterwards")
 logging.warning("warning afterwards")
 os.write(2, b"native error afterwards\\n")
@@ -45,3 +50,15 @@ def test_an_error_is_written_as_ever(level):
     result = run(level, "stop")
     assert result.returncode == 1
     assert result.stderr.splitlines()[-1] == "stopped"
+
+
+def test_a_crash_says_where():
+    result = run("WARNING", "crash")
+    assert result.returncode == -signal.SIGABRT
+    assert "Fatal Python error: Aborted" in result.stderr
+    assert 'File "<string>"' in result.stderr
+
+
+def test_what_is_too_much_to_be_read_holds_up_nobody():
+    result = run("WARNING", "flood")
+    assert (result.returncode, result.stdout) == (0, "output\noutput afterwards\n")

@@ -12,6 +12,8 @@ import pytest
 from capture.clip import SkeletonClip
 from capture.events import Lost, Tick
 from capture.formats.puppetline_log import events
+from capture.fusion.pose import Pose
+from capture.fusion.source import FusedSource, Member
 from capture.recording import as_recorded
 from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
@@ -35,7 +37,7 @@ class Sender:
     """A source that really waits for datagrams: each is a user's number, and 0 says that user 1 is lost."""
 
     name = "test:"
-    beginning = None
+    beginning, recorded = None, False
 
     def __init__(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -125,12 +127,12 @@ def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path
 
 
 class Failing:
-    """A live source that gives some ticks and then fails."""
+    """A live source that gives some events and then fails."""
 
-    name, beginning = "openni:", None
+    name, beginning, recorded = "openni:", None, False
 
-    def __init__(self, ticks):
-        self.counts, self._ticks = Counts(), ticks
+    def __init__(self, *events):
+        self.counts, self._events = Counts(), list(events)
 
     def fileno(self):
         return None
@@ -139,20 +141,28 @@ class Failing:
         return time.monotonic()
 
     def receive(self):
-        if self._ticks:
-            self._ticks -= 1
-            return [Tick(-float(self._ticks))]
+        if self._events:
+            return [self._events.pop(0)]
         raise SourceError(self.name, found="that it was unplugged", expected="a sensor", fix="Plug it in.")
 
 
-@pytest.mark.parametrize("ticks", [0, 3])
-def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_path, ticks):
+@pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
+def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_path, came):
     path = tmp_path / "take"
-    summary = record(Failing(ticks), path)
+    summary = record(Failing(*came), path)
     assert summary.ended == "source"
     assert summary.why == "openni: found that it was unplugged; expected a sensor. Plug it in."
-    assert path.exists() == bool(ticks)
-    assert not ticks or list(events(path)) == [Tick(-2.0), Tick(-1.0), Tick(-0.0)]
+    assert path.exists() == (Lost(1.0, 1) in came)
+    assert not path.exists() or list(events(path)) == came
+
+
+def test_the_end_of_fused_recordings_is_no_trouble(tmp_path):
+    members = [Member(name, Pose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
+    times = [0.0, 0.05, 0.1]
+    source = FusedSource("fused:", members, lambda name: TakeSource.of_clips(name, [make_clip(times)], False), True)
+    summary = record(source, tmp_path / "take")
+    assert (summary.ended, summary.why) == ("source", "")
+    assert summary.frames > 0
 
 
 def test_a_silent_source_leaves_a_take_without_events(tmp_path, sender):

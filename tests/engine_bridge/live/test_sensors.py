@@ -134,7 +134,7 @@ def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkey
     start = findings.index(Finding("OpenNI 2", True, "there; 3 sensors plugged in"))
     assert findings[start + 1 : start + 4] == [
         Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
-        Finding("openni:uri=b", False, "Xtion, a sensor that does not work (busy)", "End it."),
+        Finding("openni:uri=b", None, "Xtion, a sensor that does not work (busy)", "End it."),
         Finding("openni:uri=c", True, "Carmine, which has no serial number"),
     ]
 

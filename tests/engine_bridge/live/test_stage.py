@@ -398,16 +398,32 @@ def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_sta
 
 
 def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
-    moment = 120
-    steady = play(make_stage(), kung_fu)["dog"]
+    stood, moment = level(kung_fu[0].time - TICK, tilt=2.0, height=1.0), 120
+    steady = play(make_stage(), [stood, *kung_fu])["dog"]
     moved_stage = make_stage()
-    moved = play(moved_stage, [*kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
+    moved = play(moved_stage, [stood, *kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
     assert steady[moment].state == "performing"
     for one, other in zip(steady, moved, strict=True):
         np.testing.assert_array_equal(one.targets, other.targets)
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
     assert moved_stage.roles[0].level == Level(12.0, 1.3, 4.0)
+
+
+def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
+    """From then on, but for the easing, all is as if it had been seen from the start."""
+    seen, moment = seen_from_above(kung_fu), 100
+    early = play(make_stage(), [level(kung_fu[0].time - TICK), *seen])["dog"]
+    late_stage = make_stage()
+    late = play(late_stage, [*seen[:moment], level(seen[moment - 1].time), *seen[moment:]])["dog"]
+    assert late[moment].state == "performing"
+    assert late_stage.roles[0].level == Level(12.0, 1.3, 4.0)
+    settled = kung_fu[moment].time + PREPARATION + EASE + TICK
+    pairs = [(e, la) for e, la in zip(early[-len(late) :], late, strict=True) if la.time > settled]
+    assert len(pairs) > 60
+    for one, other in pairs:
+        np.testing.assert_allclose(one.targets, other.targets, atol=1e-3)  # the filter has begun anew
+    assert largest_step(late, blob_rig.mesh.diagonal) <= 1.5 * largest_step(early, blob_rig.mesh.diagonal)
 
 
 def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage, kung_fu, moved):

@@ -48,6 +48,8 @@ PATIENCE = 1.0
 _READ = 0.1  # seconds that a device is waited for at a time: closing takes as long
 _CLOSING = 0.5  # seconds that closing waits for a device or tracker that does not come back
 
+_LOOK_AFTER = "Look after its cable and its power supply, and whether another program uses it."
+
 _News = SkeletonFrame | Lost | Tick | Cue
 
 log = logging.getLogger(__name__)
@@ -326,19 +328,11 @@ class SensorSource:
             self._changed.notify_all()
 
     def _silent(self) -> SourceError:
+        expected, fix = "a device that gives pictures", _LOOK_AFTER
         if self.recorded:
-            return SourceError(
-                self.name,
-                found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
-                expected="a recording that goes on to its end",
-                fix="It is damaged: record it again.",
-            )
-        return SourceError(
-            self.name,
-            found=f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s",
-            expected="a device that gives pictures",
-            fix="Look after its cable and its power supply, and whether another program uses it.",
-        )
+            expected, fix = "a recording that goes on to its end", "It is damaged: record it again."
+        found = f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s"
+        return SourceError(self.name, found=found, expected=expected, fix=fix)
 
     def _wake(self) -> None:
         with suppress(BlockingIOError, OSError):  # a full pipe is readable, and a closed one has no reader

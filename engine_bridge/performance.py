@@ -64,7 +64,7 @@ class Performance:
             Where the pose's R is written.
         """
         aim = self.retargeting.step(frame)
-        return Pose(self.deformer.solve(aim.targets, out), aim.root)
+        return Pose(self.deformer.solve(aim.targets, out=out), aim.root)
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:

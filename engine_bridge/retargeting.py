@@ -1,7 +1,8 @@
-"""A performer's frames as the targets of a puppet's handles: filter, mirror, root, retarget.
+"""A performer's frames as the motions of a puppet's bones and the targets of its handles.
 
-A frame is smoothed (`capture.smoothing`), mirrored if the puppet says so, turned into character axes, freed of the
-root's own motion and scaled to the character (`solver.retarget`).
+A frame is smoothed (`capture.smoothing`), mirrored if the puppet says so, and turned into character axes. Limbs take
+the directions of the performer's (`solver.limb_motion`). For the handles a frame is freed of the root's own motion and
+scaled to the character (`solver.retarget`); a character's trunk carries its handles.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrore
 from capture.smoothing import JointFilter
 from engine_bridge.puppet import Puppet, axis_mask
 from solver.deformer import Deformer
+from solver.limb_motion import LimbMotion
+from solver.limbs import Performer
 from solver.mesh import SolverMesh
 from solver.reach import limb_reach
 from solver.retarget import Fit, Retargeter, SmoothReturn
@@ -22,12 +25,14 @@ from solver.retarget import Fit, Retargeter, SmoothReturn
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """Where a performer wants a character's handles.
+    """Where a performer wants a character's handles and bones.
 
     Attributes
     ----------
     targets : (h, 3) float64
         Mesh file's coordinates, without the root's motion.
+    motions : (b, 4, 3) float64
+        Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     root : (3,) float64
         Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
     joints : (20, 3) float64
@@ -35,12 +40,20 @@ class Aim:
     """
 
     targets: NDArray[np.float64]
+    motions: NDArray[np.float64]
     root: NDArray[np.float64]
     joints: NDArray[np.float64]
 
 
+PERFORMER = Performer(
+    hips=(JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]),
+    shoulders=(JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]),
+    opposite=OPPOSITE.astype(np.int64),
+)
+
+
 class Retargeting:
-    """A puppet's handles in the hands of one performer.
+    """A puppet's handles and limbs, moved by one performer.
 
     Parameters
     ----------
@@ -48,7 +61,7 @@ class Retargeting:
     mesh : SolverMesh
         Of the puppet's character.
     deformer : Deformer
-        Of that mesh and the puppet's handles; tried out for their reach, and not moved.
+        Of that mesh and the puppet's handles and bones; tried out for their reach, and not moved.
     rest : (20, 3) float64
         The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
     """
@@ -60,7 +73,13 @@ class Retargeting:
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
         self.root_scale = _root_scale(puppet, mesh, rest)
-        self._retargeter = Retargeter(deformer.handles, puppet.mapping, self.fit, self._rest, self._basis)
+        self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+        calibration = self._rest
+        if self._limbs.trunk is not None:
+            at_rest = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+            known = np.asarray(np.isfinite(self._rest).all(axis=1), dtype=np.float32)
+            calibration = self._against_trunk(self._rest, at_rest.step(0.0, self._rest, known))
+        self._retargeter = Retargeter(deformer.handles, puppet.mapping, self.fit, calibration, self._basis)
         self._root = JOINT_INDEX[puppet.root.joint] if puppet.root else 0
         self._root_return = SmoothReturn(1)
         self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
@@ -75,8 +94,14 @@ class Retargeting:
             displacement = self._root_displacement(positions - self._rest, confidence > LOST)
             moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
-        targets = self._retargeter.step(frame.time, positions - moved, confidence)
-        return Aim(targets, self.root_scale * moved @ self._basis, joints)
+        motions = self._limbs.step(frame.time, positions, confidence)
+        trunk = self._limbs.trunk
+        if trunk is None:
+            targets = self._retargeter.step(frame.time, positions - moved, confidence)
+        else:
+            targets = self._retargeter.step(frame.time, self._against_trunk(positions, motions), confidence)
+            targets = targets @ motions[trunk, :3] + motions[trunk, 3]
+        return Aim(targets, motions, self.root_scale * moved @ self._basis, joints)
 
     @property
     def memory(self) -> dict[str, Any]:
@@ -84,6 +109,7 @@ class Retargeting:
         return {
             "filter": self._filter.memory,
             "handles": self._retargeter.memory,
+            "limbs": self._limbs.memory,
             "root": self._root_return.memory,
             "with_root": self._with_root,
         }
@@ -92,8 +118,14 @@ class Retargeting:
     def memory(self, memory: dict[str, Any]) -> None:
         self._filter.memory = memory["filter"]
         self._retargeter.memory = memory["handles"]
+        self._limbs.memory = memory["limbs"]
         self._root_return.memory = memory["root"]
         self._with_root = memory["with_root"]
+
+    def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return joints (20, 3) from the hips and in the axes of a trunk that has moved."""
+        turn = self._basis @ motions[self._limbs.trunk, :3] @ self._basis.T
+        return (positions - positions[JOINT_INDEX["hip_center"]]) @ turn.T
 
     def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return where the root has moved to (3,); while its joint is lost it goes on with the median of the others.

@@ -148,6 +148,11 @@ class LimbMotion:
         return out
 
     @property
+    def trunk(self) -> int | None:
+        """The first bone of the trunk, if there is one."""
+        return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
+
+    @property
     def memory(self) -> dict[str, NDArray[np.float64]]:
         """The state carried from frame to frame; setting it continues where another one of the same limbs was."""
         return {name: values.copy() for name, values in self._state._asdict().items()}

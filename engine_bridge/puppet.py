@@ -152,6 +152,7 @@ class RootTable(Table):
     joint: JointName = "hip_center"
     axes: AxisSet = "xz"
     turns: StrictBool = True
+    feet: Literal["lock", "free"] = "lock"
 
 
 class RetargetTable(Table):

@@ -15,9 +15,11 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet import Puppet, axis_mask
+from solver.bones import Bones
 from solver.deformer import Deformer
+from solver.feet import Feet, Leg
 from solver.limb_motion import LimbMotion
-from solver.limbs import Performer
+from solver.limbs import Performer, parents_first
 from solver.mesh import SolverMesh
 from solver.reach import limb_reach
 from solver.retarget import Fit, Retargeter, SmoothReturn
@@ -72,7 +74,9 @@ class Retargeting:
         self._filter = JointFilter(puppet.smoothing.parameters)
         self._rest = self._to_character(rest)
         self.fit = fit_sizes(puppet, deformer, mesh, rest)
-        self.root_scale = _root_scale(puppet, mesh, rest)
+        legs = legs_of(puppet)
+        self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
+        self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis) if legs else None
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
         calibration = self._rest
         if self._limbs.trunk is not None:
@@ -101,7 +105,10 @@ class Retargeting:
         else:
             targets = self._retargeter.step(frame.time, self._against_trunk(positions, motions), confidence)
             targets = targets @ motions[trunk, :3] + motions[trunk, 3]
-        return Aim(targets, motions, self.root_scale * moved @ self._basis, joints)
+        root = self.root_scale * moved @ self._basis
+        if self._feet is not None:
+            self._feet.step(frame.time, positions, confidence, motions, root)
+        return Aim(targets, motions, root, joints)
 
     @property
     def memory(self) -> dict[str, Any]:
@@ -110,6 +117,7 @@ class Retargeting:
             "filter": self._filter.memory,
             "handles": self._retargeter.memory,
             "limbs": self._limbs.memory,
+            "feet": {} if self._feet is None else self._feet.memory,
             "root": self._root_return.memory,
             "with_root": self._with_root,
         }
@@ -119,6 +127,8 @@ class Retargeting:
         self._filter.memory = memory["filter"]
         self._retargeter.memory = memory["handles"]
         self._limbs.memory = memory["limbs"]
+        if self._feet is not None:
+            self._feet.memory = memory["feet"]
         self._root_return.memory = memory["root"]
         self._with_root = memory["with_root"]
 
@@ -200,9 +210,40 @@ def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64
     return limbs * np.sign(puppet.mapping.gain), of_handle
 
 
-def _root_scale(puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64]) -> float:
-    """Return mesh units a metre of the root: the character's height to the performer's, or the number given."""
+def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
+    """Return the two legs whose feet are held on the floor; none for other characters, or if the puppet says so."""
+    if puppet.root is None or puppet.root.feet == "free":
+        return ()
+    legs = [leg for side in ("left", "right") if (leg := _leg(puppet, side)) is not None]
+    return tuple(legs) if len(legs) == 2 else ()
+
+
+def _leg(puppet: Puppet, side: str) -> Leg | None:
+    """Find the bones that point where a performer's thigh and shin do, and the one after them."""
+    chain = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in ("hip", "knee", "ankle"))
+    first = 0
+    for limb in parents_first(puppet.limbs):
+        for k in range(len(limb.joints) - 2):
+            if limb.follow == "direction" and limb.joints[k : k + 3] == chain:
+                foot = first + k + 2 if k + 3 < len(limb.joints) else -1
+                return Leg(first + k, first + k + 1, foot, chain[2][0])
+        first += len(limb.points) - 1
+    return None
+
+
+def _root_scale(
+    puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64], legs: tuple[Leg, ...], bones: Bones
+) -> float:
+    """Return mesh units per metre of the root: the number given, or the character's size to the performer's.
+
+    A character that stands on its feet is measured by its legs, so that a step is as long as the legs make it; any
+    other by its height.
+    """
     if puppet.units_a_metre is not None:
         return puppet.units_a_metre
+    if legs:
+        performers = body.bone_lengths(rest)
+        length = np.mean([performers[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")])
+        return float(np.mean([bones.lengths[[leg.thigh, leg.shin]] for leg in legs]) / length)
     up = puppet.character.basis[1]
     return float(np.ptp(mesh.vertices @ up) / body.height(rest))

@@ -26,8 +26,9 @@ from engine_bridge.live.idle import Idle, Places
 from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
 from engine_bridge.puppet import Puppet
-from engine_bridge.retargeting import PERFORMER, Retargeting
+from engine_bridge.retargeting import PERFORMER, Retargeting, legs_of
 from puppetline.errors import ServiceError
+from solver.feet import Feet
 from solver.limb_motion import LimbMotion
 from solver.motion_blend import difference, moved_by
 from solver.retarget import SmoothReturn, soft_limit
@@ -203,8 +204,11 @@ class Role:
         self._watched.reset()
         SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
         soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
-        unknown = np.full((len(JOINTS), 3), np.nan)
-        LimbMotion(self.character.rig.puppet.limbs, PERFORMER, unknown).step(0.0, unknown, np.zeros(len(JOINTS), "f4"))
+        unknown, lost = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), dtype=np.float32)
+        puppet = self.character.rig.puppet
+        motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
+        if legs := legs_of(puppet):
+            Feet(self._deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
         self._eased(self._rest, 0.5)
         self._apart = None
         self._deformer.solve(self._deformer.handles)

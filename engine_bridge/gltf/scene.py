@@ -134,6 +134,29 @@ def skinning(
         if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < len(joints):
             raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
         joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    which, share = influences(document, primitive, skin, count)
+    blended = np.zeros((count, 4, 4))
+    for column in range(which.shape[1]):
+        blended += share[:, column, None, None] * joints[which[:, column]]
+    return blended
+
+
+def influences(
+    document: Document, primitive: Primitive, skin: int, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which joints of a skin each vertex of a primitive follows, and how much.
+
+    Returns
+    -------
+    (count, k) int64, (count, k) float64
+        Indices into the skin's joints, and weights whose sum is 1 at each vertex.
+
+    Raises
+    ------
+    MeshError
+        Joints that the skin does not have.
+    """
+    where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
     if len(sets) > MOST_SETS:
         raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
@@ -147,10 +170,7 @@ def skinning(
     share = np.where(np.isfinite(share), np.maximum(share, 0), 0)
     share[share.sum(axis=1) == 0] = np.eye(1, share.shape[1])
     share /= share.sum(axis=1, keepdims=True)
-    blended = np.zeros((count, 4, 4))
-    for column in range(which.shape[1]):
-        blended += share[:, column, None, None] * joints[which[:, column]]
-    return blended
+    return which, share
 
 
 def _columns(document: Document, primitive: Primitive, names: list[str], count: int) -> NDArray[Any]:

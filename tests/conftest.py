@@ -61,7 +61,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if not hasattr(config, "workerinput"):  # workers report to the process that started them
+    is_worker = hasattr(config, "workerinput")  # these report to the process that started them
+    if not is_worker and hasattr(config, "cache"):
         config.pluginmanager.register(Skipped(config))
 
 

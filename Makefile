@@ -28,6 +28,8 @@ INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 	$*/$(INSTALL) --require-hashes -r $(filter-out requirements-pip.txt,$^)
 	@touch $@
 
+# setuptools emits this note about every editable install, as a warning since it has no other way to print one
+.venv/.installed .venv-camera/.installed: export PYTHONWARNINGS = ignore:Editable installation.
 .venv/.installed .venv-camera/.installed: %/.installed: %/.required pyproject.toml
 	$*/$(INSTALL) --no-deps --no-build-isolation --editable .
 	@touch $@

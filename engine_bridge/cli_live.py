@@ -389,15 +389,21 @@ def ladder(puppet: Path, output: Path, as_json: bool) -> None:
 
 
 @click.command()
-@click.option("--takes", default="takes", show_default=True, type=FILE, help="The folder of takes.")
+@click.option(
+    "--source", "sources", multiple=True, metavar="URI", help="A source that must work here; can be repeated."
+)
+@click.option("--takes", type=FILE, metavar="FOLDER", help="A folder that takes must fit into.  [default: takes]")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def doctor(takes: Path, as_json: bool) -> None:
-    """Say what works on this machine: libraries, ports, folders, sensors, network."""
+def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
+    """Report what works on this machine: libraries, ports, folders, sensors, network.
+
+    The exit code is 1 if something does not work that Puppetline requires or that you have asked for.
+    """
     from dataclasses import asdict
 
     from engine_bridge.live import doctor as doctors
 
-    findings = doctors.examine(takes)
+    findings = doctors.examine(takes, sources)
     click.echo(json.dumps([asdict(each) for each in findings], indent=2) if as_json else doctors.text(findings))
     if any(finding.ok is False for finding in findings):
         raise click.exceptions.Exit(1)

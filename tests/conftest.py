@@ -52,9 +52,46 @@ WITHOUT = ("tests/capture", "tests/examples", "tests/test_")
 """What the others can do meanwhile, since it knows no solver."""
 
 
+SKIPPED = "puppetline/skipped"
+"""Where the ids of the tests that a run has skipped are kept for the next run, in pytest's cache."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--skipped", action="store_true", help="run only the tests that the last run skipped")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    is_worker = hasattr(config, "workerinput")  # these report to the process that started them
+    if not is_worker and hasattr(config, "cache"):
+        config.pluginmanager.register(Skipped(config))
+
+
+class Skipped:
+    """Remembers which tests and files are skipped."""
+
+    def __init__(self, config: pytest.Config) -> None:
+        self._config = config
+        self._ids: set[str] = set()
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.skipped:
+            self._ids.add(report.nodeid)
+
+    pytest_collectreport = pytest_runtest_logreport
+
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        self._config.cache.set(SKIPPED, sorted(self._ids))
+        if self._config.option.skipped and exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED:
+            session.exitstatus = pytest.ExitCode.OK
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with what compiles; files with slow tests come before the others, so that all workers end together."""
+    if config.option.skipped:
+        ids = set(config.cache.get(SKIPPED, []))
+        items[:] = [item for item in items if not ids.isdisjoint((item.nodeid, item.nodeid.partition("::")[0]))]
+
     slow = {item.path for item in items if item.get_closest_marker("slow")}
 
     def turn(item: pytest.Item) -> int:

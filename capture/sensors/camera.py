@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import parse_qsl
 
+from capture.sensors.libraries import import_error
 from capture.sensors.mediapipe import EXTRA, HEIGHT, MediaPipePose, library
 from capture.sensors.picture import Lens, Picture
 from capture.sensors.source import SensorSource
@@ -254,7 +255,7 @@ def opencv() -> ModuleType:
     try:
         import cv2
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
-        raise SourceError(
+        raise import_error("cv2", error)(
             "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
         ) from error
     return cv2

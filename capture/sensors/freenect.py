@@ -7,12 +7,12 @@ import ctypes
 import logging
 import re
 import time
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors.libraries import NotInstalledError, load_error
 from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.picture import Lens, Picture
 from capture.sensors.source import SensorSource
@@ -87,8 +87,8 @@ def open_freenect(uri: str, rest: str) -> SensorSource:
     return SensorSource(uri, lambda: FreenectDevice(uri, int(rest or 0)), lambda _: MediaPipePose())
 
 
-def plugged_in(where: str) -> int:
-    """Return how many sensors the library finds.
+def plugged_in(where: str) -> int | None:
+    """Return how many sensors the library finds, or None if it cannot use USB, as in a container without it.
 
     Parameters
     ----------
@@ -98,11 +98,11 @@ def plugged_in(where: str) -> int:
     Raises
     ------
     SourceError
-        There is no library, or it cannot use USB.
+        There is no library.
     """
     library, context = _load(where), ctypes.c_void_p()
     if library.freenect_init(ctypes.byref(context), None) < 0:
-        raise SourceError(where, found="no USB", expected="it", fix="In a container, pass /dev/bus/usb through.")
+        return None
     try:
         return max(0, library.freenect_num_devices(context))
     finally:
@@ -282,14 +282,20 @@ def _load(name: str) -> Any:
     Raises
     ------
     SourceError
-        There is none.
+        There is none, or it cannot be loaded.
     """
+    reasons = []
     for candidate in LIBRARIES:
-        with suppress(OSError):
+        try:
             return _declared(ctypes.CDLL(candidate))
-    raise SourceError(
+        except OSError as error:
+            reasons.append(str(error))
+    kind, found = load_error("freenect"), "no libfreenect on this machine"
+    if kind is not NotInstalledError:
+        found = f"a libfreenect that does not load ({'; '.join(reasons)})"
+    raise kind(
         name,
-        found="no libfreenect on this machine",
+        found=found,
         expected="the library through which a Kinect v1 is read",
         fix="Install it: apt install libfreenect0.5 on Debian and Ubuntu, brew install libfreenect on macOS.",
     )

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors.libraries import import_error
 from capture.sensors.picture import Person, Picture
 from capture.sensors.placing import Placing, rehearse
 from capture.skeleton import JOINT_INDEX, JOINTS
@@ -147,7 +148,7 @@ def library() -> ModuleType:
     try:
         from mediapipe.python.solutions import pose
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
-        raise SourceError(
+        raise import_error("mediapipe", error)(
             "MediaPipe", found=f"that it cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=EXTRA
         ) from error
     return pose

@@ -23,6 +23,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.sensors.libraries import import_error, load_error
 from capture.sensors.mediapipe import MediaPipePose, library
 from capture.sensors.nite import REDIST as NITE2_REDIST
 from capture.sensors.nite import NiTE, library_path
@@ -154,7 +155,7 @@ def openni2(where: str) -> Any:
     try:
         from openni import openni2 as bindings
     except ImportError as error:
-        raise SourceError(
+        raise import_error("openni", error)(
             where, found=f"no OpenNI2 bindings ({error})", expected="them", fix="pip install 'puppetline[openni]'"
         ) from error
     if not bindings.is_initialized():
@@ -496,11 +497,13 @@ def _load(where: str, bindings: Any) -> None:
             bindings.loaded_dll_directory = str(Path(path).parent)
         bindings.initialize()
     except (OSError, bindings.OpenNIError) as error:
-        raise SourceError(
+        # a folder that the user names is meant to have it
+        kind = SourceError if REDIST in os.environ else load_error("OpenNI2")
+        raise kind(
             where,
             found=f"no OpenNI2 library that starts ({error})",
-            expected=f"the system's, or that in the folder which {REDIST} names",
-            fix="Install it (Debian: apt install libopenni2-0); puppetline doctor says what is there.",
+            expected=f"the system's library, or one in the folder that {REDIST} names",
+            fix="Install it: apt install libopenni2-0 on Debian and Ubuntu.",
         ) from error
 
 

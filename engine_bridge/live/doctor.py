@@ -1,5 +1,11 @@
-"""What works on this machine and what does not: `puppetline doctor`. It takes a few seconds and changes nothing."""
+"""What works on this machine and what does not: `puppetline doctor`. It takes a few seconds and changes nothing.
 
+Only what does not work although Puppetline requires it, or although the user has asked for it, is a fault: a library
+of its own, the loopback network, a source or folder that was named, an optional library that is installed but broken,
+a depth sensor that is plugged in. All else that is missing is optional, and `Finding.fix` tells how to get it.
+"""
+
+import errno
 import os
 import platform
 import shutil
@@ -8,12 +14,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from engine_bridge.live import sensors
 from engine_bridge.live.finding import Finding
+from puppetline.errors import PuppetlineError
 
 LIBRARIES: dict[str, str] = {
     "click": "click",
@@ -45,16 +53,21 @@ PORTS: tuple[tuple[str, int, str], ...] = (
 LITTLE_ROOM = 2e9
 """Bytes; less than this on a disk is soon filled by takes."""
 
+FIRST_DATA_SECONDS = 3.0
+"""How long a source that was asked for may give nothing once it is open, before that is reported, in seconds."""
+
 _LISTENING = 0.3  # seconds for others that announce themselves
 
 
-def examine(takes: Path = Path("takes")) -> list[Finding]:
+def examine(takes: Path | None = None, sources: Sequence[str] = ()) -> list[Finding]:
     """Look at everything.
 
     Parameters
     ----------
-    takes : Path
-        Folder that takes are recorded in.
+    takes : Path, optional
+        Folder that takes are to be recorded in. Without it, the usual one is looked at, which need not be usable.
+    sources : sequence of str
+        URIs of sources that are to be used, see `engine_bridge.live.sources`.
     """
     return [
         _python(),
@@ -62,9 +75,10 @@ def examine(takes: Path = Path("takes")) -> list[Finding]:
         _processor(),
         *_ports(),
         *_own_folders(),
-        _folder("takes", takes),
+        _folder("takes", takes or Path("takes"), asked=takes is not None),
         _clock(),
         *sensors.examine(),
+        *map(_source, dict.fromkeys(sources)),
         _systemd(),
         _network(),
     ]
@@ -94,18 +108,19 @@ def _libraries() -> Iterator[Finding]:
         except (ImportError, PackageNotFoundError, OSError) as error:  # OSError: a shared object that does not fit
             yield Finding(distribution, False, f"{error}", "Install Puppetline again: pip install --force-reinstall .")
         else:
-            yield _curve(detail) if module == "zmq" else Finding(distribution, True, detail)
+            yield _pyzmq(detail) if module == "zmq" else Finding(distribution, True, detail)
 
 
-def _curve(pyzmq: str) -> Finding:
+def _pyzmq(installed: str) -> Finding:
     import zmq
 
     curve = zmq.has("curve")
+    security = "CURVE there" if curve else "no CURVE: tokens work, keys do not"
     return Finding(
         "pyzmq",
-        curve,
-        f"{pyzmq}, libzmq {zmq.zmq_version()}, CURVE {'there' if curve else 'missing'}",
-        "" if curve else "Install pyzmq from its wheel, which brings CURVE; without it, only PLAIN works.",
+        True,
+        f"{installed}, libzmq {zmq.zmq_version()}, {security}",
+        "" if curve else "Install pyzmq from its wheel, which brings CURVE.",
     )
 
 
@@ -134,9 +149,9 @@ def _ports() -> Iterator[Finding]:
         except OSError as error:
             yield Finding(
                 name,
-                False,
+                None if error.errno == errno.EADDRINUSE else False,
                 f"{error.strerror or error}{_owner(kind, port)} ({use})",
-                "Fine if that is Puppetline itself; otherwise end it, or choose another port.",
+                "If that is not Puppetline itself, close it or choose another port.",
             )
 
 
@@ -166,8 +181,8 @@ def _own_folders() -> Iterator[Finding]:
     yield _folder("state", state_file().parent)
 
 
-def _folder(name: str, folder: Path, contents: str = "") -> Finding:
-    """Find out whether a folder, or the one that it would be made in, can be written to."""
+def _folder(name: str, folder: Path, contents: str = "", *, asked: bool = False) -> Finding:
+    """Find out whether a folder, or the one that it would be made in, can be written to, as one `asked` for must be."""
     place = folder.absolute()
     while not place.is_dir() and place != place.parent:
         place = place.parent
@@ -177,29 +192,41 @@ def _folder(name: str, folder: Path, contents: str = "") -> Finding:
     except OSError as error:
         return Finding(
             name,
-            False,
+            False if asked else None,
             f"{folder}: cannot be written to ({error.strerror})",
             f"Give this user permission to write to {place}, or choose another folder.",
         )
-    scarce = room < LITTLE_ROOM
     made = "" if folder.is_dir() else "will be made, "
     return Finding(
         name,
-        not scarce,
+        True,
         f"{folder}: {made}{contents}{room / 1e9:.1f} GB free",
-        "Make room on that disk." if scarce else "",
+        "Make room on that disk." if room < LITTLE_ROOM else "",
     )
 
 
 def _clock() -> Finding:
     resolution = time.get_clock_info("monotonic").resolution
-    fine = resolution <= 1e-3
-    return Finding(
-        "clock",
-        fine,
-        f"monotonic to {resolution * 1e9:.0f} ns, {time.strftime('%Y-%m-%d %H:%M:%S %Z')}",
-        "" if fine else "Latencies will read coarse: this system's clock is.",
-    )
+    coarse = "" if resolution <= 1e-3 else ", too coarse to measure latencies"
+    now = time.strftime("%Y-%m-%d %H:%M:%S %Z")
+    return Finding("clock", True, f"monotonic to {resolution * 1e9:.0f} ns{coarse}, {now}")
+
+
+def _source(uri: str) -> Finding:
+    """Open a source and wait a moment for what it gives."""
+    from engine_bridge.live.sources import open_source
+
+    try:
+        with closing(open_source(uri)) as source:
+            give_up = time.monotonic() + FIRST_DATA_SECONDS
+            while not source.counts.received and time.monotonic() < give_up:
+                source.receive()
+                time.sleep(0.01)
+            works = bool(source.counts.received)
+    except PuppetlineError as error:
+        culprit = "" if uri in error.where else f"{error.where}: "  # a library or a file
+        return Finding(uri, False, culprit + error.found.removeprefix("that it "), error.fix)
+    return Finding(uri, True, "works" if works else f"can be opened; no data within {FIRST_DATA_SECONDS:g} s")
 
 
 def _systemd() -> Finding:
@@ -217,9 +244,9 @@ def _network() -> Finding:
     except (ImportError, OSError) as error:
         return Finding(
             "multicast DNS",
-            False,
-            f"not to be had: {error}",
-            "Services are not found by themselves here; give their address.",
+            None,
+            f"not available: {error}",
+            "Give clients the address of the service; they do not find it automatically here.",
         )
     running = ", ".join(f"{found.name} at {' '.join(found.addresses)}:{found.port}" for found in services)
     return Finding("multicast DNS", True, running or "works; nobody announces a Puppetline now")

@@ -11,11 +11,12 @@ class Finding:
     ----------
     name : str
     ok : bool or None
-        None for what is not there and need not be.
+        True for what works. False for what does not, although Puppetline requires it or the user has asked for it: only
+        this is a fault. None for what is optional and not there, or cannot be used now.
     detail : str
         What was found.
     fix : str
-        What to do, empty where there is nothing to do.
+        What would install, free or improve it, empty where there is nothing to do.
     """
 
     name: str

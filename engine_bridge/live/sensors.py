@@ -1,4 +1,8 @@
-"""What `puppetline doctor` says of sensors and cameras: what is plugged in, what reads it, and what is in the way."""
+"""What `puppetline doctor` reports about sensors and cameras: what is plugged in, what reads it, what is in the way.
+
+A depth sensor that is plugged in is there to be used, so what it requires is a fault if it is missing. A camera may be
+built into the machine: that this user may not open it is none.
+"""
 
 import os
 from collections.abc import Callable, Iterator
@@ -8,6 +12,7 @@ from pathlib import Path
 
 from capture.sensors import freenect, nite, openni
 from capture.sensors.camera import opencv
+from capture.sensors.libraries import NotInstalledError
 from capture.sensors.mediapipe import library as mediapipe
 from engine_bridge.live.finding import Finding
 from puppetline.errors import SourceError
@@ -55,14 +60,15 @@ _CAMERAS = Path("/dev")
 def examine() -> Iterator[Finding]:
     """Look at cameras, depth sensors, and the libraries that read them."""
     plugged = [*_plugged()]
-    wanted = {kind.scheme for kind, _ in plugged}
+    schemes = {kind.scheme for kind, _ in plugged}
     yield from _cameras()
     yield from _depth_sensors(plugged)
-    yield _library("libfreenect", _kinects, "freenect: wants it", needed="freenect:" in wanted)
-    yield _library("OpenNI 2", _openni, "openni: wants it", needed="openni:" in wanted)
+    yield _library("libfreenect", _kinects, "freenect:", needed="freenect:" in schemes)
+    yield _library("OpenNI 2", _openni, "openni:", needed="openni:" in schemes)
     yield from _openni_sensors()
-    yield _library("MediaPipe", _mediapipe, "cameras and depth sensors want it", needed=bool(wanted - {""}))
-    yield _library("OpenCV", _opencv, "cameras want it", needed=False)
+    tracks = "freenect:" in schemes or ("openni:" in schemes and nite.library_path() is None)
+    yield _library("MediaPipe", _mediapipe, "camera:, video: and depth sensors", needed=tracks)
+    yield _library("OpenCV", _opencv, "camera: and video:", needed=False)
     yield _nite()
 
 
@@ -75,7 +81,7 @@ def _cameras() -> Iterator[Finding]:
         may = os.access(camera, os.R_OK | os.W_OK)
         yield Finding(
             str(camera),
-            may,
+            True if may else None,
             f"{name}, can be opened" if may else f"{name}, no permission",
             "" if may else f"Add this user to the group {camera.group()}, and log in again.",
         )
@@ -108,29 +114,31 @@ def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
 
 
 def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -> Finding:
-    """Say of a library what `look` says, or that it is missing or broken.
+    """Report what `look` returns about an optional library, or that it is not installed, or that it does not work.
 
     Parameters
     ----------
     name : str
     look : callable
-        Loads it, or raises a SourceError; its cause is an error of importing where the library is Python's.
+        Loads it, or raises a SourceError.
     use : str
-        What wants it.
+        Sources that require it.
     needed : bool
-        Whether something that is plugged in cannot do without.
+        Whether something that is plugged in requires it.
     """
     try:
         return Finding(name, True, look(name))
+    except NotInstalledError as error:
+        return Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
     except SourceError as error:
-        absent = error.__cause__ is None or isinstance(error.__cause__, ModuleNotFoundError)
-        if absent and not needed:
-            return Finding(name, None, f"not installed; {use}")
         return Finding(name, False, error.found.removeprefix("that it "), error.fix)
 
 
 def _kinects(name: str) -> str:
-    return f"there; {freenect.plugged_in(name) or 'no'} Kinect v1 plugged in"
+    count = freenect.plugged_in(name)
+    if count is None:
+        return "there; no USB on this machine (in a container, pass /dev/bus/usb through)"
+    return f"there; {count or 'no'} Kinect v1 plugged in"
 
 
 def _openni(name: str) -> str:

@@ -1,5 +1,6 @@
 """Debian's libfreenect, and its fakenect with pictures that are made here, in processes of their own."""
 
+import ctypes.util
 from pathlib import Path
 
 import numpy as np
@@ -228,6 +229,7 @@ def test_the_udev_rule_that_the_message_names_is_the_packages_and_opens_what_it_
 
 def test_without_the_library_the_package_is_named(monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     with pytest.raises(SourceError, match=r"no libfreenect on this machine.*apt install libfreenect0\.5"):
         open_freenect("freenect:", "")
 

@@ -22,6 +22,7 @@ from capture.sensors.look import PERFORMERS
 from capture.sensors.mediapipe import MIXTURE
 from capture.skeleton import JOINT_INDEX, PARENTS
 from engine_bridge.cli import main
+from engine_bridge.live.finding import Finding
 
 from ...terminal import Terminal
 
@@ -137,10 +138,24 @@ def test_a_token_and_keys_are_for_their_owner_alone(run, tmp_path):
     run("token", "secret", code=1)
 
 
-def test_doctor_tells_programs_as_well(run):
-    findings = json.loads(run("doctor", "--json").stdout)
+def test_doctor_tells_programs_as_well(tmp_path):
+    arguments = ["doctor", "--json", "--source", "demo:walk", "--source", "demo:nobody", "--takes", str(tmp_path)]
+    result = CliRunner().invoke(main, arguments)
+    findings = json.loads(result.stdout)
     assert {"name", "ok", "detail", "fix"} == findings[0].keys()
-    assert next(each for each in findings if each["name"] == "pyzmq")["ok"]
+    assert {"demo:walk": True, "demo:nobody": False, "takes": True}.items() <= {
+        each["name"]: each["ok"] for each in findings
+    }.items()
+    assert result.exit_code == 1
+
+
+@pytest.mark.parametrize(("states", "code"), [((True, None), 0), ((True, None, False), 1)])
+def test_only_a_fault_sets_the_exit_code_of_doctor(monkeypatch, states, code):
+    findings = [Finding(f"thing {k}", ok, "found", "Do it.") for k, ok in enumerate(states)]
+    monkeypatch.setattr("engine_bridge.live.doctor.examine", lambda _takes, _sources: findings)
+    result = CliRunner().invoke(main, ["doctor"])
+    assert result.exit_code == code
+    assert [line[:2] for line in result.stdout.splitlines()[::2]] == ["ok", "--", "!!"][: len(states)]
 
 
 def test_bake_makes_a_file_that_serve_plays(run, serve, blob_puppet, tmp_path):

@@ -1,8 +1,10 @@
+import errno
 import json
 import os
 import socket
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -39,9 +41,8 @@ def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_p
     assert {f"port {port}/{kind}" for kind, port, _ in PORTS} <= set(names)
     for library in LIBRARIES:
         assert named(findings, library).ok is True
-    assert "CURVE there" in named(findings, "pyzmq").detail
     assert all(finding.fix for finding in findings if finding.ok is False)
-    assert not any(finding.fix for finding in findings if finding.ok is None)
+    assert all(finding.fix for finding in findings if "not installed; " in finding.detail)
 
 
 def test_the_libraries_are_those_that_the_distribution_depends_on():
@@ -59,8 +60,21 @@ def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monk
     assert (bad.detail, bad.fix[:7]) == ("No module named 'no_such_thing'", "Install")
 
 
+@pytest.mark.parametrize(
+    ("has", "detail", "fix"),
+    [
+        (True, "CURVE there", ""),
+        (False, "no CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which brings CURVE."),
+    ],
+)
+def test_curve_is_optional(monkeypatch, has, detail, fix):
+    monkeypatch.setattr("zmq.has", {"curve": has}.get)
+    finding = doctor._pyzmq("27.0.0")
+    assert (finding.ok, finding.detail.split(", ", 2)[2], finding.fix) == (True, detail, fix)
+
+
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_a_port_that_is_taken_is_said_to_be_with_who_has_it(monkeypatch, kind):
+def test_a_port_that_is_taken_is_no_fault_and_is_told_with_who_has_it(monkeypatch, kind):
     with socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         if kind == "tcp":
@@ -69,9 +83,18 @@ def test_a_port_that_is_taken_is_said_to_be_with_who_has_it(monkeypatch, kind):
         monkeypatch.setattr(doctor, "PORTS", ((kind, port, "stream"),))
         (taken,) = doctor._ports()
     (free,) = doctor._ports()
-    assert (taken.name, taken.ok, free.ok) == (f"port {port}/{kind}", False, True)
+    assert (taken.name, taken.ok, free.ok) == (f"port {port}/{kind}", None, True)
     assert f"process {os.getpid()} (stream)" in taken.detail
     assert free.detail == "free (stream)"
+
+
+def test_a_machine_without_loopback_is_a_fault(monkeypatch):
+    class Socket(socket.socket):
+        def bind(self, _address):
+            raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
+
+    monkeypatch.setattr(socket, "socket", Socket)
+    assert [finding.ok for finding in doctor._ports()] == [False] * len(PORTS)
 
 
 def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in(tmp_path):
@@ -81,26 +104,75 @@ def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_without_permission_is_a_finding_with_a_fix(tmp_path):
+def test_a_folder_without_permission_has_a_fix(tmp_path):
     (tmp_path / "closed").mkdir(mode=0o500)
-    finding = doctor._folder("takes", tmp_path / "closed")
+    finding = doctor._folder("takes", tmp_path / "closed", asked=True)
     assert finding.ok is False
     assert str(tmp_path / "closed") in finding.fix
 
 
-def test_a_file_in_the_way_of_a_folder_is_a_finding(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("asked", "ok"), [(False, None), (True, False)])
+def test_a_folder_that_cannot_be_written_to_is_a_fault_if_it_was_asked_for(tmp_path, monkeypatch, asked, ok):
     def refuse(dir):  # noqa: A002 - tempfile's own name
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(doctor.tempfile, "TemporaryFile", refuse)
-    finding = doctor._folder("takes", tmp_path)
-    assert (finding.ok, finding.detail) == (False, f"{tmp_path}: cannot be written to (Permission denied)")
+    finding = doctor._folder("takes", tmp_path, asked=asked)
+    assert (finding.ok, finding.detail) == (ok, f"{tmp_path}: cannot be written to (Permission denied)")
 
 
-def test_little_room_is_a_finding(tmp_path, monkeypatch):
+def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
+    def refuse(dir):  # noqa: A002 - tempfile's own name
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(doctor.tempfile, "TemporaryFile", refuse)
+    findings = examine()
+    assert [named(findings, name).ok for name in ("cache", "state", "takes")] == [None] * 3
+    assert named(examine(tmp_path), "takes").ok is False
+
+
+def test_little_room_is_told_and_no_fault(tmp_path, monkeypatch):
     monkeypatch.setattr(doctor, "LITTLE_ROOM", 1e18)
     finding = doctor._folder("takes", tmp_path)
-    assert (finding.ok, finding.fix) == (False, "Make room on that disk.")
+    assert (finding.ok, finding.fix) == (True, "Make room on that disk.")
+
+
+def test_a_coarse_clock_is_told_and_no_fault(monkeypatch):
+    monkeypatch.setattr(doctor.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
+    finding = doctor._clock()
+    assert finding.ok is True
+    assert finding.detail.startswith("monotonic to 15625000 ns, too coarse to measure latencies, ")
+
+
+def test_a_machine_without_a_network_is_no_fault(monkeypatch):
+    def no_network(_seconds):
+        raise OSError("Network is unreachable")
+
+    monkeypatch.setattr("engine_bridge.live.discovery.find", no_network)
+    assert doctor._network() == Finding(
+        "multicast DNS",
+        None,
+        "not available: Network is unreachable",
+        "Give clients the address of the service; they do not find it automatically here.",
+    )
+
+
+def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faults(monkeypatch):
+    monkeypatch.setattr(doctor, "FIRST_DATA_SECONDS", 1.0)
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        silent = f"osc:{probe.getsockname()[1]}"
+    asked = ["demo:walk", silent, "demo:walk", "demo:nobody", "replay:no such file"]
+    findings = [each for each in examine(sources=asked) if each.name in asked]
+    assert findings[:2] == [
+        Finding("demo:walk", True, "works"),
+        Finding(silent, True, "can be opened; no data within 1 s"),
+    ]
+    assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
+        ("demo:nobody", False, "no performance 'nobody'"),
+        ("replay:no such file", False, "no such file: cannot be read (No such file or directory)"),
+    ]
+    assert findings[2].fix == "Name one of these, as in demo:walk?loop."
 
 
 def test_findings_are_lines_to_read_and_json():

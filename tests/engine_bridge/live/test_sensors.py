@@ -1,9 +1,13 @@
+import ctypes
 import ctypes.util
 import os
+import sys
+from types import SimpleNamespace
 
 import pytest
 
-from capture.sensors import freenect, openni
+from capture.sensors import camera, freenect, mediapipe, openni
+from capture.sensors.libraries import NotInstalledError
 from capture.sensors.nite import library_path
 from capture.sensors.openni import Sensor
 from engine_bridge.live import sensors
@@ -81,7 +85,7 @@ def test_without_sensors_and_cameras_it_says_so_and_is_content(usb, tmp_path, mo
     assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
 
 
-def test_cameras_are_told_with_their_names_and_whether_they_may_be_opened(tmp_path, monkeypatch):
+def test_a_camera_that_may_not_be_opened_is_no_fault_as_nobody_may_have_asked_for_it(tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
     monkeypatch.setattr(sensors, "_VIDEO", tmp_path / "names")
     for number in range(2):
@@ -94,7 +98,7 @@ def test_cameras_are_told_with_their_names_and_whether_they_may_be_opened(tmp_pa
         Finding(f"{tmp_path}/video0", True, "Integrated Camera, can be opened"),
         Finding(
             f"{tmp_path}/video1",
-            False,
+            None,
             "unnamed, no permission",
             f"Add this user to the group {group}, and log in again.",
         ),
@@ -103,25 +107,82 @@ def test_cameras_are_told_with_their_names_and_whether_they_may_be_opened(tmp_pa
 
 def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ())
-    missing = found(sensors.examine(), "libfreenect")
-    assert missing == Finding("libfreenect", None, "not installed; freenect: wants it")
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
+    detail = "not installed; required by freenect:"
+    fix = "Install it: apt install libfreenect0.5 on Debian and Ubuntu, brew install libfreenect on macOS."
+    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", None, detail, fix)
     usb("045e:02ae")
-    needed = found(sensors.examine(), "libfreenect")
-    assert (needed.ok, needed.detail) == (False, "no libfreenect on this machine")
-    assert needed.fix.startswith("Install it: apt install libfreenect0.5")
+    assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", False, detail, fix)
 
 
+def test_a_library_that_is_installed_and_does_not_load_is_a_fault_though_nothing_needs_it(usb, tmp_path, monkeypatch):
+    broken = tmp_path / "libfreenect.so.0.5"
+    broken.write_bytes(b"no library")
+    monkeypatch.setattr(freenect, "LIBRARIES", (str(broken),))
+    monkeypatch.setattr(ctypes.util, "find_library", {"freenect": broken.name}.get)
+    finding = found(sensors.examine(), "libfreenect")
+    assert finding.ok is False
+    assert finding.detail.startswith(f"a libfreenect that does not load ({broken}: ")
+
+
+@pytest.mark.parametrize(("module", "load"), [("mediapipe", mediapipe.library), ("cv2", camera.opencv)])
 @pytest.mark.parametrize(
-    ("cause", "ok"),
-    [(ModuleNotFoundError("No module named 'mediapipe'"), None), (ImportError("libGL.so.1: cannot open"), False)],
+    ("error", "ok"),
+    [
+        (lambda module: ModuleNotFoundError(f"No module named {module!r}", name=module), None),
+        (lambda _module: ModuleNotFoundError("No module named 'jax'", name="jax"), False),
+        (lambda _module: ImportError("libGL.so.1: cannot open shared object file"), False),
+    ],
 )
-def test_what_is_not_installed_and_what_does_not_load_are_told_apart(cause, ok):
-    def look(name):
-        raise SourceError(name, found=f"that it cannot be loaded ({cause})", expected="it", fix="Mend it.") from cause
+def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_apart(
+    monkeypatch, module, load, error, ok
+):
+    reason = error(module)
 
-    finding = sensors._library("MediaPipe", look, "cameras want it", needed=False)
-    detail = "not installed; cameras want it" if ok is None else f"cannot be loaded ({cause})"
-    assert finding == Finding("MediaPipe", ok, detail, "" if ok is None else "Mend it.")
+    class Finder:
+        def find_spec(self, wanted, _path=None, _target=None):
+            if wanted == module:
+                raise reason
+
+    for loaded in [each for each in sys.modules if each.partition(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, loaded)
+    monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
+    detail = "not installed; required by camera:" if ok is None else f"cannot be loaded ({reason})"
+    found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
+    assert found == Finding("a library", ok, detail, mediapipe.EXTRA)
+
+
+@pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])
+def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok):
+    monkeypatch.delenv(openni.REDIST, raising=False)
+    if named:
+        monkeypatch.setenv(openni.REDIST, str(tmp_path))
+    monkeypatch.setattr(openni, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
+    bindings = SimpleNamespace(
+        loaded_dll_directory=None, OpenNIError=ArithmeticError, c_api=SimpleNamespace(load_dll=ctypes.CDLL)
+    )
+    finding = sensors._library("OpenNI 2", lambda name: openni._load(name, bindings), "openni:", needed=False)
+    assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
+
+
+@pytest.mark.parametrize(("nite", "ok"), [(None, False), ("libNiTE2.so", None)])
+def test_mediapipe_is_needed_for_an_openni2_sensor_only_where_nite2_is_not(usb, monkeypatch, nite, ok):
+    def mediapipe_is_not_here():
+        raise NotInstalledError("MediaPipe", found="nothing", expected="it", fix="Install it.")
+
+    monkeypatch.setattr(sensors, "mediapipe", mediapipe_is_not_here)
+    monkeypatch.setattr(sensors.nite, "library_path", lambda: nite)
+    usb("1d27:0601")
+    assert found(sensors.examine(), "MediaPipe").ok is ok
+
+
+def test_a_machine_without_usb_is_no_fault(monkeypatch):
+    library = SimpleNamespace(freenect_init=lambda _context, _usb: -1)
+    monkeypatch.setattr(freenect, "_load", lambda _where: library)
+    assert found(sensors.examine(), "libfreenect") == Finding(
+        "libfreenect", True, "there; no USB on this machine (in a container, pass /dev/bus/usb through)"
+    )
 
 
 def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):

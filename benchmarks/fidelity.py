@@ -2,16 +2,16 @@
 
 python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER]
 
-prints the tables of docs/limbs.md: for each rigged humanoid and recording, with the rig read and with it taken away. Where
-the rig is read, it says which vertices belong to which bone, and its linear blend skinning by the same motions of bones is
-the reference; where it is taken away, it still says which vertices to measure.
+prints the table of docs/limbs.md: for each rigged humanoid and recording, with the rig read and with it taken away. In
+both, the rig says which vertices to measure. Where it is read, its linear blend skinning by the same motions is
+the reference.
 
 - Directions: the rotation that fits the vertices of a bone best turns the bone's rest direction; its angle to the
   direction from joint to joint in the recording, which may be turned as a whole by one rotation of at most 12°.
 - Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
 - Distance: of vertices from where skinning has them, in % of the diagonal.
-- Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or below
-  the floor; 95th percentiles in % of the height.
+- Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
+  below the floor; 95th percentiles in % of the height.
 """
 
 import argparse
@@ -233,13 +233,13 @@ def skinned(truth: Truth, rig: Rig, motions: NDArray[np.float64]) -> NDArray[np.
     return blend
 
 
-def stretch(rest: NDArray[np.float64], poses: NDArray[np.floating], edges: NDArray[np.int64]) -> tuple[float, float]:
+def stretch(rest: NDArray[np.float64], poses: NDArray[np.floating], edges: NDArray[np.int64]) -> str:
     """Return the 1st and 99th percentile of edge lengths as shares of those at rest."""
     at_rest = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
     kept = at_rest > 1e-6 * at_rest.max()
     lengths = np.linalg.norm(poses[:, edges[kept, 0]] - poses[:, edges[kept, 1]], axis=-1)
     low, high = np.percentile(lengths / at_rest[kept], (1, 99))
-    return float(low), float(high)
+    return f"{low:.2f} / {high:.2f}"
 
 
 def standing(timeline: Timeline, side: str) -> list[NDArray[np.int64]]:
@@ -268,8 +268,8 @@ def feet(timeline: Timeline, shown: Measured, rest: NDArray[np.float64], soles: 
     return f"{slide:.1f} / {away:.1f}"
 
 
-def both(values: NDArray[np.float64]) -> str:
-    return f"{np.median(values):.1f} / {np.percentile(values, 95):.1f}"
+def both(values: NDArray[np.float64], digits: int = 1) -> str:
+    return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}"
 
 
 def main() -> None:
@@ -302,37 +302,34 @@ def main() -> None:
                 rest = rig.character.vertices
                 for recording in options.recordings:
                     timeline, notes = load_timeline(options.data / "logs" / recording, SETTINGS)
+                    sensor = recording.partition("/")[0]
                     shown = play(rig, timeline, truth.soles)
                     found = angles(directions(truth, rest, shown.vertices), wanted(timeline, shown.frames))
-                    for values in found.values():
-                        totals.setdefault(kind, []).append(values)
+                    totals.setdefault(kind, []).extend(found.values())
                     edges = rig.character.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-                    reference = "–", "–"
+                    reference = ["–", "–"]
                     if kind == "rig":
                         own = skinned(truth, rig, shown.motions)
-                        distance = 100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / rig.mesh.diagonal
-                        away.append(distance)
-                        low, high = stretch(rest, own, edges)
-                        reference = (
-                            f"{low:.2f} / {high:.2f}",
-                            f"{np.median(distance):.3f} / {np.percentile(distance, 95):.2f}",
-                        )
-                    low, high = stretch(rest, shown.vertices, edges)
-                    print(
-                        f"| {name} | {kind} | {recording.partition('/')[0]} | {' | '.join(both(found[each]) for each in SHOWN)} "
-                        f"| {low:.2f} / {high:.2f} | {reference[0]} | {reference[1]} "
-                        f"| {feet(timeline, shown, rest, truth.soles)} |",
-                        flush=True,
-                    )
+                        away.append(100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / rig.mesh.diagonal)
+                        reference = [stretch(rest, own, edges), both(away[-1], 2)]
+                    cells = [
+                        name,
+                        kind,
+                        sensor,
+                        *(both(found[each]) for each in SHOWN),
+                        stretch(rest, shown.vertices, edges),
+                        *reference,
+                        feet(timeline, shown, rest, truth.soles),
+                    ]
+                    print(f"| {' | '.join(cells)} |", flush=True)
                     if options.sheets:
                         clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
-                        title = f"{name}, {recording.partition('/')[0]}, limbs from the {kind}"
-                        sheet.draw(clip, options.sheets / f"{name}_{kind}_{recording.partition('/')[0]}.png", title)
+                        title = f"{name}, {sensor}, limbs from the {kind}"
+                        sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
     for kind, values in totals.items():
         print(f"\nAll limbs, limbs from the {kind}: {both(np.concatenate(values))}°")
     if away:
-        everything = np.concatenate(away)
-        print(f"\nDistance to skinning: {np.median(everything):.3f} / {np.percentile(everything, 95):.2f} %")
+        print(f"\nDistance to skinning: {both(np.concatenate(away), 3)} %")
 
 
 if __name__ == "__main__":

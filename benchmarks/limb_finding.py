@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from puppetline.examples.characters import biped, human
 
 from engine_bridge.gltf.character import Character, from_document, load_character
 from engine_bridge.gltf.scene import world_transforms
 from engine_bridge.rig_limbs import rig_limbs
-from puppetline.examples.characters import biped, human
 from solver.limb_finding import find_limbs
 from solver.mesh import SolverMesh, weld
 

@@ -171,9 +171,9 @@ def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArra
         The performer, sensor frame.
     """
     mapping = puppet.mapping
-    if puppet.units_a_metre is not None:
+    if puppet.units_a_metre is not None or not puppet.handle:
         count = len(puppet.handle)
-        return Fit(np.full(count, puppet.units_a_metre), np.full((count, 3, 2), np.inf))
+        return Fit(np.full(count, puppet.units_a_metre or 1.0), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
     reach = limb_reach(deformer, mesh, limbs)[of_handle]

@@ -66,7 +66,7 @@ def test_the_middle_of_an_arm_belongs_to_its_bones_and_the_hand_is_whole(figure,
     v = figure.vertices
     for bone, low, high in ((3, 0.2, 0.8), (4, 0.2, 0.8), (5, 0.0, np.inf)):
         place = along(v, skeleton.heads[bone], skeleton.tails[bone])
-        on_the_arm = v[:, 0] > 0.43  # outside the trunk and above the legs
+        on_the_arm = v[:, 0] > 0.36  # outside the trunk and above the legs
         expected = np.flatnonzero(on_the_arm & (v[:, 1] > 0.6) & (place >= low) & (place <= high))
         assert set(regions.of(bone)) == set(expected)
         assert len(expected) > 5
@@ -130,7 +130,6 @@ def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
     regions = bone_regions(skirted, bones)
     assert np.all(regions.owner[hem] == 0)
     assert np.all(regions.owner[(v[:, 0] > 0.7) & (v[:, 1] < 1.8)] > 0)
-    assert not regions.held[hem].any()  # too far from the trunk's middle to move as it does
 
 
 def test_a_ray_that_leaves_by_a_hole_takes_nothing_of_what_it_meets(skirted):

@@ -183,7 +183,7 @@ class SolverTable(Table):
     fields: Annotated[Count, Field(ge=1, le=64)] = 8
     isolines: Annotated[Count, Field(ge=2, le=64)] = 10
     iterations: Annotated[Count, Field(ge=1, le=1000)] = 4
-    rotations: RotationMode = "clusters"
+    rotations: RotationMode | None = None
 
     @model_validator(mode="after")
     def _fits_in_memory(self) -> Self:

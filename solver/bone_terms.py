@@ -42,7 +42,7 @@ class BoneTerms:
     pull: NDArray[np.float64]
 
 
-def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, count: int) -> BoneTerms:
+def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, count: int, scale: float) -> BoneTerms:
     """Add up the rows of the vertices that each bone holds, weighted by area.
 
     Parameters
@@ -53,6 +53,8 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, coun
         Of the bones on that mesh.
     count : int
         Number of bones.
+    scale : float
+        Trace of the energy's matrix.
     """
     unknowns = len(model.A)
     normal, pull = np.zeros((unknowns, unknowns)), np.zeros((unknowns, 4 * count))
@@ -68,7 +70,7 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, coun
         normal[np.ix_(there, there)] += product
         pull[there, 4 * bone : 4 * bone + 4] = product @ affine[there]
     trace = np.trace(normal)
-    stiffness = BONE_STIFFNESS * np.trace(model.A) / trace if trace > 0 else 0.0
+    stiffness = BONE_STIFFNESS * scale / trace if trace > 0 else 0.0
     return BoneTerms(stiffness * normal, stiffness * pull)
 
 
@@ -119,7 +121,7 @@ def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.
     -------
     (3r, 4b) float64
     """
-    return PRIOR * np.kron(shares * size[:, None], np.eye(3, 4))
+    return _of_linear_parts(PRIOR * shares * size[:, None])
 
 
 def first_turns(shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -134,4 +136,9 @@ def first_turns(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     (3r, 4b) float64
     """
-    return np.kron(shares + ELSEWHERE * shares.mean(axis=0), np.eye(3, 4))
+    return _of_linear_parts(shares + ELSEWHERE * shares.mean(axis=0))
+
+
+def _of_linear_parts(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the (3r, 4b) map that adds up the linear parts of b motions with (r, b) weights."""
+    return np.einsum("rb,xk->rxbk", weights, np.eye(3, 4)).reshape(3 * len(weights), -1)

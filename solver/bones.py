@@ -6,13 +6,22 @@ space only. Distances begin where rays that leave a bone at right angles meet th
 
 import heapq
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from solver.extremities import surface_graph
 from solver.mesh import SolverMesh
+from solver.parts import contacts
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+ACROSS = 10.0
+"""What a contact across a gap adds to a distance, in diagonals: such parts belong to a bone only where nothing else
+reaches them."""
 
 RINGS = 9
 """Number of places along a bone from which rays leave, evenly spaced."""
@@ -115,8 +124,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     axes = (bones.tails - bones.heads) / lengths[:, None]
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
     start, radius = _where_rays_meet(mesh, bones, axes, along)
-    graph = surface_graph(mesh)
-    graph = (graph + graph.T).tocsr()
+    graph = _both_ways(mesh)
     owner, distance = _nearest(graph.indptr, graph.indices, graph.data, start, along, bones.roots)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
@@ -130,11 +138,25 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     return BoneRegions(owner, held, _vertex_areas(mesh))
 
 
+def _both_ways(mesh: SolverMesh) -> "csr_matrix":
+    """Return the (n, n) lengths of edges and contacts between parts.
+
+    A contact across a gap may tie a hand to the hip beside it: it is longer than any way over the surface.
+    """
+    ties = contacts(mesh)
+    a, b = np.concatenate([mesh.edges, ties.links]).T
+    lengths = np.maximum(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1), 1e-12 * mesh.diagonal)
+    lengths[len(mesh.edges) :] += np.where(ties.gap > 0, ACROSS * mesh.diagonal, 0.0)
+    n = len(mesh.vertices)
+    once = scipy.sparse.coo_matrix((lengths, (a, b)), shape=(n, n)).tocsr()
+    return scipy.sparse.csr_matrix(once.maximum(once.T))
+
+
 def _vertex_areas(mesh: SolverMesh) -> NDArray[np.float64]:
     """Return a third of the area of the triangles at each vertex."""
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    return np.bincount(mesh.faces.ravel(), np.repeat(area, 3), len(mesh.vertices))
+    return np.bincount(mesh.faces.ravel(), np.repeat(area, 3), len(mesh.vertices)).astype(np.float64)
 
 
 def _where_rays_meet(
@@ -157,7 +179,8 @@ def _where_rays_meet(
         plane = np.stack([side, np.cross(axis, side)], axis=1)
         flat = (mesh.vertices - bones.heads[b]) @ plane
         length, face, point = _cast(mesh.faces, np.ascontiguousarray(along[:, b]), flat, places)
-        met = face >= 0
+        world = bones.heads[b] + point @ np.column_stack([axis * bones.lengths[b], plane]).T
+        met = _leaves(mesh, face, world - bones.heads[b] - point[:, :1] * (axis * bones.lengths[b]))
         if not met.any():  # outside the mesh: what is nearest
             away = np.linalg.norm(mesh.vertices - (bones.heads[b] + bones.tails[b]) / 2, axis=1)
             start[away.argmin(), b], radius[b] = 0.0, away.min()
@@ -165,10 +188,17 @@ def _where_rays_meet(
         radius[b] = np.median(length[met])
         excess = np.maximum(0.0, length[met] - WIDE * radius[b])
         corners = mesh.faces[face[met]]
-        world = bones.heads[b] + point[met] @ np.column_stack([axis * bones.lengths[b], plane]).T
-        away = np.linalg.norm(mesh.vertices[corners] - world[:, None], axis=2) + excess[:, None]
+        away = np.linalg.norm(mesh.vertices[corners] - world[met, None], axis=2) + excess[:, None]
         np.minimum.at(start[:, b], corners, away)
     return start, radius
+
+
+def _leaves(mesh: SolverMesh, face: NDArray[np.int64], ray: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Say which rays leave the limb where they meet a face; one that enters there has left through a hole or a hem."""
+    a, b, c = mesh.vertices[mesh.faces[face]].transpose(1, 0, 2)
+    outward = np.einsum("kx,kx->k", np.cross(b - a, c - a), ray) > 0
+    met = face >= 0
+    return met & outward if (met & outward).any() else met
 
 
 @numba.njit(cache=True, nogil=True)
@@ -259,7 +289,7 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
             continue
         owner[v], distance[v] = b, away
         for entry in range(starts[v], starts[v + 1]):
-            u = neighbours[entry]
+            u = int(neighbours[entry])
             if owner[u] < 0 and (along[u, b] >= 0 or not roots[b]):
                 further = away + lengths[entry]
                 if further < distance[u]:

@@ -1,4 +1,4 @@
-"""A reduced model bound to handles and bones: targets and motions in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
+"""A reduced model bound to handles and bones: their motion in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
 
 from copy import copy
 from typing import NamedTuple
@@ -32,7 +32,7 @@ the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) 
 
 
 class _Affine(NamedTuple):
-    """Something that depends on the surface's turns, the handles' targets and the bones' motions, laid out by `lanes`."""
+    """Something that depends on the rotations, the handles' targets and the bones' motions, laid out by `lanes`."""
 
     turns: NDArray[np.float64]
     inputs: NDArray[np.float64]
@@ -65,9 +65,11 @@ class Deformer:
     bones : Bones, optional
     iterations : int
         Rotation updates a frame.
-    mode : {"clusters", "covariance", "triangles"}
-        A rotation for each cluster of vertices (default); or for each isoline, from all triangles that it crosses, or
-        from 10 of them as in the paper, without the bones' prior.
+    mode : {"clusters", "covariance", "triangles"}, optional
+        A rotation for each cluster of vertices, the default where there are bones; or for each isoline, from all
+        triangles that it crosses, the default where there are none; or from 10 of them as in the paper, which are
+        not drawn to the bones. Clusters stretch edges least, but what no bone holds follows its handles with a delay:
+        it takes many iterations to settle.
 
     Raises
     ------
@@ -83,7 +85,7 @@ class Deformer:
         *,
         bones: Bones | None = None,
         iterations: int = 4,
-        mode: RotationMode = "clusters",
+        mode: RotationMode | None = None,
     ) -> None:
         handles = np.asarray(handles, dtype=np.float64).reshape(-1, 3)
         self.bones = NO_BONES if bones is None else bones
@@ -96,12 +98,19 @@ class Deformer:
         self.handles = (rows @ rest) * model.diagonal + model.center
         """(h, 3) float64: the handles on the surface, in the mesh file's coordinates."""
 
+        self._mode: RotationMode = mode or ("clusters" if len(self.bones) else "covariance")
+        A, B, reader = {
+            "clusters": (model.A_clusters, model.B_clusters, model.B_clusters.T),
+            "covariance": (model.A, model.B, model.covariance),
+            "triangles": (model.A, model.B, model.edges),
+        }[self._mode]
+        scale = np.trace(A)
         regions = bone_regions(mesh, self.bones)
-        held = bone_terms(model, mesh, regions, len(self.bones))
-        stiffness = HANDLE_STIFFNESS * np.trace(model.A) / max(np.einsum("hj,hj->", rows, rows), 1e-300)
-        pin = np.trace(model.A) / len(model.A)
+        held = bone_terms(model, mesh, regions, len(self.bones), scale)
+        stiffness = HANDLE_STIFFNESS * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
+        pin = scale / len(A)
         try:
-            factor = scipy.linalg.cho_factor(model.A + stiffness * rows.T @ rows + held.normal + pin * model.null_space)
+            factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pin * model.null_space)
         except np.linalg.LinAlgError as error:
             raise MeshError(
                 mesh.name,
@@ -109,17 +118,11 @@ class Deformer:
                 expected="one whose triangles are not all needles or crossed",
                 fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
             ) from error
-        B, reader = {
-            "clusters": (model.cluster_energy, model.cluster_covariance),
-            "covariance": (model.B, model.covariance),
-            "triangles": (model.B, model.edges),
-        }[mode]
         from_turns = scipy.linalg.cho_solve(factor, B)
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull]))
         constant = scipy.linalg.cho_solve(factor, pin * model.null_space @ rest)
-        self._mode: RotationMode = mode
         self._place_of_turns = lanes.of_matrices(B.shape[1] // 3)
-        self._place_of_seen = lanes.of_rows(len(reader)) if mode == "triangles" else self._place_of_turns
+        self._place_of_seen = lanes.of_rows(len(reader)) if self._mode == "triangles" else self._place_of_turns
         place_of_inputs = lanes.of_rows(from_inputs.shape[1])
 
         def laid_out(
@@ -133,14 +136,17 @@ class Deformer:
                 lanes.pack(reader @ constant, row),
             )
 
-        size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3 if mode != "triangles" else np.zeros(1)
-        together = turned_together(model, mode)
+        together = turned_together(model, self._mode)
         held_shares = bone_shares(together, regions.area, np.where(regions.held, regions.owner, -1), len(self.bones))
         first = first_turns(bone_shares(together, regions.area, regions.owner, len(self.bones)))
         self._first = lanes.matrix(
             np.hstack([np.zeros((len(first), len(rows))), first]), self._place_of_turns, place_of_inputs
         )
-        self._surface = laid_out(reader, self._place_of_seen, 0.0 if mode == "triangles" else prior(held_shares, size))
+        drawn: NDArray[np.float64] | float = 0.0
+        if self._mode != "triangles":
+            size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
+            drawn = prior(held_shares, size)
+        self._surface = laid_out(reader, self._place_of_seen, drawn)
         self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)), 0.0)
         self._inputs = lanes.pack(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
         self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))

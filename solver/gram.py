@@ -31,18 +31,22 @@ class Products(NamedTuple):
         (KW)ᵀ M^(−1/2) W_δ.
     gram : (4m, 4m) float64
         WᵀW.
-    cluster_energy : (4m, 3r) float64
+    dirichlet : (4m, 4m) float64
+        −WᵀLW of the surface, without ties.
+    B_clusters : (4m, 3r) float64
         In the columns of each cluster (KW)ᵀ M^(−1/2) δ, over its vertices alone.
     """
 
     A: NDArray[np.float64]
     B: NDArray[np.float64]
     gram: NDArray[np.float64]
-    cluster_energy: NDArray[np.float64]
+    dirichlet: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
 
 
 def products(
     L: "csr_matrix",
+    surface: "csr_matrix",
     mass: NDArray[np.float64],
     rest: NDArray[np.float64],
     ladder: NDArray[np.float64],
@@ -55,6 +59,9 @@ def products(
     Parameters
     ----------
     L : (n, n) sparse float64
+        Of the energy, with ties between parts.
+    surface : (n, n) sparse float64
+        Without them; the same as L where there is but one part.
     mass : (n,) float64
         Diagonal of M.
     rest : (n, 3) float64
@@ -66,23 +73,24 @@ def products(
         Rotation cluster of each vertex, from 0 to r − 1.
     """
     m = len(weights) * isolines
-    A, B, gram = np.zeros((4 * m, 4 * m)), np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 4 * m))
-    cluster_energy = np.zeros((4 * m, 3 * (int(cluster.max()) + 1)))
+    A, gram, dirichlet = np.zeros((3, 4 * m, 4 * m))
+    B, B_clusters = np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 3 * (int(cluster.max()) + 1)))
     below, upper = blends(ladder, isolines)
     levels = np.arange(isolines)
     order = np.lexsort((*below.T[::-1], cluster))
     for rows in _chunks(order, cluster):
         lowest, highest = _span(rows, L.indptr, L.indices, below)
-        W, KW, W_delta, delta = _rows(
-            rows, L.indptr, L.indices, L.data, mass, rest, below, upper, weights, lowest, highest - lowest + 1
-        )
+        others = (rest, below, upper, weights, lowest, highest - lowest + 1)
+        W, KW, W_delta, delta = _rows(rows, L.indptr, L.indices, L.data, mass, *others)
+        untied = KW if surface is L else _rows(rows, surface.indptr, surface.indices, surface.data, mass, *others)[1]
         there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
         four, three = _columns(there, 4), _columns(there, 3)
         gram[np.ix_(four, four)] += W.T @ W
         A[np.ix_(four, four)] += KW.T @ KW
         B[np.ix_(four, three)] += KW.T @ W_delta
-        cluster_energy[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
-    return Products(A, B, gram, cluster_energy)
+        dirichlet[np.ix_(four, four)] -= W.T @ (np.sqrt(mass[rows])[:, None] * untied)
+        B_clusters[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
+    return Products(A, B, gram, (dirichlet + dirichlet.T) / 2, B_clusters)
 
 
 def _chunks(order: NDArray[np.int64], cluster: NDArray[np.int32]) -> Iterator[NDArray[np.int64]]:
@@ -111,7 +119,7 @@ def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # n
 
 @numba.njit(cache=True, nogil=True)
 def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside each field's span."""
+    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside a field's span."""
     count = len(weights)
     first = np.cumsum(width) - width - lowest
     total = width.sum()

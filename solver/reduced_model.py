@@ -72,10 +72,10 @@ class ReducedModel:
         T of `rotations.edge_map`.
     cluster : (n,) int32
         Rotation cluster of each solver vertex, from 0 to r − 1.
-    cluster_energy : (4m, 3r) float64
-        Energy against the stacked rotations of the clusters.
-    cluster_covariance : (3r, 4m) float64
-        C of `clusters.covariance_map`.
+    A_clusters : (4m, 4m) float64
+        Energy where vertices of a cluster turn together, from `clusters.energy`.
+    B_clusters : (4m, 3r) float64
+        That energy against the stacked rotations of the clusters; its transpose reads them off the surface.
     """
 
     center: NDArray[np.float64]
@@ -89,8 +89,8 @@ class ReducedModel:
     covariance: NDArray[np.float64]
     edges: NDArray[np.float64]
     cluster: NDArray[np.int32]
-    cluster_energy: NDArray[np.float64]
-    cluster_covariance: NDArray[np.float64]
+    A_clusters: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
 
     @property
     def isolines(self) -> int:
@@ -200,7 +200,9 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
 
     L = propagation.for_energy(surface, ties, mass, unit.diagonal)
     cluster = clusters.rotation_clusters(ladder, weights, mass)
-    reduced = gram.products(L, mass, rest, ladder, weights, parameters.isolines, cluster)
+    reduced = gram.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
+    covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
+    A_clusters, B_clusters = clusters.energy(reduced, covariance)
     strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)
     sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
     return ReducedModel(
@@ -215,8 +217,8 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
         covariance=rotations.covariance_map(unit, strips, ladder, weights),
         edges=rotations.edge_map(position_matrix(rest[sampled], ladder[sampled], weights, parameters.isolines)),
         cluster=cluster,
-        cluster_energy=reduced.cluster_energy,
-        cluster_covariance=clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster),
+        A_clusters=A_clusters,
+        B_clusters=B_clusters,
     )
 
 

@@ -84,7 +84,7 @@ puppets = st.builds(
         fields=st.integers(1, 64),
         isolines=st.integers(2, 10),
         iterations=st.integers(1, 1000),
-        rotations=st.sampled_from(["covariance", "triangles"]),
+        rotations=st.sampled_from(["clusters", "covariance", "triangles", None]),
     ),
 )
 

@@ -148,6 +148,11 @@ class LimbMotion:
         return out
 
     @property
+    def heading(self) -> float:
+        """Radians about the upright axis by which the performer is turned and the character does not turn."""
+        return 0.0 if self._plan.turns else float(self._state.clock[HEADING])
+
+    @property
     def trunk(self) -> int | None:
         """The first bone of the trunk, if there is one."""
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None

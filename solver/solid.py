@@ -60,7 +60,9 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     faces, volume = _outside_out(vertices, faces, components)
     low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
     size = float(max((volume / CELLS) ** (1 / 3), extent.max() / MOST_ALONG))
-    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2  # even, and around the middle: a mirror image has its mirror image
+    counts = (
+        2 * np.ceil(extent / (2 * size)).astype(int) + 2
+    )  # even, and around the middle: a mirror image has its mirror image
     origin = low + extent / 2 - size * (counts - 1) / 2
     winding = np.zeros(counts)
     for axis in range(3):
@@ -106,7 +108,12 @@ def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa
     crossed = np.zeros((counts[0], counts[1], counts[2] + 1))
     for a, b, c in faces:
         ax, ay, bx, by, cx, cy = (
-            vertices[a, 0], vertices[a, 1], vertices[b, 0], vertices[b, 1], vertices[c, 0], vertices[c, 1],
+            vertices[a, 0],
+            vertices[a, 1],
+            vertices[b, 0],
+            vertices[b, 1],
+            vertices[c, 0],
+            vertices[c, 1],
         )
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if area == 0:

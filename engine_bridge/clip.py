@@ -13,7 +13,6 @@ from capture.skeleton import JOINTS, SkeletonFrame
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.frame_store import FrameStore
 from engine_bridge.performance import Performance
-from engine_bridge.puppet import Puppet
 from engine_bridge.rig import Rig
 from engine_bridge.settings import Settings
 from puppetline.errors import SkeletonLogError, at
@@ -151,15 +150,8 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         look_at(surface.displacements(solved))  # from the middle: lengths of edges are precise anywhere
         progress("Performing", len(frames) / len(root))
     rest = resting_pose(timeline, settings)
-    unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
+    unknown = [joint for joint in rig.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
         notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")
     parts_apart = None if separation is None else separation.worst
     return Clip(rig, timeline, frames, root, stretch.percentiles(1, 50, 99), parts_apart, notes)
-
-
-def _joints_used(puppet: Puppet) -> list[str]:
-    used = {joint for handle in puppet.handle for joint in handle.driven_by}
-    if puppet.root is not None:
-        used.add(puppet.root.joint)
-    return [joint for joint in JOINTS if joint in used]

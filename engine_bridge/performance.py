@@ -12,6 +12,7 @@ from engine_bridge.puppet import HandleTable, Puppet
 from engine_bridge.retargeting import Retargeting
 from puppetline.errors import PuppetError, at
 from solver.deformer import Deformer
+from solver.limbs import bones_of
 from solver.mesh import SolverMesh, snap
 from solver.reduced_model import ReducedModel
 
@@ -64,15 +65,16 @@ class Performance:
             Where the pose's R is written.
         """
         aim = self.retargeting.step(frame)
-        return Pose(self.deformer.solve(aim.targets, out), aim.root)
+        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root)
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:
-    """Bind a character's model to a puppet's handles."""
+    """Bind a character's model to a puppet's handles and bones."""
     return Deformer(
         model,
         mesh,
         puppet.handle_positions,
+        bones=bones_of(puppet.limbs),
         iterations=puppet.solver.iterations,
         mode=puppet.solver.rotations,
     )

@@ -112,6 +112,8 @@ class Frame:
     joints : (20, 3) float64 or None
         The performer's, filtered and levelled: metres, sensor frame, NaN where never known; None without a performer.
     confidence : (20,) float32 or None
+    motions : (b, 4, 3) float64 or None
+        Motions of the bones for row vectors, without the root, mesh file's coordinates.
     """
 
     character: StreamedCharacter
@@ -125,6 +127,7 @@ class Frame:
     targets: NDArray[np.float64]
     joints: NDArray[np.float64] | None = None
     confidence: NDArray[np.float32] | None = None
+    motions: NDArray[np.float64] | None = None
 
     @cached_property
     def controls(self) -> Controls:

@@ -20,7 +20,7 @@ def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet)
     assert facts["handles"]["left foot"]["joints"] == []
     assert facts["root"] == {"joint": "hip_center", "axes": "xz"}
     assert facts["retarget"] == {"mirror": False, "scale": 1.3}
-    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": "covariance"}
+    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": None}
     assert json.loads(json.dumps(facts)) == facts
 
 

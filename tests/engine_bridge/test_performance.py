@@ -252,3 +252,38 @@ def test_a_body_that_is_lost_and_found_carries_the_character_on_without_a_jump(r
     np.testing.assert_allclose(root[20:40], np.tile(root[19], (20, 1)), atol=1e-12)
     assert np.abs(np.diff(root[39:, 0])).max() < 0.12  # it is 0.42 m behind when it returns
     np.testing.assert_allclose(root[-1, 0], -0.02 * 89, atol=0.02)
+
+
+def test_a_turn_of_the_performer_is_a_rigid_turn_of_a_character_with_limbs(limbed_rig, frames, standing):
+    puppet = changed(limbed_rig.puppet, smoothing=RAW)
+    hips, count = standing[JOINT_INDEX["hip_center"]], 40
+    angles = np.linspace(0, 2 * np.pi, count)
+    turns = np.array([[[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]] for a in angles])
+    takes = np.einsum("txy,jy->tjx", turns, standing - hips) + hips
+    vertices, _ = play(limbed_rig, puppet, frames(takes), standing)
+    axis = limbed_rig.puppet.limbs[0].points[0]
+    flip = np.array([-1.0, 1, -1])
+    for now, turn in zip(vertices, turns, strict=True):
+        expected = (vertices[0] - axis) @ (flip[:, None] * turn * flip).T + axis
+        np.testing.assert_allclose(now, expected, atol=5e-3 * limbed_rig.mesh.diagonal)
+
+
+def test_a_character_with_limbs_crosses_its_arms(limbed_rig, frames, standing):
+    """The surface around each bone goes where the bone goes."""
+    puppet = changed(limbed_rig.puppet, smoothing=RAW, handle=())
+    crossed = standing.copy()
+    for side, sign in (("left", 1), ("right", -1)):
+        shoulder = standing[JOINT_INDEX[f"shoulder_{side}"]]
+        elbow = shoulder + 0.26 * np.array([0.2 * -sign, -0.95, -0.25])
+        wrist = elbow + 0.25 * np.array([0.9 * sign, 0.2, -0.38])
+        crossed[[JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist")]] = elbow, wrist
+    vertices, _ = play(limbed_rig, puppet, frames(np.tile(crossed, (20, 1, 1))), standing)
+    performance = Performance(puppet, limbed_rig.mesh, limbed_rig.model, standing)
+    motions = performance.retargeting.step(frames(crossed[None])[0]).motions
+    bones = performance.deformer.bones
+    for bone in (3, 5):  # the upper arms
+        middle = (bones.heads[bone] + bones.tails[bone]) / 2
+        near = np.linalg.norm(limbed_rig.mesh.vertices - middle, axis=1) < 0.2
+        expected = limbed_rig.mesh.vertices[near] @ motions[bone, :3] + motions[bone, 3]
+        away = np.linalg.norm(vertices[-1][near] - expected, axis=1)
+        assert np.median(away) < 0.02 * limbed_rig.mesh.diagonal

@@ -13,7 +13,7 @@ from solver.deformer import HANDLE_STIFFNESS, Deformer, to_file_units
 from solver.mesh import SolverMesh
 from solver.reduced_model import ModelParameters, build
 
-MODES = ["covariance", "triangles"]
+MODES = ["clusters", "covariance", "triangles"]
 LIMBS = np.array([[1.0, 0.5, 0], [-1, 0.5, 0], [0.3, -1, 0], [-0.3, -1, 0], [0, 1, 0]])
 """Directions in which the limb ends of a standing character lie."""
 
@@ -416,7 +416,7 @@ def test_frames_after_the_first_allocate_no_array(bound, creature, creature_mode
     positions = binding.vertices(controls)
 
     def frame():
-        assert deformer.solve(targets, R) is R
+        assert deformer.solve(targets, out=R) is R
         assert to_file_units(R, creature_model, controls) is controls
         assert binding.vertices(controls, positions) is positions
 
@@ -456,7 +456,7 @@ def test_arrays_of_other_shapes_are_refused(bound, creature_model):
         with pytest.raises(ValueError, match="targets"):
             deformer.solve(targets)
     with pytest.raises(ValueError, match="targets"):
-        deformer.solve(deformer.handles, np.empty((400, 3)))
+        deformer.solve(deformer.handles, out=np.empty((400, 3)))
     with pytest.raises(ValueError, match="transforms"):
         to_file_units(creature_model.rest_controls, creature_model, np.empty((79, 3, 4), dtype=np.float32))
 

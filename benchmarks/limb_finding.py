@@ -2,9 +2,10 @@
 
     python -m benchmarks.limb_finding FOLDER
 
-FOLDER holds the rigged characters (kaykit_Knight.glb, quaternius_Adventurer.glb, quaternius_Witch.glb). Each is measured
-as its file shows it and, with empty hands, with its arms let down by 35° and 70°; `human` and `biped` are made by code, which says where
-their joints are. Prints a table in percent of body height, a row a character and a column a joint.
+FOLDER holds the rigged characters (kaykit_Knight.glb, quaternius_Adventurer.glb, quaternius_Witch.glb). Each is
+measured as its file shows it and, with empty hands, with its arms let down by 35° and 70°. `human` and `biped` are made
+by code, which says where their joints are. The table is in percent of body height: one row per character, one column
+per joint, and the larger value of left and right.
 """
 
 import sys
@@ -13,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from puppetline.examples.characters import biped, human
 
 from engine_bridge.gltf.character import Character, from_document, load_character
 from engine_bridge.gltf.scene import world_transforms
 from engine_bridge.rig_limbs import rig_limbs
-from puppetline.examples.characters import biped, human
 from solver.limb_finding import find_limbs
 from solver.mesh import SolverMesh, weld
 

@@ -77,8 +77,8 @@ def curve_skeleton(solid: Solid) -> CurveSkeleton:
     thickness = np.minimum(solid.depth[steps.row], solid.depth[steps.col])
     costs = csr_matrix((steps.data * (solid.size / thickness) ** 2, (steps.row, steps.col)), steps.shape)
     root = int(solid.depth.argmax())
-    _, parents = dijkstra(costs, directed=False, indices=root, return_predecessors=True)
-    parents = np.where(parents < 0, -1, parents).astype(np.int64)
+    _, before = dijkstra(costs, directed=False, indices=np.array([root]), return_predecessors=True)
+    parents = np.maximum(before[0], -1).astype(np.int64)
     both = csr_matrix(solid.graph + solid.graph.T)
     diagonal = float(np.linalg.norm(np.ptp(solid.centers, axis=0)))
     uncovered = np.full(len(parents), np.inf)
@@ -112,11 +112,11 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
     cells : (m,) int64
     values : (m,) float64
     """
-    waiting = [(np.inf, -1)]
+    waiting = [(np.inf, np.int64(-1))]
     for i in range(len(cells)):
         if values[i] < distance[cells[i]]:
             distance[cells[i]] = values[i]
-            heapq.heappush(waiting, (values[i], cells[i]))
+            heapq.heappush(waiting, (values[i], cells[i]))  # type: ignore[misc]
     while True:
         reached, cell = heapq.heappop(waiting)
         if cell < 0:
@@ -127,7 +127,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
             further = reached + lengths[j]
             if further < distance[neighbours[j]]:
                 distance[neighbours[j]] = further
-                heapq.heappush(waiting, (further, np.int64(neighbours[j])))
+                heapq.heappush(waiting, (further, np.int64(neighbours[j])))  # type: ignore[misc]
 
 
 @numba.njit(cache=True, nogil=True)

@@ -155,7 +155,7 @@ def _ankle(leg: LimbCurve, hip: float) -> float:
 
 
 def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[float], usual: float) -> list[float]:
-    """Return where elbows or knees are: at one share of both limbs, where they are bent, or else where they usually are.
+    """Return where elbows or knees are: where the limbs are bent, or where joints usually are; at one share of both.
 
     Parameters
     ----------
@@ -205,6 +205,7 @@ def _narrowest(arm: LimbCurve, end: float, shoulder: float, around: NDArray[np.f
     share = np.linspace(WRIST - WRIST_SPREAD, WRIST + WRIST_SPREAD, 31)
     places = end + (1 - share) * length
     reach = max(0.04 * length, 1.5 * size)
-    radius = np.sqrt([max(np.count_nonzero(np.abs(ways - way) < reach), 1) for way in places])
+    room = np.array([np.count_nonzero(np.abs(ways - way) < reach) for way in places], dtype=np.float64)
+    radius = np.sqrt(np.maximum(room, 1))
     unlikely = radius / np.median(radius) + 0.3 * ((share - WRIST) / WRIST_SPREAD) ** 2
     return float(places[unlikely.argmin()])

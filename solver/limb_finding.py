@@ -31,7 +31,8 @@ TOES = 0.15
 """Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
 
 STRIDE = 0.25
-"""Feet this far behind others are hind feet. This and what follows are shares of height, width or length, the largest."""
+"""Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
+and length."""
 
 MIDDLE, BEHIND = 0.15, -0.15
 """How far aside a tail may end, and how far to the front."""
@@ -177,7 +178,7 @@ class _Finder:
         if tail is not None:
             used.append(tail)
             found["tail"] = evenly(tail.points[::-1], 4)
-        wings = self._wings([branch for branch in branches if branch not in used], arms)
+        wings = self._wings([branch for branch in branches if branch not in used])
         if wings is not None:
             found |= self._sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
         self._say_what_is_missing(found)
@@ -357,10 +358,8 @@ class _Finder:
         rod = 2 * np.pi * thickness**2 * reach
         return bool(np.median(around * self.solid.size**3 / rod) > SHEET)
 
-    def _wings(
-        self, branches: list[LimbCurve], arms: tuple[LimbCurve, LimbCurve] | None
-    ) -> tuple[LimbCurve, LimbCurve] | None:
-        """Return the longest pair that mirrors itself and branches off the trunk, behind any arms."""
+    def _wings(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the longest pair that mirrors itself and branches off the trunk."""
         given = self._given(branches, "wing")
         if given is not None:
             return given
@@ -404,10 +403,10 @@ class _Finder:
             left = (left + right * ONE_IMAGE + offset) / 2
             right = left * ONE_IMAGE + offset
         elif apart[0] < SYMMETRIC * self.height:
-            one, other = (left, right) if _straightness(left) > _straightness(right) else (right, left)
-            image = one * ONE_IMAGE + offset
-            if self._inside(image):  # what hides the other limb, a shield say, hides this as well
-                left, right = (one, image) if one is left else (image, one)
+            keep_left = _straightness(left) > _straightness(right)
+            image = (left if keep_left else right) * ONE_IMAGE + offset
+            if self._inside(image):  # whatever hides the other limb, such as a shield, hides this as well
+                left, right = (left, image) if keep_left else (image, right)
         return {f"left {limb}": left, f"right {limb}": right}
 
     def _inside(self, points: Points) -> bool:
@@ -471,11 +470,13 @@ class _Finder:
     def _say_what_is_missing(self, found: dict[str, Points]) -> None:
         if not self.feet:
             self.notes.append(
-                "No legs were found. If there are any, give their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+                "No legs were found. If there are any, give where they end: "
+                "--limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
             )
         if not self.four_legged and "left arm" not in found and "left wing" not in found:
             self.notes.append(
-                "No arms were found. If there are any, give their ends: --limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
+                "No arms were found. If there are any, give where they end: "
+                "--limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
             )
 
 

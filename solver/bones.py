@@ -125,7 +125,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
     start, radius = _where_rays_meet(mesh, bones, axes, along)
     graph = _both_ways(mesh)
-    owner, distance = _nearest(graph.indptr, graph.indices, graph.data, start, along, bones.roots)
+    owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, along, bones.roots)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
     low, high = MIDDLE

@@ -4,10 +4,12 @@ Each player takes a file, a number of times and where to write, and leaves a tab
 world positions at evenly spaced times, from the start of the animation to its end.
 """
 
+import ctypes.util
 import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,6 +57,7 @@ def commands() -> dict[str, list[str | Path] | None]:
         "Blender": [BLENDER, PEERS / "play_blender.py"] if BLENDER.exists() else None,
         "three.js": [node, PEERS / "play.mjs"] if modules else None,
         "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
+        "assimp": [sys.executable, PEERS / "play_assimp.py"] if ctypes.util.find_library("assimp") else None,
         "Godot": [godot, "--headless", "--path", PEERS, "--script", "play_godot.gd", "--"] if godot else None,
     }
 
@@ -75,9 +78,12 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
         raise RuntimeError(f"{command[0]} on {file}: exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
     report = json.loads(told.read_text(encoding="utf-8"))
     floats = np.fromfile(base.with_name(f"{base.name}.bin"), dtype="<f4")
-    used = vertices_used(Document.load(file))
+    document = Document.load(file)
+    used, numbers = vertices_used(document), {node.get("name"): index for index, node in enumerate(document.gltf["nodes"])}
     meshes = {}
     for mesh in report["meshes"]:
+        if isinstance(mesh["node"], str):
+            mesh["node"] = numbers[mesh["node"]]
         start = mesh["positions"]
         block = floats[start : start + 3 * count * mesh["count"]].reshape(count, mesh["count"], 3).astype(np.float64)
         if mesh["primitive"] is None:  # Blender: all primitives together, without the vertices that none of them uses

@@ -35,7 +35,7 @@ def _compile_anew_where_something_changed() -> None:
 
 _compile_anew_where_something_changed()
 
-OPTIONAL = {"camera", "data", "freenect", "godot", "mono", "node", "openni"}
+OPTIONAL = {"assimp", "blender", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
 
@@ -114,6 +114,37 @@ def rendered_body() -> ModuleType:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(ROOT)
         return importlib.import_module("benchmarks.rendered_body")
+
+
+@pytest.fixture(scope="session")
+def players() -> ModuleType:
+    """The module benchmarks/players.py: programs that play a .glb."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT)
+        return importlib.import_module("benchmarks.players")
+
+
+NEEDED = {
+    "Blender": ("blender", "bpy is not here (make peers)"),
+    "three.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
+    "Babylon.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
+    "Godot": ("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)"),
+    "assimp": ("assimp", "assimp is not here (Debian: libassimp5)"),
+}
+"""What each program's tests need, and why they are skipped without it."""
+
+
+@pytest.fixture(scope="session")
+def show(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
+    """Let a program play a .glb's first animation at n evenly spaced times, the start and the end included."""
+    commands, folder = players.commands(), tmp_path_factory.mktemp("shown")
+
+    def run(program: str, path: Path, n: int, *more: str) -> Any:
+        if commands[program] is None:
+            missing(*NEEDED[program])
+        return players.play(commands[program], path, n, folder / "shown", *more)
+
+    return run
 
 
 @pytest.fixture(scope="session")

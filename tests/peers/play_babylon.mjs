@@ -15,14 +15,10 @@ import "@babylonjs/core/Animations/animatable.js";
 import "@babylonjs/core/Helpers/sceneHelpers.js";
 import "@babylonjs/loaders/glTF/2.0/index.js";
 
-// the loader notes on every object which parts of the file it stands for: /nodes/3, /meshes/1/primitives/0
-const pointers = (object) => object?._internalMetadata?.gltf?.pointers ?? [];
-
-// a mesh of one primitive is its node's object, one of several is a child of it
+// the loader keeps with each node of the file what it has made of the node's primitives
 function source(mesh) {
-  const node = [...pointers(mesh), ...pointers(mesh.parent)].find((pointer) => /^\/nodes\/\d+$/.test(pointer));
-  const primitive = pointers(mesh).find((pointer) => pointer.includes("/primitives/"));
-  return { node: Number(node.split("/")[2]), primitive: Number(primitive.split("/")[4]) };
+  const node = file.nodes.findIndex((own) => own._primitiveBabylonMeshes?.includes(mesh));
+  return { node, primitive: file.nodes[node]._primitiveBabylonMeshes.indexOf(mesh) };
 }
 
 function worldPositions(mesh) {
@@ -50,14 +46,17 @@ function targetsOf({ morphTargetManager: targets }) {
   return Array.from({ length: targets?.numTargets ?? 0 }, (_, i) => targets.getTarget(i).name);
 }
 
-const [file, steps, outBase] = process.argv.slice(2);
+const [path, steps, outBase] = process.argv.slice(2);
 Logger.LogLevels = Logger.ErrorLogLevel;
 const scene = new Scene(new NullEngine());
 scene.useRightHandedSystem = true; // or the loader would mirror the file
 new FreeCamera("camera", new Vector3(), scene);
-const data = `data:;base64,${(await readFile(file)).toString("base64")}`;
-const { meshes, transformNodes, animationGroups } = await ImportMeshAsync(data, scene, { pluginExtension: ".glb" });
-if (animationGroups.length === 0) throw new Error(`${file} holds no animation`);
+const data = `data:;base64,${(await readFile(path)).toString("base64")}`;
+let file;
+const pluginOptions = { gltf: { onParsed: ({ json }) => (file = json) } };
+const made = await ImportMeshAsync(data, scene, { pluginExtension: ".glb", pluginOptions });
+const { meshes, transformNodes, animationGroups } = made;
+if (animationGroups.length === 0) throw new Error(`${path} holds no animation`);
 
 const played = animationGroups.filter(({ isPlaying }) => isPlaying);
 const [group] = played;

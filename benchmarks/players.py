@@ -58,7 +58,7 @@ def commands() -> dict[str, list[str | Path] | None]:
         "three.js": [node, PEERS / "play.mjs"] if modules else None,
         "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
         "assimp": [sys.executable, PEERS / "play_assimp.py"] if ctypes.util.find_library("assimp") else None,
-        "Godot": [godot, "--headless", "--path", PEERS, "--script", "play_godot.gd", "--"] if godot else None,
+        "Godot": [godot, "--headless", "--path", PEERS / "godot", "--script", "play.gd", "--"] if godot else None,
     }
 
 

@@ -75,16 +75,18 @@ def describe_keys(thing):
 def describe_material(material):
     if material is None:
         return None
-    base = material.node_tree.nodes["Principled BSDF"].inputs["Base Color"]
-    nodes, images = [base], []
-    while nodes:  # whatever the base colour is mixed from
+    inputs = [entry for node in material.node_tree.nodes for entry in node.inputs if entry.name == "Base Color"]
+    color = list(inputs[0].default_value) if inputs else None  # a material without light has no such input
+    ends = [node.inputs["Surface"] for node in material.node_tree.nodes if node.type == "OUTPUT_MATERIAL"]
+    images, nodes = [], inputs or ends
+    while nodes:  # whatever the colour is mixed from
         for link in nodes.pop().links:
             images += [link.from_node.image] if link.from_node.type == "TEX_IMAGE" else []
             nodes += [entry for entry in link.from_node.inputs if entry.is_linked]
     return {
         "name": material.name,
-        "base_color": list(base.default_value),
-        "images": [{"name": image.name, "size": list(image.size), "loaded": image.has_data} for image in images],
+        "base_color": color,
+        "images": [{"name": image.name, "size": list(image.size)} for image in images],
     }
 
 

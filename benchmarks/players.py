@@ -24,8 +24,8 @@ from solver.reduced_model import position_matrix
 
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "tests" / "peers"
-BLENDER = ROOT / ".venv-blender" / "bin" / "python"
-"""The Python of an environment with bpy, which `make peers` makes."""
+BLENDER = ROOT / ".venv-blender"
+"""An environment with bpy, where `make peers` finds the Python that bpy is for."""
 
 Floats = NDArray[np.float64]
 
@@ -53,8 +53,9 @@ def commands() -> dict[str, list[str | Path] | None]:
     """Return how each program's player is called, None where the program is not here."""
     node, godot = shutil.which("node"), shutil.which(os.environ.get("GODOT", "godot"))
     modules = node is not None and (PEERS / "node_modules").is_dir()
+    bpy = any(BLENDER.glob("lib/*/site-packages/bpy"))
     return {
-        "Blender": [BLENDER, PEERS / "play_blender.py"] if BLENDER.exists() else None,
+        "Blender": [BLENDER / "bin" / "python", PEERS / "play_blender.py"] if bpy else None,
         "three.js": [node, PEERS / "play.mjs"] if modules else None,
         "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
         "assimp": [sys.executable, PEERS / "play_assimp.py"] if ctypes.util.find_library("assimp") else None,
@@ -116,15 +117,16 @@ def vertices_used(document: Document) -> dict[tuple[int, int], NDArray[np.int64]
 def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
     """Return what gives each (node, primitive) its world positions at any times, straight lines between the keyframes.
 
-    Positions are float64 and come from the control variables themselves, not from what was exported.
+    Positions are float64 and come from the control variables themselves, not from what was exported; the clock is that
+    of the file, whose key times are float32.
     """
     model, mesh, character = clip.rig.model, clip.rig.mesh, clip.rig.character
     W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
     last = len(clip.frames) - 1
+    clock = clip.timeline.times.astype(np.float32)
 
     def positions(times: Floats) -> dict[tuple[int, int], Floats]:
-        at = np.clip(np.asarray(times) * clip.timeline.fps, 0, last)
-        at = np.where(np.abs(at - np.round(at)) < 1e-3, np.round(at), at)  # key times are float32
+        at = np.interp(times, clock, np.arange(last + 1))
         before = np.minimum(np.floor(at).astype(int), last - 1)
         share = (at - before)[:, None, None]
         R = (1 - share) * clip.frames[before].astype(np.float64) + share * clip.frames[before + 1].astype(np.float64)

@@ -135,16 +135,17 @@ NEEDED = {
 
 
 @pytest.fixture(scope="session")
-def show(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
-    """Let a program play a .glb's first animation at n evenly spaced times, the start and the end included."""
+def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Callable[..., Any]]:
+    """Return what lets a program play a .glb's first animation at n evenly spaced times, start and end included."""
     commands, folder = players.commands(), tmp_path_factory.mktemp("shown")
 
-    def run(program: str, path: Path, n: int, *more: str) -> Any:
-        if commands[program] is None:
+    def of(program: str) -> Callable[..., Any]:
+        command = commands[program]
+        if command is None:
             missing(*NEEDED[program])
-        return players.play(commands[program], path, n, folder / "shown", *more)
+        return lambda path, n, *more: players.play(command, path, n, folder / "shown", *more)
 
-    return run
+    return of
 
 
 @pytest.fixture(scope="session")

@@ -63,6 +63,7 @@ const [group] = played;
 group.pause();
 const n = Number(steps);
 const shown = meshes.filter((mesh) => mesh.getTotalVertices() > 0);
+for (const mesh of shown) mesh.alwaysSelectAsActiveMesh = true; // also those that the camera does not see
 const frames = shown.map(() => []);
 for (let i = 0; i < n; i++) {
   group.goToFrame(n > 1 ? group.from + ((group.to - group.from) * i) / (n - 1) : group.from);

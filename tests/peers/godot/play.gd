@@ -1,13 +1,12 @@
 extends SceneTree
-## play.gd FILE N OUTBASE: play a .glb's first animation in Godot and write what every vertex does.
+## play.gd FILE N OUTBASE [SCENE]: play a .glb's first animation in Godot and write what every vertex does.
 ##
-## The file is read as a game does it at run time (GLTFDocument); the N times are evenly spaced from 0 to the end of the
-## animation, both included. What the graphics card does, morph targets and skin, is done here on the arrays that Godot
-## keeps.
+## The file is read as a game does it at run time (GLTFDocument), or SCENE is what the editor has imported it as. The N
+## times are evenly spaced from 0 to the end of the animation, both included. What the graphics card does, morph targets
+## and skin, is done here on the arrays that Godot keeps.
+##
 ## OUTBASE.bin holds little-endian float32: for each surface (N, V, 3) world positions. OUTBASE.json is as that of
 ## play.mjs; no mesh has normals in it.
-
-var _floats := PackedFloat32Array()
 
 
 func _initialize() -> void:
@@ -21,7 +20,8 @@ func _play() -> void:
 	if document.append_from_file(arguments[0], state) != OK:
 		quit(1)
 		return
-	var scene := document.generate_scene(state)
+	var imported := arguments.size() > 3
+	var scene := (load(arguments[3]) as PackedScene).instantiate() if imported else document.generate_scene(state)
 	root.add_child(scene)
 	var player: AnimationPlayer = scene.find_children("*", "AnimationPlayer", true, false)[0]
 	var animations: Array = state.json["animations"]

@@ -21,7 +21,7 @@ from engine_bridge.frame_store import FrameStore
 from engine_bridge.gltf import morph_basis
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.morph_basis import MorphBasis
-from engine_bridge.live.live_basis import LiveBasis, carry
+from engine_bridge.live.live_basis import REACH, LiveBasis, carry
 from engine_bridge.rig import Rig, load_rig
 from engine_bridge.settings import Settings
 from puppetline.errors import PuppetError
@@ -100,7 +100,7 @@ def bake(
     logs : sequence of Path
         Skeleton logs whose motion the basis is to reproduce; without any, made-up motion that covers the puppet.
     targets : int, optional
-        A limit to their number, at least 1, whatever the error.
+        A limit to their number, at least 2, whatever the error.
     tolerance : float, optional
         Largest error of a vertex over all of the motion, as a fraction of the diagonal; `TOLERANCE` if left out.
     progress : callable, optional
@@ -126,12 +126,12 @@ def bake(
             fix="Let joints move the handles, or bake from recordings in which they move.",
         )
     write(rig, motion, basis, output)
-    live = LiveBasis(basis.directions.astype(np.float32), rig.model)
-    squares = [live.residual(R, weights) ** 2 for R, weights in zip(motion.frames, basis.weights, strict=True)]
+    live = LiveBasis(basis.directions.astype(np.float32), REACH, rig.model)
+    squares = [live.project(R).residual ** 2 for R in motion.frames]
     return BakeSummary(
         output=str(output),
         frames=len(motion.frames),
-        targets=len(basis.directions),
+        targets=basis.unit_weights.count,
         error=basis.error / float(rig.model.diagonal),
         rms=float(np.sqrt(np.mean(squares))),
         tolerance=settings.allowed,
@@ -194,13 +194,14 @@ def _play(
 
 
 def fit(rig: Rig, motion: Motion, settings: Settings, progress: Progress) -> MorphBasis:
-    """Fit a basis to motion."""
+    """Fit a basis to motion, with weights that leave room for other motion."""
     return morph_basis.fit(
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         motion.frames,
         tolerance=settings.allowed,
         most=settings.targets,
+        reach=REACH,
         progress=lambda share: progress("Fitting morph targets", share),
     )
 
@@ -216,5 +217,5 @@ def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:
     take = Take(motion.name, motion.times, basis.weights[: len(motion.times)], root)
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.frames, basis)
     document = animate(rig.character, take, displacements)
-    carry(document, basis.directions, rig.model)
+    carry(document, basis.directions, REACH, rig.model)
     document.save(output)

@@ -115,7 +115,7 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
     type=Finite(0, 1, min_open=True),
     help="Largest error of a vertex, as a fraction of the character's diagonal.  [default: 0.0005; of a skin 0.002]",
 )
-@click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
+@click.option("--targets", type=click.IntRange(2), metavar="K", help="At most K morph targets, whatever the error.")
 @click.option("--bones", type=click.IntRange(1, 128), metavar="N", help="N bones, whatever the error; with --as skin.")
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip as well.")
 @click.option("--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="For logs without a clock.")

@@ -341,7 +341,7 @@ def listen(
 @click.option(
     "--log", "logs", multiple=True, type=FILE, help="Recorded motion to fit to; can be repeated.  [default: made up]"
 )
-@click.option("--targets", type=click.IntRange(1), metavar="K", help="At most K morph targets, whatever the error.")
+@click.option("--targets", type=click.IntRange(2), metavar="K", help="At most K morph targets, whatever the error.")
 @click.option(
     "--tolerance",
     type=Finite(0, 1, min_open=True),

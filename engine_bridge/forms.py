@@ -64,7 +64,7 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
     )
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
     document = animate(rig.character, _take(clip, name, basis.weights), displacements)
-    return document, Made(error=basis.error / float(rig.model.diagonal), targets=len(basis.directions))
+    return document, Made(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
 
 
 def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:

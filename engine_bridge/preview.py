@@ -64,7 +64,13 @@ class View:
     ground: float | None = None
 
     @classmethod
-    def around(cls, points: NDArray[np.floating], azimuth: float = 25.0, elevation: float = 12.0) -> Self:
+    def around(
+        cls,
+        points: NDArray[np.floating],
+        azimuth: float = 25.0,
+        elevation: float = 12.0,
+        size: tuple[int, int] = (1, 1),
+    ) -> Self:
         """Frame all points, those of one mesh or of a whole clip, with a margin and on a floor under the lowest.
 
         Parameters
@@ -72,13 +78,16 @@ class View:
         points : (..., 3) float
         azimuth, elevation : float
             Degrees, see `View`.
+        size : tuple of 2 ints
+            Width and height of the picture; only their ratio counts.
         """
         flat = np.reshape(points, (-1, 3))
         axes = _axes(azimuth, elevation)
         seen = flat @ axes.T
         low, high = seen.min(axis=0), seen.max(axis=0)
         x, y, z = axes.T @ ((low + high) / 2)
-        return cls(azimuth, elevation, (x, y, z), 1.12 * float((high - low)[:2].max()) / 2, float(flat[:, 1].min()))
+        needed = (high - low)[:2] * min(size) / np.array(size)
+        return cls(azimuth, elevation, (x, y, z), 1.12 * float(needed.max()) / 2, float(flat[:, 1].min()))
 
 
 def render(
@@ -115,8 +124,7 @@ def render(
     shown, _ = rasterise(screen, triangles, width, height)
     lights = _light_up(mesh, triangles, view.azimuth)
 
-    image = np.empty((height, width, 3), np.float32)
-    image[:] = np.linspace(BACKDROP_TOP, BACKDROP_BOTTOM, height)[:, None]
+    image = _backdrop(width, height)
     if view.ground is not None and view.elevation > 0:
         shade = _floor_shade(view, view.ground, axes, size, lights)
         image *= shade.repeat(SUPERSAMPLING, axis=0).repeat(SUPERSAMPLING, axis=1)
@@ -130,6 +138,17 @@ def render(
     albedo = np.array(CLAY, np.float32) if colors is None else _interpolate(colors, corners, share)
     image[row, column] = albedo * light
     return _to_srgb(image.reshape(size[1], SUPERSAMPLING, size[0], SUPERSAMPLING, 3).mean(axis=(1, 3)))
+
+
+def backdrop(size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return what `render` shows where there is nothing, (height, width, 3) uint8 sRGB."""
+    return _to_srgb(_backdrop(*size))
+
+
+def _backdrop(width: int, height: int) -> NDArray[np.float32]:
+    image = np.empty((height, width, 3), np.float32)
+    image[:] = np.linspace(BACKDROP_TOP, BACKDROP_BOTTOM, height)[:, None]
+    return image
 
 
 def project(points: NDArray[np.floating], view: View, size: tuple[int, int]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ class Settings:
     tolerance : float or None
         Largest error of the animation against the solver, as a fraction of the diagonal; None for that of `TOLERANCE`.
     targets : int or None
-        A limit to the number of morph targets.
+        A limit to the number of morph targets, at least 2.
     bones : int or None
         The number of bones.
     log : ReadOptions

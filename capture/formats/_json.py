@@ -12,6 +12,9 @@ MAX_BYTES = 256 * 2**20
 MAX_NUMBER = 1e9
 """Beyond any coordinate or id that is not a string, and small enough that no arithmetic on it overflows."""
 
+EXACT = 2.0**53
+"""Up to here every whole number is a float64."""
+
 
 def load(path: Path) -> "Value":
     """Parse a whole JSON file.
@@ -108,8 +111,14 @@ class Value:
         return [item.number() for item in items]
 
     def integer(self) -> int:
-        """Return a whole number from 0 to 2⁶³−1, also if written as a string as ids of 64 bits often are."""
+        """Return a whole number from 0 to 2⁶³−1.
+
+        It may be written with a fraction of zero, as 1.0, where a float64 is exact, or as a string, as ids of 64 bits
+        often are.
+        """
         data = self.data
+        if isinstance(data, float) and data.is_integer() and abs(data) < EXACT:
+            data = int(data)
         if isinstance(data, str) and re.fullmatch("[0-9]{1,19}", data):
             data = int(data)
         if type(data) is not int or not 0 <= data < 2**63:

@@ -1,7 +1,7 @@
 """Text logs as lines of numbers, with errors that name the line and the column."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,10 @@ WHOLE_FRAME = "all lines of this frame"
 """What to delete where a frame has several lines: without one of them, the others would shift."""
 
 
+class CutOffError(SkeletonLogError):
+    """The file ends within a frame, as a recorder leaves it that is killed or runs out of disk."""
+
+
 @dataclass(frozen=True, slots=True)
 class RowLayout:
     """What one line of a log holds.
@@ -32,12 +36,15 @@ class RowLayout:
         What stands between them, and may stand after the last; None is any white space.
     frame : str
         What to delete when the line is bad and the log is to stay readable.
+    unused : collection of int
+        Columns, from 0, that are not used and may therefore be NaN or infinite.
     """
 
     columns: int
     meaning: str
     separator: str | None = None
     frame: str = THIS_LINE
+    unused: Collection[int] = ()
 
     def split(self, text: str) -> list[str]:
         """Cut a line into its fields."""
@@ -47,20 +54,34 @@ class RowLayout:
     def fits(self, text: str) -> bool:
         """Tell whether a line has this many columns and nothing but numbers in them, NaN and infinity included."""
         fields = self.split(text)
-        return len(fields) == self.columns and all(_number(field) is not None for field in fields)
+        return len(fields) == self.columns and all(map(is_number, fields))
+
+    def is_torn(self, line: Line) -> bool:
+        """Tell whether the file ends within this line: after too few columns, or within the last number."""
+        fields = self.split(line[1])
+        is_short = len(fields) < self.columns or (len(fields) == self.columns and not is_number(fields[-1]))
+        return is_short and not line[1].endswith("\n") and all(map(is_number, fields[:-1]))
+
+    def whole(self, lines: list[Line]) -> tuple[list[Line], tuple[str, ...]]:
+        """Leave out the last of several lines where the file ends within it, and return the note that says so."""
+        if len(lines) > 1 and self.is_torn(lines[-1]):
+            return lines[:-1], (f"The file ends in the middle of line {lines[-1][0]}. This frame is omitted.",)
+        return lines, ()
 
     def numbers(self, path: Path, line: Line) -> list[float]:
         """Read a line.
 
         Raises
         ------
+        CutOffError
+            The file ends within the line.
         SkeletonLogError
             The number of columns is another, or a field is not a finite number.
         """
         number, text = line
         fields = self.split(text)
-        if len(fields) < self.columns and not text.endswith("\n"):
-            raise SkeletonLogError(
+        if self.is_torn(line):
+            raise CutOffError(
                 at(path, number),
                 found=f"the end of the file after {len(fields)} columns",
                 expected=f"{self.columns} columns ({self.meaning})",
@@ -72,7 +93,7 @@ class RowLayout:
         values = []
         for column, field in enumerate(fields, start=1):
             value = _number(field)
-            if value is None or not math.isfinite(value):
+            if value is None or not (math.isfinite(value) or column - 1 in self.unused):
                 found, expected = f"{field[:40]!r} in column {column}", f"a finite number ({self.meaning})"
                 raise bad_line(path, line, found, expected, self.frame)
             values.append(value)
@@ -140,7 +161,9 @@ class LineSource:
         self._last = 0
 
     def __iter__(self) -> Iterator[Line]:
-        return self._lines
+        for line in self._lines:
+            self._last = line[0]
+            yield line
 
     def take(self, expected: str) -> Line:
         """Return the next line.
@@ -152,12 +175,12 @@ class LineSource:
 
         Raises
         ------
-        SkeletonLogError
+        CutOffError
             No line is left.
         """
         line = next(self._lines, None)
         if line is None:
-            raise SkeletonLogError(
+            raise CutOffError(
                 at(self.path, self._last),
                 found="the end of the file after this line",
                 expected=expected,
@@ -174,14 +197,24 @@ def bad_line(path: Path, line: Line, found: str, expected: str, frame: str = THI
     )
 
 
-def cut_off(path: Path, frame: Line, found: str, expected: str) -> SkeletonLogError:
+def cut_off(path: Path, frame: Line, found: str, expected: str) -> CutOffError:
     """Make the error for a file that ends within a frame of several lines; `frame` is the frame's first line."""
-    return SkeletonLogError(
+    return CutOffError(
         at(path, frame[0]),
         found=found,
         expected=expected,
         fix=f"The file seems cut off: delete line {frame[0]} and all after it, or record again.",
     )
+
+
+def cut_note(frame: Line) -> str:
+    """Say that a frame of several lines is left out because the file ends within it; `frame` is its first line."""
+    return f"The file ends in the middle of the frame that begins in line {frame[0]}. This frame is omitted."
+
+
+def count_note(stated: int, real: int) -> str:
+    """Say that a log has another number of whole frames than it states."""
+    return f"The stated frame count is {stated} and the real one is {real}. All whole frames are read."
 
 
 def confidence_of(
@@ -212,6 +245,11 @@ def confidence_of(
         state = states[frame][wrong[frame]][0]
         raise bad_line(path, lines[frame], f"the joint state {state:g}", f"a state from 0 to {len(levels) - 1}")
     return np.array(levels, dtype=np.float32)[states.astype(np.intp)]
+
+
+def is_number(field: str) -> bool:
+    """Tell whether a field is a number, NaN and infinity included."""
+    return _number(field) is not None
 
 
 def _number(field: str) -> float | None:

@@ -4,14 +4,19 @@ A frame's joint positions are forward kinematics down the hierarchy: position = 
 translation, rotation = parent's rotation · the joint's own, whose turns about its axes are multiplied in the order of
 its channels. Names are mapped to the 20 joints by `capture.formats.bvh_names`.
 
+A file may have several ROOTs. Each whose joints have the names of a human body is a performer of its own; others, as
+props are, are left out. Where only all of them together make a body, they are one performer.
+
 BVH knows no sensor, no unit and no up. Up is the axis along which the head lies from the ankles in the median pose; the
 unit is the usual one in which the body is of human height; both can be given. Then the whole take is moved as one: the
 performer's left-to-right line lies along +x in the first frame, so that the performer faces the sensor, with the hips
 2.5 m in front of it.
 """
 
+import re
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,12 +25,14 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of
-from capture.formats._rows import Line, LineSource, RowLayout, bad_line, read_lines
+from capture.formats._rows import Line, LineSource, RowLayout, bad_line, count_note, is_number, read_lines
 from capture.formats.bvh_names import kinect_points
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED
 from puppetline.errors import SkeletonLogError, at
 
+FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)
+FRAME_TIME = re.compile(r"frame\s*time\s*:?(.*)", re.IGNORECASE)
 MAX_JOINTS = 500
 """A hand-made rig with fingers and face has some 150."""
 MAX_NUMBER = 1e9
@@ -74,42 +81,88 @@ class Node:
 
 def matches(head: bytes) -> bool:
     """Tell whether a file's head starts as every BVH does."""
-    return head.removeprefix(b"\xef\xbb\xbf").split(maxsplit=1)[:1] == [b"HIERARCHY"]
+    return head.removeprefix(b"\xef\xbb\xbf").upper().split(maxsplit=1)[:1] == [b"HIERARCHY"]
 
 
 def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
-    """Read the one performer.
+    """Read every performer.
 
     Parameters
     ----------
     path : Path
     options : ReadOptions
-        `up` and `unit` replace what is found by looking at the body.
+        `up` and `unit` replace what is found by looking at the body; `fps` serves where the file's frame time is none.
 
     Returns
     -------
     list of SkeletonClip
-        One.
+        One for each ROOT that is a human body, numbered from 0.
 
     Raises
     ------
     SkeletonLogError
-        A line does not fit, the frame count is wrong, or the joints of a human body cannot be found by name.
+        A line does not fit, there is no motion, the file has no frame time and `options` neither, or the joints of a
+        human body cannot be found by name.
     """
-    nodes, motion, frame_time = parse(path)
-    points, name_notes = kinect_points(
-        path, [(node.name, node.parent) for node in nodes], forward_kinematics(nodes, motion)
-    )
+    nodes, motion, frame_time, notes = parse(path, options.fps)
+    times = frame_time * np.arange(len(motion), dtype=np.float64)
+    if (motion == motion[0]).all():
+        notes = ("All frames are the same: a pose and not a motion.", *notes)
+    bodies, prop_notes = _bodies(path, nodes, forward_kinematics(nodes, motion))
+    return [
+        replace(_clip(path, times, points, options, (*notes, *prop_notes, *name_notes)), user=user)
+        for user, (points, name_notes) in enumerate(bodies)
+    ]
+
+
+def _bodies(
+    path: Path, nodes: list[Node], positions: list[NDArray[np.float64]]
+) -> tuple[list[tuple[NDArray[np.float64], list[str]]], list[str]]:
+    """Find the human bodies among the skeletons of a file.
+
+    Returns
+    -------
+    bodies : list of ((T, 20, 3) float64, list of str)
+        Points as `kinect_points` has them, and notes.
+    notes : list of str
+        On the skeletons that are left out.
+    """
+    roots = [index for index, node in enumerate(nodes) if node.parent < 0]
+    bodies, notes = [], []
+    if len(roots) > 1:
+        for start, end in pairwise([*roots, len(nodes)]):
+            tree = [(node.name, max(node.parent - start, -1)) for node in nodes[start:end]]
+            try:
+                bodies.append(_body(path, tree, positions[start:end]))
+            except SkeletonLogError:
+                notes.append(f"The skeleton of ROOT {nodes[start].name} has no human joint names. It is omitted.")
+    if bodies:
+        return bodies, notes
+    return [_body(path, [(node.name, node.parent) for node in nodes], positions)], []
+
+
+def _body(
+    path: Path, tree: list[tuple[str, int]], positions: list[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Pick the 20 joints out of a skeleton, and note names that it has more than once."""
+    points, notes = kinect_points(path, tree, positions)
+    repeated = [name for name, times in Counter(name for name, _ in tree if name).items() if times > 1]
+    if repeated:
+        notes.append(f"Several joints are named {', '.join(repeated)[:100]}. The first of each name is used.")
+    return points, notes
+
+
+def _clip(
+    path: Path, times: NDArray[np.float64], points: NDArray[np.float64], options: ReadOptions, notes: tuple[str, ...]
+) -> SkeletonClip:
+    """Give a body its unit and put it before the sensor."""
     height = _stature(path, points)
     up, up_note = _up(points, options)
     unit, unit_note = _unit(height, options)
-    notes = [unit_note, up_note, f"Turned to face the sensor in the first frame and put {DISTANCE:g} m before it."]
-    if (motion == motion[0]).all():
-        notes.append("All frames are the same: a pose and not a motion.")
+    facing_note = f"Turned to face the sensor in the first frame and put {DISTANCE:g} m before it."
     positions = _face_sensor(path, points * unit, up)
     confidence = np.where(np.isnan(positions[..., 0]), LOST, TRACKED).astype(np.float32)
-    times = frame_time * np.arange(len(motion), dtype=np.float64)
-    return [clip_of(path, "bvh", times, positions, confidence, (*notes, *name_notes))]
+    return clip_of(path, "bvh", times, positions, confidence, (unit_note, up_note, facing_note, *notes))
 
 
 def forward_kinematics(nodes: list[Node], motion: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -234,8 +287,14 @@ def _face_sensor(path: Path, points: NDArray[np.float64], up: NDArray[np.float64
     return (points - first["hip_center"]) @ basis.T + np.array([0.0, 0.0, DISTANCE])
 
 
-def parse(path: Path) -> tuple[list[Node], NDArray[np.float64], float]:
+def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.float64], float, tuple[str, ...]]:
     """Read the file's text.
+
+    Parameters
+    ----------
+    path : Path
+    fps : float, optional
+        Frames a second where the file has no usable frame time.
 
     Returns
     -------
@@ -243,6 +302,8 @@ def parse(path: Path) -> tuple[list[Node], NDArray[np.float64], float]:
     motion : (T, C) float64
     frame_time : float
         Seconds.
+    notes : tuple of str
+        On what the file says of itself and what it holds.
 
     Raises
     ------
@@ -251,42 +312,69 @@ def parse(path: Path) -> tuple[list[Node], NDArray[np.float64], float]:
     """
     lines = _Lines(path)
     nodes = _hierarchy(lines)
-    number, text = count_line = lines.take("Frames: and a number")
-    key, _, value = text.partition(":")
-    if key.strip().lower() != "frames" or not value.strip().isdecimal() or len(value.strip()) > 9:
-        raise bad_line(path, count_line, repr(text[:40]), "Frames: and a whole number")
-    frames = int(value)
-    time_line = lines.take("Frame Time: and seconds")
-    key, _, value = time_line[1].partition(":")
-    if key.strip().lower().split() != ["frame", "time"]:
-        raise bad_line(path, time_line, repr(time_line[1][:40]), "Frame Time: and seconds")
-    frame_time = RowLayout(1, "seconds a frame").numbers(path, (time_line[0], value + "\n"))[0]
-    if not 1e-5 <= frame_time <= 3600:
-        raise bad_line(path, time_line, f"a frame time of {frame_time:g} s", "more than 0, as 0.0333")
-    rows = list(lines)
-    columns = sum(len(node.channels) for node in nodes)
-    motion = RowLayout(columns, "one number a channel").table(path, rows)
-    for row, values in zip(rows, motion, strict=True):
-        _check_size(path, row, values)
-    if len(rows) != frames or not frames:
+    count_line = lines.take("Frames: and a number")
+    count = FRAMES.fullmatch(count_line[1])
+    if count is None:
+        raise bad_line(path, count_line, repr(count_line[1][:40]), "Frames: and a whole number")
+    frame_time, time_notes = _frame_time(path, lines.take("Frame Time: and seconds"), fps)
+    layout = RowLayout(sum(len(node.channels) for node in nodes), "one number a channel")
+    rows, row_notes = _rows(layout, list(lines), int(count[1]))
+    if not rows:
         raise SkeletonLogError(
-            at(path, number),
-            found=f"Frames: {frames}, and {len(rows)} lines of motion",
-            expected="as many as there are lines, at least one",
-            fix="The file may be cut short: copy it again, or correct the count.",
+            at(path, count_line[0]),
+            found=f"Frames: {count[1]}, and 0 lines of motion",
+            expected="at least one line of motion",
+            fix="The file may be cut short: copy it again, or export the motion with the skeleton.",
         )
-    if frames * len(nodes) > MAX_PLACES:
+    if len(rows) * len(nodes) > MAX_PLACES:
         raise SkeletonLogError(
-            at(path, number),
-            found=f"{frames} frames of {len(nodes)} joints",
+            at(path, count_line[0]),
+            found=f"{len(rows)} frames of {len(nodes)} joints",
             expected=f"at most {MAX_PLACES // len(nodes)} frames",
             fix="Cut the take, or store it at a lower frame rate.",
         )
-    return nodes, motion, frame_time
+    motion = layout.table(path, rows)
+    for row, values in zip(rows, motion, strict=True):
+        _check_size(path, row, values)
+    return nodes, motion, frame_time, (*time_notes, *row_notes)
+
+
+def _frame_time(path: Path, line: Line, fps: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return the seconds a frame, from `fps` where the file's are none."""
+    stated = FRAME_TIME.fullmatch(line[1])
+    if stated is None:
+        raise bad_line(path, line, repr(line[1][:40]), "Frame Time: and seconds")
+    frame_time = RowLayout(1, "seconds a frame").numbers(path, (line[0], stated[1] + "\n"))[0]
+    if 1e-5 <= frame_time <= 3600:
+        return frame_time, ()
+    if fps is None:
+        raise SkeletonLogError(
+            at(path, line[0]),
+            found=f"a frame time of {frame_time:g} s",
+            expected="more than 0, as 0.0333",
+            fix="Give the frames per second with --log-fps, or correct the line.",
+        )
+    return 1 / fps, (f"The frame time of {frame_time:g} s is none. {fps:g} frames per second are used, as given.",)
+
+
+def _rows(layout: RowLayout, lines: list[Line], announced: int) -> tuple[list[Line], tuple[str, ...]]:
+    """Return the lines of motion, and notes on what is not as the file announces it.
+
+    What follows the announced frames is motion too, unless it is words at the end of the file.
+    """
+    end = len(lines)
+    while end > announced and not is_number(lines[end - 1][1].split()[0]):
+        end -= 1
+    rows, notes = layout.whole(lines[:end])
+    if len(rows) != announced:
+        notes = (*notes, count_note(announced, len(rows)))
+    if end < len(lines):
+        notes = (*notes, f"The text from line {lines[end][0]} on, after the last frame, is omitted.")
+    return rows, notes
 
 
 class _Lines(LineSource):
-    """The lines that are not blank, with each opening brace on a line of its own."""
+    """The lines that are not blank, with each brace on a line of its own."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, self._split(read_lines(path)))
@@ -294,10 +382,8 @@ class _Lines(LineSource):
     @staticmethod
     def _split(lines: list[Line]) -> Iterator[Line]:
         for number, text in lines:
-            name, brace, _ = text.partition("{")
-            if brace and name.strip():
-                yield number, name
-                yield number, text[len(name) :]
+            if "{" in text or "}" in text:
+                yield from ((number, part) for part in re.split("([{}])", text) if part.strip())
             else:
                 yield number, text
 
@@ -310,7 +396,7 @@ class _Lines(LineSource):
 def _hierarchy(lines: _Lines) -> list[Node]:
     path = lines.path
     line = lines.take("HIERARCHY")
-    if line[1] != "HIERARCHY":
+    if line[1].upper() != "HIERARCHY":
         raise bad_line(path, line, repr(line[1][:40]), "HIERARCHY")
     nodes: list[Node] = []
     parents: list[int] = []
@@ -321,13 +407,13 @@ def _hierarchy(lines: _Lines) -> list[Node]:
             parents.pop()
         elif word == "MOTION" and nodes and not parents:
             return nodes
-        elif (word == "ROOT" and not nodes) or (word in ("JOINT", "End") and parents and nodes[parents[-1]].name):
+        elif (word == "ROOT" and not parents) or (word in ("JOINT", "END") and parents and nodes[parents[-1]].name):
             if len(nodes) == MAX_JOINTS:
                 raise bad_line(path, line, f"more than {MAX_JOINTS} joints", "the skeleton of one body")
-            nodes.append(_node(lines, "" if word == "End" else name or "unnamed", parents[-1] if parents else -1))
+            nodes.append(_node(lines, "" if word == "END" else name or "unnamed", parents[-1] if parents else -1))
             parents.append(len(nodes) - 1)
         else:
-            raise bad_line(path, line, repr(line[1][:40]), "one ROOT, JOINT, End Site, } or, after the last }, MOTION")
+            raise bad_line(path, line, repr(line[1][:40]), "ROOT, JOINT, End Site, } or, after the last }, MOTION")
 
 
 def _node(lines: _Lines, name: str, parent: int) -> Node:
@@ -350,8 +436,9 @@ def _check_size(path: Path, line: Line, values: NDArray[np.float64]) -> None:
 
 
 def _keyword(line: Line) -> tuple[str, str]:
+    """Return a line's first word in capitals, as some programs do not write it, and the rest."""
     word, *rest = line[1].split(maxsplit=1)
-    return word, "".join(rest)
+    return word.upper(), "".join(rest)
 
 
 def _channels(path: Path, line: Line) -> tuple[tuple[str, str], ...]:
@@ -359,7 +446,7 @@ def _channels(path: Path, line: Line) -> tuple[tuple[str, str], ...]:
     names = count[1:]
     channels = tuple((name[:1].upper(), name[1:].lower()) for name in names)
     known = all(axis in "XYZ" and kind in ("position", "rotation") for axis, kind in channels)
-    if word != "CHANNELS" or count[:1] != [str(len(names))] or not known or len(set(channels)) != len(names):
+    if word.upper() != "CHANNELS" or count[:1] != [str(len(names))] or not known or len(set(channels)) != len(names):
         raise bad_line(
             path,
             line,

@@ -15,7 +15,10 @@ from capture.formats.layouts import CAD60, synthesise_missing, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, LOST, TRACKED
 
-_ROW = RowLayout(171, "frame number, 11 joints of 14 numbers, 4 joints of 4", separator=",")
+_ORIENTATIONS = [1 + 14 * joint + column for joint in range(11) for column in range(10)]
+_ROW = RowLayout(
+    171, "frame number, 11 joints of 14 numbers, 4 joints of 4", separator=",", unused=frozenset(_ORIENTATIONS)
+)
 _POSITION = np.array([1 + 14 * joint + 10 for joint in range(11)] + [155 + 4 * joint for joint in range(4)])
 
 
@@ -40,6 +43,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
         lines.pop()
     else:
         notes = (*notes, "The log has no END line: frames after its last line may be missing.")
+    lines, cut = _ROW.whole(lines)
     rows = _ROW.table(path, lines)
     positions = rows[:, _POSITION[:, None] + np.arange(3)] / 1000
     confidence = rows[:, _POSITION + 3].clip(INFERRED, TRACKED).astype(np.float32)
@@ -47,6 +51,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     ours = synthesise_missing(*to_kinect20(CAD60, positions, confidence))
     notes = (
         *notes,
+        *cut,
         "Hip centre, wrists and ankles are not in this format: placed between their neighbours.",
         "The format does not say to which side x grows: the motion may be mirrored.",
     )

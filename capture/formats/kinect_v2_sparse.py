@@ -21,7 +21,16 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of
-from capture.formats._rows import WHOLE_FRAME, Line, RowLayout, bad_line, cut_off, read_lines
+from capture.formats._rows import (
+    WHOLE_FRAME,
+    CutOffError,
+    Line,
+    RowLayout,
+    bad_line,
+    cut_note,
+    cut_off,
+    read_lines,
+)
 from capture.formats.layouts import K25, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import LOST, TRACKED
@@ -29,7 +38,7 @@ from capture.skeleton import LOST, TRACKED
 _START = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\nPos \d+\s*\n")
 _TIME = RowLayout(1, "milliseconds", frame=WHOLE_FRAME)
 _POSITION = RowLayout(4, "joint x y z", frame=WHOLE_FRAME)
-_ROTATION = RowLayout(5, "joint and a quaternion", frame=WHOLE_FRAME)
+_ROTATION = RowLayout(5, "joint and a quaternion", frame=WHOLE_FRAME, unused=range(1, 5))
 
 
 def matches(head: bytes) -> bool:
@@ -43,17 +52,33 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     Raises
     ------
     SkeletonLogError
-        A line does not fit, the last frame is incomplete, or no frame is tracked.
+        A line does not fit, the file ends within the first frame, or no frame is tracked.
     """
     lines = iter(read_lines(path))
-    times, positions = [], []
+    times: list[float] = []
+    positions: list[NDArray[np.float64]] = []
+    notes: tuple[str, ...] = ()
     for frame in lines:
-        times.append(_TIME.numbers(path, frame)[0] / 1000)
-        positions.append(_joints(path, _block(path, lines, frame, "Pos")))
-        _ROTATION.table(path, _block(path, lines, frame, "Rot"))
+        try:
+            time, places = _frame(path, lines, frame)
+        except CutOffError:
+            if not times:
+                raise
+            notes = (cut_note(frame),)
+            break
+        times.append(time)
+        positions.append(places)
     joints = np.array(positions).reshape(-1, len(K25), 3)
     confidence = np.where(np.isnan(joints).any(axis=2), LOST, TRACKED).astype(np.float32)
-    return [clip_of(path, "kinect_v2_sparse", np.array(times), *to_kinect20(K25, joints, confidence))]
+    return [clip_of(path, "kinect_v2_sparse", np.array(times), *to_kinect20(K25, joints, confidence), notes)]
+
+
+def _frame(path: Path, lines: Iterator[Line], frame: Line) -> tuple[float, NDArray[np.float64]]:
+    """Read the frame that begins in a line: its time in seconds, and its (25, 3) positions."""
+    time = _TIME.numbers(path, frame)[0] / 1000
+    places = _joints(path, _block(path, lines, frame, "Pos"))
+    _ROTATION.table(path, _block(path, lines, frame, "Rot"))
+    return time, places
 
 
 def _block(path: Path, lines: Iterator[Line], frame: Line, name: str) -> list[Line]:

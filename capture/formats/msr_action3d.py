@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of, frame_rate
-from capture.formats._rows import WHOLE_FRAME, RowLayout, cut_off, head_lines, read_lines
+from capture.formats._rows import WHOLE_FRAME, Line, RowLayout, cut_note, cut_off, head_lines, read_lines
 from capture.formats.layouts import MSR_ACTION3D, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, TRACKED
@@ -38,13 +38,12 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     Raises
     ------
     SkeletonLogError
-        A line does not fit, the last frame is incomplete, or no frame is tracked.
+        A line does not fit, the last frame is incomplete although its last line is whole, or no frame is tracked.
     """
-    lines = read_lines(path)
-    if rest := len(lines) % _JOINTS:
-        raise cut_off(path, lines[-rest], f"{rest} lines for the last frame", f"{_JOINTS} lines a frame, one a joint")
+    lines, cut = _whole_frames(path, read_lines(path))
     frames = _ROW.table(path, lines).reshape(-1, _JOINTS, 4)
     fps, notes = frame_rate(options, 15.0)
+    notes += cut
     positions = frames[..., :3]
     if (positions[..., 2] > _FAR).any():
         positions = _unproject(positions)
@@ -52,6 +51,21 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     confidence = frames[..., 3].clip(INFERRED, TRACKED).astype(np.float32)
     times = np.arange(len(frames)) / fps
     return [clip_of(path, "msr_action3d", times, *to_kinect20(MSR_ACTION3D, positions, confidence), notes)]
+
+
+def _whole_frames(path: Path, lines: list[Line]) -> tuple[list[Line], tuple[str, ...]]:
+    """Leave out the frame in a line of which the file ends.
+
+    A last frame that lacks lines but ends with a whole one may as well be a line that is missing earlier on, which
+    gives every joint after it the place of another: that is an error.
+    """
+    is_torn = bool(lines) and _ROW.is_torn(lines[-1])
+    end = (len(lines) - is_torn) // _JOINTS * _JOINTS
+    if is_torn and end:
+        return lines[:end], (cut_note(lines[end]),)
+    if rest := len(lines) % _JOINTS:
+        raise cut_off(path, lines[-rest], f"{rest} lines for the last frame", f"{_JOINTS} lines a frame, one a joint")
+    return lines, ()
 
 
 def _unproject(screen: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,8 +27,8 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     SkeletonLogError
         A line does not fit, or no frame is tracked.
     """
-    lines = read_lines(path)
+    lines, cut = _ROW.whole(read_lines(path))
     rows = _ROW.table(path, lines)
     joints = rows[:, 1:].reshape(-1, 20, 4)
     confidence = confidence_of(path, lines, joints[..., 3], (INFERRED, TRACKED))
-    return [clip_of(path, "msrc12", rows[:, 0] / 1e6, joints[..., :3], confidence)]
+    return [clip_of(path, "msrc12", rows[:, 0] / 1e6, joints[..., :3], confidence, cut)]

@@ -11,7 +11,19 @@ from pathlib import Path
 from capture.clip import SkeletonClip
 from capture.formats._clips import frame_rate
 from capture.formats._performers import clips_by_performer
-from capture.formats._rows import LineSource, RowLayout, bad_line, confidence_of, head_lines, read_lines
+from capture.formats._rows import (
+    CutOffError,
+    Line,
+    LineSource,
+    RowLayout,
+    bad_line,
+    confidence_of,
+    count_note,
+    cut_note,
+    cut_off,
+    head_lines,
+    read_lines,
+)
 from capture.formats.layouts import K25, to_kinect20
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, LOST, TRACKED, SkeletonFrame
@@ -21,8 +33,13 @@ FPS = 30.0
 HEAD_LINES = 1000
 """More than a take has empty frames before its first body."""
 STATES = (LOST, INFERRED, TRACKED)
-BODY = RowLayout(10, "body id, clipped edges, confidence and state of each hand, restricted, lean x and y, state")
-JOINT = RowLayout(12, "x y z, depth x y, colour x y, quaternion w x y z, state")
+BODY = RowLayout(
+    10,
+    "body id, clipped edges, confidence and state of each hand, restricted, lean x and y, state",
+    unused=range(1, 10),
+)
+JOINT = RowLayout(12, "x y z, depth x y, colour x y, quaternion w x y z, state", unused=range(3, 11))
+"""The sensor's SDK gives infinite pixels to a joint that neither camera sees."""
 
 
 def matches(head: bytes) -> bool:
@@ -51,43 +68,45 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     Raises
     ------
     SkeletonLogError
-        A line does not fit, the counts disagree with what is there, or nobody is tracked.
+        A line does not fit, the file ends before a first body is whole, or nobody is tracked.
     """
     fps, notes = frame_rate(options, FPS)
-    lines = _Lines(path, read_lines(path))
-    frames: list[SkeletonFrame] = []
-    for frame in range(lines.count("the number of frames")):
-        bodies = lines.count(f"the number of bodies in frame {frame}")
-        frames.extend(_body(lines, frame / fps) for _ in range(bodies))
-    lines.end()
-    return clips_by_performer(path, "ntu", frames, notes)
+    lines = LineSource(path, read_lines(path))
+    announced = _count(path, lines.take("the number of frames"), "the number of frames")
+    frames: list[list[SkeletonFrame]] = []
+    for line in lines:
+        try:
+            bodies = _count(path, line, f"the number of bodies in frame {len(frames)}")
+            frames.append([_body(lines, len(frames) / fps) for _ in range(bodies)])
+        except CutOffError:
+            if not any(frames):
+                raise
+            notes = (*notes, cut_note(line))
+            break
+    if len(frames) != announced:
+        notes = (*notes, count_note(announced, len(frames)))
+    return clips_by_performer(path, "ntu", [body for bodies in frames for body in bodies], notes)
 
 
-class _Lines(LineSource):
-    """A file whose counts say how much follows."""
-
-    def count(self, meaning: str) -> int:
-        line = self.take(meaning)
-        text = line[1].strip()
-        if not (text.isascii() and text.isdecimal() and len(text) <= 9):
-            raise bad_line(self.path, line, repr(text[:40]), f"{meaning}, a whole number")
-        return int(text)
-
-    def end(self) -> None:
-        line = next(self._lines, None)
-        if line is not None:
-            raise bad_line(self.path, line, "more lines", "the end of the file after the frames that line 1 counts")
+def _count(path: Path, line: Line, meaning: str) -> int:
+    text = line[1].strip()
+    if not (text.isascii() and text.isdecimal() and len(text) <= 9):
+        raise bad_line(path, line, repr(text[:40]), f"{meaning}, a whole number")
+    return int(text)
 
 
-def _body(lines: _Lines, time: float) -> SkeletonFrame:
+def _body(lines: LineSource, time: float) -> SkeletonFrame:
     line = lines.take("a body")
     BODY.numbers(lines.path, line)
     user = line[1].split()[0]
     if not (user.isascii() and user.isdecimal() and len(user) <= 18):  # float would round an id of 17 digits
         raise bad_line(lines.path, line, f"the body id {user!r}", "a whole number of up to 18 digits")
-    if lines.count("the number of joints, 25") != len(K25):
+    count = lines.take("the number of joints, 25")
+    if not count[1].endswith("\n"):
+        raise cut_off(lines.path, line, "the end of the file after a body's number of joints", "25 lines of joints")
+    if _count(lines.path, count, "the number of joints, 25") != len(K25):
         raise SkeletonLogError(
-            at(lines.path, line[0] + 1), found="another number of joints", expected="25", fix="Copy the file again."
+            at(lines.path, count[0]), found="another number of joints", expected="25", fix="Copy the file again."
         )
     rows = [lines.take(f"joint {joint} of 25") for joint in range(len(K25))]
     table = JOINT.table(lines.path, rows)

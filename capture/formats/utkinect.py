@@ -30,8 +30,9 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     SkeletonLogError
         A line does not fit, or no frame is tracked.
     """
-    rows = _ROW.table(path, read_lines(path))
+    lines, cut = _ROW.whole(read_lines(path))
+    rows = _ROW.table(path, lines)
     fps, notes = frame_rate(options, 30.0)
     positions = rows[:, 1:].reshape(-1, 20, 3)
     confidence = np.full(positions.shape[:2], TRACKED, dtype=np.float32)
-    return [clip_of(path, "utkinect", rows[:, 0] / fps, positions, confidence, notes)]
+    return [clip_of(path, "utkinect", rows[:, 0] / fps, positions, confidence, notes + cut)]

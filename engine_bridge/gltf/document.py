@@ -94,7 +94,10 @@ class Document:
                 path, found=f"that it cannot be read ({error.strerror})", expected="a glTF file", fix="Check the path."
             ) from error
         text, binary = _chunks(path, content) if content[:4] == MAGIC else (content, b"")
-        document = cls(_description(path, text), name=str(path))
+        description, nulls = _description(path, text)
+        document = cls(description, name=str(path))
+        if nulls:
+            document.notes.append(f"Properties that are null are read as absent: {', '.join(nulls)}.")
         document._refuse_packed()
         document._take_in_buffers(path, binary)
         document._take_in_images(path)
@@ -292,7 +295,7 @@ class Document:
         taken: dict[Path | int, tuple[int, int]] = {}
         for number, buffer in enumerate(self.gltf["buffers"]):
             uri = buffer.get("uri")
-            source = number if uri is None or uri.startswith("data:") else _beside(path, uri)
+            source = number if uri is None or uri.startswith("data:") else _file_beside(path, uri)
             if source not in taken:
                 start = self._pad()
                 self.blob += _buffer_bytes(path, uri, binary if number == 0 else b"")
@@ -307,32 +310,38 @@ class Document:
 
     def _take_in_images(self, path: Path) -> None:
         """Bring pictures that lie beside the file into the buffer: the result may be written elsewhere."""
-        taken: dict[Path, tuple[str, int]] = {}
+        taken: dict[Path | str, tuple[str, int]] = {}
         for image in self.gltf["images"]:
             uri = image.get("uri")
             if uri is None or uri.startswith("data:"):
                 continue
             file = _beside(path, uri)
-            if file not in taken:
-                content = self._picture(path, uri)
+            source = file or uri
+            if source not in taken:
+                content = self._picture(file, uri)
                 kind = next((kind for start, kind in PICTURES.items() if content.startswith(start)), None)
-                taken[file] = kind or image.get("mimeType", "image/jpeg"), self.add_view(content)
-            image.setdefault("name", file.stem)
-            image["mimeType"], image["bufferView"] = taken[file]
+                taken[source] = kind or image.get("mimeType", "image/jpeg"), self.add_view(content)
+            if file:
+                image.setdefault("name", file.stem)
+            image["mimeType"], image["bufferView"] = taken[source]
             del image["uri"]
 
-    def _picture(self, path: Path, uri: str) -> bytes:
+    def _picture(self, file: Path | None, uri: str) -> bytes:
+        """Read a picture, and take white and a note for one that cannot be had."""
         try:
-            return _beside(path, uri).read_bytes()
+            if file:
+                return file.read_bytes()
+            fault = "is not a file in the folder of the glTF"
         except FileNotFoundError:
-            self.notes.append(f"The picture {uri!r} is not there: white takes its place.")
-            return _white_pixel()
+            fault = "is not there"
         except OSError as error:
-            raise _not_beside(path, uri) from error
+            fault = f"cannot be read ({error.strerror})"
+        self.notes.append(f"The picture {uri[:60]!r} {fault}: white takes its place.")
+        return _white_pixel()
 
 
-def _description(path: Path, text: bytes) -> Gltf:
-    """Parse and check the JSON."""
+def _description(path: Path, text: bytes) -> tuple[Gltf, list[str]]:
+    """Parse and check the JSON; return it, and the names of the properties that were null."""
 
     def refuse(name: str) -> NoReturn:
         raise ValueError(f"{name} is no JSON number")
@@ -341,13 +350,14 @@ def _description(path: Path, text: bytes) -> Gltf:
         values = json.loads(text, parse_constant=refuse, parse_float=_number)
         if not isinstance(values, dict):
             raise ValueError(f"a {type(values).__name__} and not an object")
+        nulls = schema.drop_nulls(values)
         gltf = schema.checked(values)
         _check_that_it_can_be_written(values)
     except (ValueError, RecursionError) as error:
         raise damaged(path, f"a description that is not glTF ({error})") from error
-    if not gltf["asset"]["version"].startswith("2."):
+    if gltf["asset"]["version"].partition(".")[0] != "2":
         raise damaged(at(path, field="asset.version"), f"glTF {gltf['asset']['version'][:20]}")
-    return gltf
+    return gltf, nulls
 
 
 def _number(text: str) -> float:
@@ -393,31 +403,40 @@ def _buffer_bytes(path: Path, uri: str | None, binary: bytes) -> bytes:
         return binary
     if uri.startswith("data:"):
         try:
-            return base64.b64decode(uri.partition(",")[2], validate=True)
+            digits = "".join(uri.partition(",")[2].split())  # some programs break lines and leave the padding out
+            return base64.b64decode(digits.rstrip("=") + "=" * (-len(digits.rstrip("=")) % 4), validate=True)
         except (binascii.Error, ValueError) as error:
             raise damaged(path, f"a data URI that is not base64 ({error})") from error
     try:
-        return _beside(path, uri).read_bytes()
+        return _file_beside(path, uri).read_bytes()
     except OSError as error:
         raise _not_beside(path, uri) from error
 
 
-def _beside(path: Path, uri: str) -> Path:
-    """Return where a file that a glTF names must lie: in its folder or below."""
+def _file_beside(path: Path, uri: str) -> Path:
+    """Return where a file is that a glTF cannot do without."""
+    file = _beside(path, uri)
+    if file is None:
+        raise _not_beside(path, uri)
+    return file
+
+
+def _beside(path: Path, uri: str) -> Path | None:
+    """Return where a file that a glTF names must lie, in its folder or below, or None for a name of anything else."""
     try:
         file = (path.parent / unquote(uri).replace("\\", "/")).resolve()
         if file.is_relative_to(path.parent.resolve()) and (file.is_file() or not file.exists()):
             return file
     except (OSError, ValueError):  # a name too long, a zero byte in it, links in a circle
         pass
-    raise _not_beside(path, uri)
+    return None
 
 
 def _not_beside(path: Path, uri: str) -> MeshError:
     return MeshError(
         path,
         found=f"a reference to {uri!r}, which is not a file beside it",
-        expected="all buffers and pictures in the file's own folder",
+        expected="all buffers in the file's own folder",
         fix="Copy those files beside it, or export as .glb.",
     )
 

@@ -3,7 +3,8 @@
 Every frame is X = W R, so displacements D = W (R − R_0) of all frames span at most 960 dimensions. With WᵀW = CᵀC the
 map R ↦ C R keeps lengths of vertex displacements; an SVD of the frames' C (R − R_0) gives the best basis of any size in
 the least-squares sense, and the targets are W times that basis. The number of targets is then the smallest whose
-*largest* error over all vertices and frames is within tolerance. What a basis leaves of a frame is once more W times
+*largest* error over all vertices and frames is within tolerance. Coordinates in that basis have both signs; one more
+target turns them into weights within [0, 1] (`unit_weights`). What a basis leaves of a frame is once more W times
 something; its length at every vertex is the error. The weights in it are those that are written; the targets are
 written as float32, which moves no vertex by more than some 1e-7 of the diagonal.
 """
@@ -19,6 +20,7 @@ from engine_bridge.frame_store import Frames
 from engine_bridge.gltf.animation import Displacements
 from engine_bridge.gltf.character import Character
 from engine_bridge.gltf.normals import AT_A_TIME, TurningNormals
+from engine_bridge.gltf.unit_weights import UnitWeights
 from solver.batch import FRAMES as CHUNK
 from solver.batch import BatchBinding
 from solver.mesh import SolverMesh
@@ -46,20 +48,25 @@ class MorphBasis:
     Attributes
     ----------
     directions : (K, 4m, 3) float64
-        Model units; target k is W times direction k.
-    weights : (F, K) float32
-        Scaled so that each target's largest weight is 1 in size.
+        Orthogonal in the metric WᵀW, model units; each pose is a sum of them. The largest coordinate of the clip along
+        each is 1, its smallest not below −1.
+    unit_weights : UnitWeights
+        How coordinates along the directions become weights of the targets.
+    weights : (F, unit_weights.count) float32
+        Within [0, 1].
     error : float
         Largest distance of a vertex from where the solver puts it, over all vertices and frames; mesh units.
     """
 
     directions: NDArray[np.float64]
+    unit_weights: UnitWeights
     weights: NDArray[np.float32]
     error: float
 
     def targets(self, binding: BatchBinding) -> NDArray[np.float32]:
-        """Return the (K, n, 3) float32 displacements of bound vertices, mesh file's coordinates."""
-        return np.ascontiguousarray(binding.displacements(self.directions).transpose(2, 0, 1))
+        """Return the (count, n, 3) float32 displacements of bound vertices, mesh file's coordinates."""
+        moved = binding.displacements(self.unit_weights.targets(self.directions))
+        return np.ascontiguousarray(moved.transpose(2, 0, 1))
 
 
 def fit(
@@ -69,6 +76,7 @@ def fit(
     *,
     tolerance: float,
     most: int | None = None,
+    reach: float | None = None,
     progress: Progress = lambda _: None,
 ) -> MorphBasis:
     """Find the fewest morph targets that reproduce a clip.
@@ -83,7 +91,10 @@ def fit(
     tolerance : float
         Largest error that is allowed, as a fraction of the diagonal.
     most : int, optional
-        A limit to the number of targets, whatever the error.
+        A limit to the number of targets, whatever the error; at least 2.
+    reach : float, optional
+        The largest coordinate along any direction, of either sign, that must have weights within [0, 1]; the clip's own
+        are at most 1. Left out, the weights are as tight as the clip allows.
     progress : callable, optional
         Told the share of the work that is done.
 
@@ -92,12 +103,12 @@ def fit(
     MorphBasis
     """
     directions = _directions(model, frames)
-    limit = len(directions) if most is None else min(most, len(directions))
+    limit = len(directions) if most is None else min(most - 1, len(directions))
     allowed = tolerance * float(model.diagonal)
     sample = _Sample(model, binding, frames, directions)
     count = sample.count_for(allowed, limit)
     while True:
-        basis, worst = _measure(model, binding, frames, directions[:count], progress)
+        basis, worst = _measure(model, binding, frames, directions[:count], reach, progress)
         if basis.error <= allowed or count == limit:
             return basis
         sample.include(*worst)
@@ -144,14 +155,14 @@ def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
     return energy[::-1], vectors[:, ::-1]
 
 
-def _weights(model: ReducedModel, frames: Frames, directions: NDArray[np.float64]) -> NDArray[np.float32]:
+def _coordinates(model: ReducedModel, frames: Frames, directions: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return the (F, K) float32 coordinates of a clip in orthonormal directions."""
-    weights = np.empty((len(frames), len(directions)), dtype=np.float32)
+    coordinates = np.empty((len(frames), len(directions)), dtype=np.float32)
     duals = np.tensordot(directions, model.gram, axes=(1, 1)).transpose(0, 2, 1)
     for start in range(0, len(frames), CHUNK):
         chunk = slice(start, start + CHUNK)
-        weights[chunk] = np.tensordot(frames[chunk] - model.rest_controls, duals, axes=((1, 2), (1, 2)))
-    return weights
+        coordinates[chunk] = np.tensordot(frames[chunk] - model.rest_controls, duals, axes=((1, 2), (1, 2)))
+    return coordinates
 
 
 class _Sample:
@@ -170,15 +181,15 @@ class _Sample:
         self._vertices = np.union1d(self._vertices, vertices)
 
     def count_for(self, allowed: float, limit: int) -> int:
-        """Return the fewest targets, at most `limit`, that keep the sample's error within `allowed`."""
+        """Return the fewest directions, at most `limit`, that keep the sample's error within `allowed`."""
         binding, frames = self._binding.only(self._vertices), self._frames[self._chosen]
         residual = binding.displacements(frames - self._model.rest_controls)
-        weights = _weights(self._model, frames, self._directions[:limit])
-        targets = binding.displacements(self._directions[:limit])
+        coordinates = _coordinates(self._model, frames, self._directions[:limit])
+        moved = binding.displacements(self._directions[:limit])
         for count in range(limit):
             if np.einsum("vcf,vcf->vf", residual, residual).max() <= allowed**2:
                 return count
-            residual -= targets[:, :, count, None] * weights[:, count]
+            residual -= moved[:, :, count, None] * coordinates[:, count]
         return limit
 
 
@@ -191,18 +202,20 @@ def _measure(
     binding: BatchBinding,
     frames: Frames,
     directions: NDArray[np.float64],
+    reach: float | None,
     progress: Progress,
 ) -> tuple[MorphBasis, tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Return a basis with its true error, and frames and vertices where it is large."""
-    weights = _weights(model, frames, directions)
-    size = np.abs(weights).max(axis=0, initial=0)
-    size[size == 0] = 1
-    weights /= size
+    coordinates = _coordinates(model, frames, directions)
+    size = _signed_size(coordinates)
+    coordinates /= size
     directions = directions * size[:, None, None].astype(np.float64)
+    unit_weights = UnitWeights.of_clip(coordinates) if reach is None else UnitWeights.within(np.full(len(size), reach))
+    weights, targets = unit_weights.weights(coordinates), unit_weights.targets(directions)
     distances, at_frames, at_vertices = [], [], []
     for start in range(0, len(frames), CHUNK):
         chunk = slice(start, start + CHUNK)
-        left = frames[chunk] - model.rest_controls - np.tensordot(weights[chunk].astype(np.float64), directions, axes=1)
+        left = frames[chunk] - model.rest_controls - np.tensordot(weights[chunk].astype(np.float64), targets, axes=1)
         distance, vertex = binding.farthest(left)
         worst = int(distance.argmax())
         distances.append(float(distance[worst]))
@@ -210,7 +223,15 @@ def _measure(
         at_vertices.append(int(vertex[worst]))
         progress(min(1.0, (start + CHUNK) / len(frames)))
     far = np.argsort(distances)[-WORST:]
-    return MorphBasis(directions, weights, max(distances)), (np.array(at_frames)[far], np.array(at_vertices)[far])
+    basis = MorphBasis(directions, unit_weights, weights, max(distances))
+    return basis, (np.array(at_frames)[far], np.array(at_vertices)[far])
+
+
+def _signed_size(coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return each direction's coordinate (K,) of largest size, with its sign; 1 for one that a clip does not use."""
+    high, low = coordinates.max(axis=0, initial=0), coordinates.min(axis=0, initial=0)
+    size = np.where(high >= -low, high, low)
+    return np.where(size == 0, np.float32(1), size)
 
 
 def displacements(

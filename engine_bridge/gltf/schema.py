@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
 from pydantic import ConfigDict, FailFast, Field, TypeAdapter, ValidationError, with_config
-from typing_extensions import TypedDict  # pydantic asks for this one below Python 3.12
+from typing_extensions import TypedDict, is_typeddict  # pydantic asks for these below Python 3.12
 
 T = TypeVar("T")
 
@@ -281,6 +281,9 @@ REFERENCES = {
 
 _ADAPTER = TypeAdapter(Gltf)
 
+_NAMES = frozenset(name for table in list(globals().values()) if is_typeddict(table) for name in table.__annotations__)
+"""All that is named here; what is not passes through as it is."""
+
 
 def empty() -> Gltf:
     """Return a description of nothing."""
@@ -320,6 +323,34 @@ def checked(values: dict[str, Any]) -> Gltf:
             raise ValueError(f"{_place(place)}: number {index} of {count} {name}")
     _check_samplers(gltf)
     return gltf
+
+
+def drop_nulls(values: dict[str, Any]) -> list[str]:
+    """Remove the properties that are null, as some programs write those that they have not, but for `extras` and such.
+
+    Parameters
+    ----------
+    values : dict
+        Parsed JSON.
+
+    Returns
+    -------
+    list of str
+        Their names, each once, sorted.
+    """
+    dropped = set()
+    left: list[Any] = [values]
+    while left:  # not by recursion, which ends long before the parser's
+        value = left.pop()
+        if isinstance(value, dict):
+            nulls = [name for name, item in value.items() if item is None and name in _NAMES]
+            dropped.update(nulls)
+            for name in nulls:
+                del value[name]
+            left += [item for name, item in value.items() if name not in ("extras", "extensions")]
+        elif isinstance(value, list):
+            left += value
+    return sorted(dropped)
 
 
 def copied(value: T) -> T:

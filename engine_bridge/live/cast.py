@@ -67,5 +67,5 @@ def _revision(character: StreamedCharacter) -> int:
     """Make a number of all that a client knows of a character; after a restart it is the same."""
     digest = hashlib.sha256(character.scene)
     if character.basis is not None:
-        digest.update(character.basis.directions.tobytes())
+        digest.update(character.basis.targets.tobytes())
     return int.from_bytes(digest.digest()[:4], "little")

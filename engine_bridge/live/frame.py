@@ -21,7 +21,7 @@ from solver.binding import ShadedBinding
 from solver.deformer import Controls, to_file_units
 
 if TYPE_CHECKING:
-    from engine_bridge.live.live_basis import LiveBasis
+    from engine_bridge.live.live_basis import LiveBasis, Projection
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -141,13 +141,10 @@ class Frame:
         return both
 
     @cached_property
-    def morphs(self) -> tuple[NDArray[np.float32], float] | None:
-        """Weights (K,) of the morph targets, and what they leave of the pose (`LiveBasis.residual`)."""
+    def morphs(self) -> "Projection | None":
+        """The pose on the character's morph basis; None where it has no basis."""
         basis = self.character.basis
-        if basis is None:
-            return None
-        weights = basis.weights(self.R)
-        return weights, basis.residual(self.R, weights)
+        return None if basis is None else basis.project(self.R)
 
 
 def drawn_normals(character: Character) -> NDArray[np.float64]:

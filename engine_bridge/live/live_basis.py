@@ -1,14 +1,17 @@
 """Live poses as weights of the morph targets in a .glb that `puppetline bake` made.
 
-Every pose is X = W R and every target is W times a direction in the space of R. So the weights that come nearest to a
-pose, in the least-squares sense over all vertices, are one small product, whatever the mesh. A baked file carries its
-directions in an accessor that no mesh uses, named in the asset's extras. Beside it stands how far each target moves the
-surface: on another mesh, or with other fields, the directions move it otherwise, which gives away a basis that does not
-belong to a character.
+Every pose is X = W R and every direction of the basis moves vertices by W times a point in the space of R. So the
+coordinates that come nearest to a pose, in the least-squares sense over all vertices, are one small product, whatever
+the mesh. Coordinates become weights within [0, 1] (`engine_bridge.gltf.unit_weights`). The baked motion has coordinates
+from −1 to 1; those of other motion are limited softly before they reach the ends of the range that the weights cover.
+
+A baked file carries its directions in an accessor that no mesh uses, named in the asset's extras. Beside it are the
+range and how far each target moves the surface: on another mesh, or with other fields, the directions move it
+otherwise, which reveals a basis that does not belong to a character.
 """
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numba
 import numpy as np
@@ -18,15 +21,22 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from engine_bridge.gltf.animation import target_names
 from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.morph_basis import surface_coordinates
+from engine_bridge.gltf.unit_weights import UnitWeights
 from engine_bridge.rig import Rig
 from puppetline.errors import PuppetError, at
 from solver.reduced_model import ReducedModel
+from solver.retarget import LIMIT_KNEE, levelled_off
 
 EXTRAS = "puppetline_morphs"
 """The name in the asset's extras."""
 
 SAME = 1e-3
 """Share by which lengths may differ: computed elsewhere, a model of the same mesh differs by rounding."""
+
+REACH = 1 / LIMIT_KNEE
+"""The largest coordinate that weights of newly baked files cover: the soft limit leaves those up to 1 as they are."""
+
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _Carried(BaseModel):
@@ -35,7 +45,26 @@ class _Carried(BaseModel):
     model_config = ConfigDict(strict=True, extra="ignore")
 
     directions: Annotated[int, Field(ge=0)]
-    lengths: Annotated[list[Annotated[float, Field(gt=0, allow_inf_nan=False)]], Field(min_length=1)]
+    lengths: Annotated[list[_Positive], Field(min_length=2)]
+    reach: _Positive
+
+
+class Projection(NamedTuple):
+    """A pose on a morph basis.
+
+    Attributes
+    ----------
+    weights : (count,) float32
+        Of the morph targets, within [0, 1].
+    residual : float
+        How far vertices are from the pose with these weights: root mean square, as a fraction of the diagonal.
+    limited : bool
+        Whether the pose is beyond the range that weights cover, along any direction.
+    """
+
+    weights: NDArray[np.float32]
+    residual: float
+    limited: bool
 
 
 class LiveBasis:
@@ -44,20 +73,25 @@ class LiveBasis:
     Parameters
     ----------
     directions : (K, 4m, 3) float32
-        Model units; target k is W times direction k.
+        Model units; direction k moves vertices by W times it. Orthogonal in the metric WᵀW.
+    reach : float
+        The largest coordinate along a direction that has weights within [0, 1].
     model : ReducedModel
     """
 
-    def __init__(self, directions: NDArray[np.float32], model: ReducedModel) -> None:
-        self.names = tuple(target_names(len(directions)))
+    def __init__(self, directions: NDArray[np.float32], reach: float, model: ReducedModel) -> None:
+        unit_weights = UnitWeights.within(np.full(len(directions), reach))
+        self.names = tuple(target_names(unit_weights.count))
         """What the targets are called in the file, in the order of the weights."""
 
         along = _along(directions, model)
+        self._reach = reach
         self._rest = model.rest_controls
         self._duals = np.linalg.solve(_metric(directions, along), along)
         self._at_rest = self._duals @ self._rest.ravel()
-        self.directions = np.ascontiguousarray(directions.transpose(0, 2, 1), dtype=np.float64)
-        """(K, 3, 4m) float64, model units."""
+        targets = unit_weights.targets(directions).astype(np.float32)
+        self.targets = np.ascontiguousarray(targets.transpose(0, 2, 1), dtype=np.float64)
+        """(count, 3, 4m) float64, model units; target k moves vertices by W times the transpose of entry k."""
 
         self._surface = (surface_coordinates(model)[0] / np.sqrt(len(model.ladder))).astype(np.float32)
 
@@ -70,21 +104,21 @@ class LiveBasis:
         MeshError
             No glTF, or damaged.
         PuppetError
-            No basis in it, or one for another mesh or other solver settings.
+            No basis in it, or one for another mesh or other solver settings, or of an earlier version.
         """
-        directions, lengths = _carried(Document.load(path), path, rig.model.rest_controls.shape)
+        directions, carried = _carried(Document.load(path), path, rig.model.rest_controls.shape)
+        lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
         metric = _metric(directions, _along(directions, rig.model))
         with np.errstate(all="ignore"):  # what is no number is not alike
             alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= SAME
         if not alike.all():
             raise _refused(str(path), "morph targets that were made for another mesh", path)
-        basis = cls(directions, rig.model)
-        at_rest = rig.model.rest_controls
-        basis.residual(at_rest, basis.weights(at_rest))  # compiled now, or the first frame would wait for it
+        basis = cls(directions, carried.reach, rig.model)
+        basis.project(rig.model.rest_controls)  # compiled now, or the first frame would wait for it
         return basis
 
-    def weights(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the weights (K,) float32 that come nearest to a pose.
+    def project(self, R: NDArray[np.floating]) -> Projection:
+        """Return the weights that come nearest to a pose, limited to their range.
 
         Parameters
         ----------
@@ -96,34 +130,13 @@ class LiveBasis:
         ValueError
             An array of another shape.
         """
-        weights = np.empty(len(self.names), dtype=np.float32)
-        _project(self._duals, self._at_rest, self._checked(R).ravel(), weights)
-        return weights
-
-    def residual(self, R: NDArray[np.floating], weights: NDArray[np.float32]) -> float:
-        """Return how far vertices are from a pose with these weights: root mean square, as a fraction of the diagonal.
-
-        Parameters
-        ----------
-        R : (4m, 3) float
-            Control variables, model units.
-        weights : (K,) float32
-
-        Raises
-        ------
-        ValueError
-            Arrays of other shapes.
-        """
-        if weights.shape != (len(self.names),):
-            raise ValueError(f"{weights.shape} weights of {len(self.names)} targets")
-        left = np.ascontiguousarray((self._checked(R) - self._rest).T)
-        return float(np.sqrt(_left_over(left, self.directions, weights, self._surface)))
-
-    def _checked(self, R: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Refuse what compiled loops would read beyond."""
-        if R.shape != self._rest.shape:
+        if R.shape != self._rest.shape:  # compiled loops would read beyond it
             raise ValueError(f"control variables {R.shape}, expected {self._rest.shape}")
-        return np.ascontiguousarray(R, dtype=np.float64)
+        R = np.ascontiguousarray(R, dtype=np.float64)
+        weights = np.empty(len(self.names), dtype=np.float32)
+        limited = _project(self._duals, self._at_rest, R.ravel(), self._reach, weights)
+        left = np.ascontiguousarray((R - self._rest).T)
+        return Projection(weights, float(np.sqrt(_left_over(left, self.targets, weights, self._surface))), limited)
 
 
 def _along(directions: NDArray[np.floating], model: ReducedModel) -> NDArray[np.float64]:
@@ -142,7 +155,7 @@ def _metric(directions: NDArray[np.floating], along: NDArray[np.float64]) -> NDA
     return directions.astype(np.float64).reshape(along.shape) @ along.T
 
 
-def carry(document: Document, directions: NDArray[np.floating], model: ReducedModel) -> None:
+def carry(document: Document, directions: NDArray[np.floating], reach: float, model: ReducedModel) -> None:
     """Put the directions of a document's morph targets into it, for `LiveBasis.load`.
 
     Parameters
@@ -151,22 +164,27 @@ def carry(document: Document, directions: NDArray[np.floating], model: ReducedMo
         With the targets in it, the last of each mesh.
     directions : (K, 4m, 3)
         Orthogonal in the metric WᵀW; at least one. Kept as float32.
+    reach : float
+        The largest coordinate along a direction for which the targets are made.
     model : ReducedModel
     """
     kept = directions.astype(np.float32)
-    lengths = np.sqrt(np.diag(_metric(kept, _along(kept, model))))
-    carried = {"directions": document.add(kept.reshape(-1, 3)), "lengths": lengths.tolist()}
+    targets = UnitWeights.within(np.full(len(kept), reach)).targets(kept)
+    lengths = np.sqrt(np.diag(_metric(targets, _along(targets, model))))
+    carried = {"directions": document.add(kept.reshape(-1, 3)), "lengths": lengths.tolist(), "reach": reach}
     asset: dict[str, Any] = document.gltf["asset"]  # type: ignore[assignment]  # open: it may hold more than is named
     extras = asset["extras"] if isinstance(asset.get("extras"), dict) else {}
     asset["extras"] = {**extras, EXTRAS: carried}
 
 
-def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Return the (K, 4m, 3) directions that a document carries, and their (K,) lengths."""
+def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], _Carried]:
+    """Return the (K, 4m, 3) directions that a document carries, and what it says about them."""
     extras = document.gltf["asset"].get("extras")
     where = at(path, field=f"asset.extras.{EXTRAS}")
     if not isinstance(extras, dict) or EXTRAS not in extras:
         raise _refused(where, "none", path)
+    if isinstance(extras[EXTRAS], dict) and "reach" not in extras[EXTRAS]:
+        raise _refused(where, "one of an earlier version, whose weights are not limited to 0 … 1", path)
     try:
         carried = _Carried.model_validate(extras[EXTRAS])
     except ValidationError as error:
@@ -176,10 +194,10 @@ def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[ND
     directions = document.array(carried.directions)
     if directions.dtype != np.float32 or directions.ndim != 2 or not np.isfinite(directions).all():
         raise _refused(where, "directions that are no numbers", path)
-    count = len(carried.lengths)
+    count = len(carried.lengths) - 1
     if directions.shape != (count * shape[0], 3):
         raise _refused(str(path), "morph targets that were made with other solver settings", path)
-    return directions.reshape(count, *shape), np.array(carried.lengths)
+    return directions.reshape(count, *shape), carried
 
 
 def _refused(where: str, found: str, path: Path) -> PuppetError:
@@ -191,23 +209,43 @@ def _refused(where: str, found: str, path: Path) -> PuppetError:
     )
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _project(duals, at_rest, R, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the (K,) products of flat control variables with the duals, less those of the rest pose."""
-    for k in range(len(duals)):
-        total = 0.0
-        for j in range(len(R)):
-            total += duals[k, j] * R[j]
-        weights[k] = total - at_rest[k]
+@numba.njit(cache=True, nogil=True)
+def _project(duals, at_rest, R, reach, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the weights (K + 1,) of flat control variables; return whether a coordinate is beyond its range.
+
+    This is `UnitWeights.within` for one frame: coordinates c within ± reach become (c / reach + m) / 2, and m.
+    """
+    limited = False
+    opposite = 0.0
+    count = len(duals)
+    for k in range(count):
+        total = _product(duals[k], R) - at_rest[k]
+        share = levelled_off(abs(total) / reach)
+        limited = limited or abs(total) > reach
+        weights[k] = share if total > 0 else -share
+        opposite = max(opposite, -weights[k])
+    for k in range(count):
+        weights[k] = (weights[k] + opposite) / 2
+    weights[count] = opposite
+    return limited
 
 
 @numba.njit(cache=True, fastmath=True, nogil=True)
-def _left_over(left, directions, weights, surface):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the scalar product of two vectors; only here may the order of additions change."""
+    total = 0.0
+    for j in range(len(a)):
+        total += a[j] * b[j]
+    return total
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _left_over(left, targets, weights, surface):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the square of what the targets leave of a (3, 4m) difference of control variables."""
-    for k in range(len(directions)):
+    for k in range(len(targets)):
         for axis in range(3):
             for j in range(left.shape[1]):
-                left[axis, j] -= weights[k] * directions[k, axis, j]
+                left[axis, j] -= weights[k] * targets[k, axis, j]
     x, y, z = left.astype(np.float32)
     square = 0.0
     for i in range(len(surface)):

@@ -176,6 +176,9 @@ def _characters(characters: Sequence[dict[str, Any]]) -> Iterator[Metric]:
     yield _gauge("character_state", "1 for the state that it is in.", ("character", "state"), states)
     residuals = [((c["name"],), c["residual"]) for c in characters if c["residual"] is not None]
     yield _gauge("character_residual", "Of the last pose, on the morph basis.", ("character",), residuals)
+    limited = [((c["name"],), c["limited"]) for c in characters if c["residual"] is not None]
+    about = "Frames whose pose is beyond the range of the morph weights."
+    yield _counter("character_limited_frames", about, ("character",), limited)
 
 
 _Samples = Sequence[tuple[tuple[str, ...], float]]

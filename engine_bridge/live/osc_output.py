@@ -177,9 +177,9 @@ def _controls(base: str, frame: Frame) -> Iterator[bytes]:
 
 def _morphs(base: str, frame: Frame) -> Iterator[bytes]:
     if frame.morphs is not None:
-        weights, residual = frame.morphs
-        yield encode(f"{base}/morphs", weights)
-        yield bundle(encode(f"{base}/residual", float(residual)), encode(f"{base}/root", frame.root.astype(np.float32)))
+        yield encode(f"{base}/morphs", frame.morphs.weights)
+        residual = encode(f"{base}/residual", frame.morphs.residual)
+        yield bundle(residual, encode(f"{base}/root", frame.root.astype(np.float32)))
 
 
 def _joints(base: str, frame: Frame) -> Iterator[bytes]:

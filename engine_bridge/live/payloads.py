@@ -17,7 +17,7 @@ Parts = tuple[bytes | memoryview, ...]
 
 
 class Morphs(NamedTuple):
-    """How far each morph target is in, (K,) float32, and what that leaves of the pose, see `LiveBasis.residual`."""
+    """Weights of the morph targets, (K,) float32, and what they leave of the pose: see `live_basis.Projection`."""
 
     weights: NDArray[np.float32]
     residual: float
@@ -89,8 +89,8 @@ def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
 def _morphs(frame: "Frame") -> Parts | None:
     if frame.morphs is None:
         return None
-    weights, residual = frame.morphs
-    return np.float32(residual).tobytes(), np.ascontiguousarray(weights, dtype="<f4").data
+    residual = np.float32(frame.morphs.residual)
+    return residual.tobytes(), np.ascontiguousarray(frame.morphs.weights, dtype="<f4").data
 
 
 def _vertices16(frame: "Frame") -> Parts:

@@ -12,6 +12,7 @@ import logging
 import math
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
@@ -119,6 +120,7 @@ class Service:
         self.takes = Takes(folder / settings.takes)
         self._statistics = Statistics()
         self._residuals: dict[str, float] = {}
+        self._limited: Counter[str] = Counter()
         self.status = self._snapshot()
         if settings.metrics is not None:
             from engine_bridge.live.metrics import MetricsServer  # few want it, and it takes a while
@@ -239,7 +241,8 @@ class Service:
         self.osc.offer(frame)
         self._statistics.performed(line.stage.name, frame.character.name, frame.received)
         if "morphs" in frame.__dict__ and frame.morphs is not None:
-            self._residuals[frame.character.name] = frame.morphs[1]
+            self._residuals[frame.character.name] = frame.morphs.residual
+            self._limited[frame.character.name] += frame.morphs.limited
 
     def _reload(self, deferred: Deferred | None) -> None:
         """Load now, or again when what is being loaded is there: files may have changed since."""
@@ -367,6 +370,7 @@ class Service:
                     "performer": role.user,
                     "state": role.state,
                     "residual": self._residuals.get(role.character.name),
+                    "limited": self._limited[role.character.name],
                 }
                 for line in self.lines
                 for role in line.stage.roles

@@ -12,7 +12,7 @@ The status is a dict of JSON's types. It is published on ``service/status`` each
                  "sensor": {"tilt": degrees, "height": m, "roll": degrees},
                  "recording": name | null}],
      "characters": [{"name": str, "performer": user | null, "state": str, "frames": performed, "rate": 1/s,
-                     "residual": float | null}],
+                     "residual": float | null, "limited": frames beyond the range of the morph weights}],
      "clients": {"connected": int, "refused": int, "limit": int},
      "sent": {"messages": int, "bytes": int, …},
      "osc": [{"target": str, "sent": int, "skipped": int, "failed": int}]}
@@ -80,8 +80,8 @@ class Statistics:
         stages : sequence of dict
             Each with name, source, dropped, refused, users, recording.
         characters : sequence of dict
-            Each with name, performer, state, residual. Figures of characters and stages that are not named any more are
-            forgotten.
+            Each with name, performer, state, residual, limited. Figures of characters and stages that are not named any
+            more are forgotten.
         clients, sent : dict
         osc : sequence of dict
         """

@@ -125,7 +125,7 @@ def _users(status: dict[str, Any]) -> Table:
 
 
 def _characters(status: dict[str, Any]) -> Table:
-    table = _table("character", "state", "performer", "frames/s", "frames", "residual")
+    table = _table("character", "state", "performer", "frames/s", "frames", "residual", "limited")
     for character in status["characters"]:
         performer, residual = character["performer"], character["residual"]
         _add(
@@ -135,7 +135,7 @@ def _characters(status: dict[str, Any]) -> Table:
             "–" if performer is None else performer,
             f"{character['rate']:.1f}",
             character["frames"],
-            "–" if residual is None else f"{residual:.2g}",
+            *(("–", "–") if residual is None else (f"{residual:.2g}", character["limited"])),
         )
     return table
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from PIL import Image
 
 from engine_bridge.surfaces.surface import Picture
-from puppetline.errors import MeshError
 
 LARGEST = 8192 * 8192
 """Pixels of the largest picture that is taken."""
@@ -46,7 +45,8 @@ class Folder:
     def find(self, name: str, below: Path, where: str) -> Path | None:
         """Find a file that the mesh, or a file beside it, names; note it where it is not there.
 
-        A path that leads elsewhere, mostly on its maker's computer, stands for the file of the same name here.
+        A path that leads elsewhere, mostly on its maker's computer, stands for the file of the same name here. Nothing
+        outside of the mesh file's folder is ever opened.
 
         Parameters
         ----------
@@ -54,12 +54,7 @@ class Folder:
         below : Path
             The folder of the file that names it.
         where : str
-            The line that names it, for an error message.
-
-        Raises
-        ------
-        MeshError
-            A path that leaves the mesh file's folder, to a file that has no namesake in it.
+            The line that names it, for a note.
         """
         slashed = name.replace("\\", "/")
         last = slashed.rpartition("/")[2]
@@ -69,29 +64,22 @@ class Folder:
                 return stated
             namesake = self._namesake(below, last)
         except (OSError, ValueError, RuntimeError):  # a name too long, a zero byte in it, links in a circle
-            stated = namesake = None
+            self.notes.append(f"{where}: {name[:60]!r} is no file name. It is omitted.")
+            return None
         if namesake:
             self.notes.append(f"{name!r} is not there: {namesake.name!r} beside it is taken.")
-            return namesake
-        if stated is None:
-            raise MeshError(
-                where,
-                found=f"a reference to {name!r}, which is not in the mesh's folder",
-                expected="materials and pictures in the folder of the mesh or below it",
-                fix=f"Copy {last!r} beside the mesh, or delete that line.",
+        elif stated:
+            self.notes.append(f"{name!r} is not there.")
+        else:
+            self.notes.append(
+                f"{where}: {name!r} is outside of the mesh's folder and is not read. Copy {last!r} beside the mesh."
             )
-        self.notes.append(f"{name!r} is not there.")
-        return None
+        return namesake
 
     def picture(self, name: str, below: Path, where: str) -> Picture | None:
         """Read a picture that is named; note it where it is not there or cannot be shown.
 
         Parameters as for `find`.
-
-        Raises
-        ------
-        MeshError
-            A path that leaves the mesh file's folder, to a file that has no namesake in it.
         """
         path = self.find(name, below, where)
         if path is None:

@@ -48,7 +48,7 @@ def read(path: Path, folder: Folder) -> dict[str, Material]:
     Raises
     ------
     MeshError
-        No text, or the path of a picture that leads out of the mesh's folder.
+        No text.
     """
     found: dict[str, _Statements] = {}
     current = None

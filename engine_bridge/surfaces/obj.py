@@ -170,18 +170,17 @@ class _Statements:
         stated, sizes = self._stated()
         owner = np.repeat(np.arange(len(sizes)), sizes)
         known = np.array([[len(self.vertices)], [len(self.coordinates)], [len(self.normals)]])
-        if (stated[known[:, 0] == 0] != 0).any():
-            self.notes.append("The faces name texture coordinates or normals that the file does not have.")
-            stated[known[:, 0] == 0] = 0
         corners, backwards = stated - 1, stated < 0
         if backwards.any():
             corners = np.where(backwards, self.so_far[:, owner] + stated, corners)
         wrong = (corners >= known) | (backwards & (corners < 0))
-        wrong[0] |= stated[0] == 0
+        no_vertex = wrong[0] | (stated[0] == 0)
+        if no_vertex.any():
+            corner = int(np.argmax(no_vertex))
+            raise self.faces.error(owner[corner], f"vertex {stated[0, corner]} of {len(self.vertices):,}")
         if wrong.any():
-            corner, column = np.argwhere(wrong.T)[0]
-            what = ("vertex", "texture coordinate", "normal")[column]
-            raise self.faces.error(owner[corner], f"{what} {stated[column, corner]} of {known[column, 0]:,}")
+            self.notes.append("The faces name texture coordinates or normals that the file does not have.")
+            corners[wrong] = -1
         enough = sizes >= 3
         if enough.all():
             return corners, sizes, self.group_of

@@ -117,7 +117,7 @@ def _header(path: Path, content: bytes) -> Header:
     header = Header()
     for number, line in enumerate(decoded(path, content).split("\n"), 1):
         match line.split():
-            case ["format", word, _] if word == "ascii" or word in ORDERS:
+            case ["format", word, *_] if word == "ascii" or word in ORDERS:
                 header.word = word
             case ["element", name, rows] if re.fullmatch("[0-9]{1,18}", rows):
                 header.elements.append(Element(name, int(rows), []))

@@ -26,7 +26,9 @@ FOLLOWS = {
 """The words that may begin the line after one that begins with this word, or the first line."""
 
 KINDS = tuple(FOLLOWS)
-SOLID, OUTER, VERTEX, ENDLOOP, ENDSOLID = map(KINDS.index, ("solid", "outer", "vertex", "endloop", "endsolid"))
+SOLID, OUTER, VERTEX, ENDLOOP, ENDFACET, ENDSOLID = map(
+    KINDS.index, ("solid", "outer", "vertex", "endloop", "endfacet", "endsolid")
+)
 
 CAPITALS = np.uint64(0x2020202020202020)
 """The bits that tell small letters from capitals."""
@@ -51,6 +53,8 @@ def read(path: Path, content: bytes) -> Surface:
     """Read an STL file.
 
     Normals in the file are passed over: the winding of a facet says the same. Each solid of a text becomes a piece.
+    Lines of a text that begin with a word that is not the format's hold no corner and are left out. Its last
+    ``endsolid`` may be missing.
 
     Raises
     ------
@@ -87,8 +91,15 @@ def _read_text(path: Path, content: bytes) -> Surface:
     kinds = np.zeros(len(lines), dtype=np.int64)
     for kind, name in enumerate(KINDS[1:], 1):
         kinds[(lines.words | CAPITALS) == (word(name) | CAPITALS)] = kind
+    notes = []
+    unknown = lines.numbers[kinds == 0]
+    if len(unknown):
+        notes.append(f"{count(len(unknown), 'line')} not understood and left out, the first is line {unknown[0]}.")
+    lines, kinds = lines.only(kinds > 0), kinds[kinds > 0]
     _check_order(path, lines, kinds)
-    if not len(kinds) or kinds[-1] != ENDSOLID:
+    if len(kinds) and kinds[-1] == ENDFACET:
+        notes.append("The file ends without 'endsolid': facets may be missing.")
+    elif not len(kinds) or kinds[-1] != ENDSOLID:
         raise damaged(at(path, line=text.count("\n") + 1), "the end of the file within a solid", "'endsolid'")
     own = kinds == VERTEX
     expected = "'vertex x y z' with finite numbers"
@@ -104,7 +115,7 @@ def _read_text(path: Path, content: bytes) -> Surface:
     ]
     if not pieces:
         raise damaged(path, "no facets", "an STL file with a surface")
-    return Surface(pieces, faceted=True)
+    return Surface(pieces, notes, faceted=True)
 
 
 def _check_order(path: Path, lines: Lines, kinds: NDArray[np.int64]) -> None:

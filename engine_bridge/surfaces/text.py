@@ -65,6 +65,13 @@ class Lines:
     def __len__(self) -> int:
         return len(self.numbers)
 
+    def only(self, which: NDArray[np.bool_]) -> "Lines":
+        """Return some of the lines."""
+        numbers, starts, rests, comments, ends = (
+            column[which] for column in (self.numbers, self.starts, self.rests, self.comments, self.ends)
+        )
+        return Lines(self.data, numbers, starts, rests, comments, ends, self.words[which])
+
     def text(self, line: int) -> str:
         """Return a line from its first word on."""
         return self.data[self.starts[line] : self.ends[line]].tobytes().decode()

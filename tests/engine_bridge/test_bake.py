@@ -12,7 +12,7 @@ from engine_bridge.clip import load_timeline, solve
 from engine_bridge.exercise import exercise
 from engine_bridge.gltf.character import load_character, make_character
 from engine_bridge.gltf.document import Document
-from engine_bridge.live.live_basis import LiveBasis
+from engine_bridge.live.live_basis import REACH, LiveBasis
 from engine_bridge.rig import load_rig
 from engine_bridge.settings import Settings
 from puppetline.errors import OutputError, PuppetError, SkeletonLogError
@@ -92,12 +92,14 @@ def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_w
     summary, path, _ = of_take
     basis = LiveBasis.load(path, blob_rig)
     frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
-    weights = np.array([basis.weights(R) for R in frames])
+    weights = np.array([basis.project(R).weights for R in frames])
     there, solved = places_from_weights(path, blob_rig, weights), shown_places(blob_rig, frames)
     assert farthest(there, solved, blob_rig) == pytest.approx(summary.error, abs=1e-6)
-    left = [basis.residual(R, own) for R, own in zip(frames, weights, strict=True)]
-    assert np.sqrt(np.mean(np.square(left))) == pytest.approx(summary.rms, rel=1e-3)
-    assert np.abs(weights).max(axis=0) == pytest.approx(np.ones(summary.targets), rel=1e-4)
+    shown = [basis.project(R) for R in frames]
+    assert np.sqrt(np.mean([each.residual**2 for each in shown])) == pytest.approx(summary.rms, rel=1e-3)
+    assert not any(each.limited for each in shown)
+    assert weights.min() == 0
+    assert weights.max() <= 1
 
 
 def test_three_plays_the_animation_as_the_solver_has_it_with_the_root_on_a_node(of_take, take, blob_rig, play):
@@ -128,7 +130,7 @@ def test_two_logs_are_both_in_it(take, record, dance, blob_puppet, blob_rig, tmp
     basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
     for log in (take, backwards):
         frames, _ = performed(blob_rig, load_timeline(log, Settings())[0])
-        weights = np.array([basis.weights(R) for R in frames])
+        weights = np.array([basis.project(R).weights for R in frames])
         there = places_from_weights(tmp_path / "a.glb", blob_rig, weights)
         assert farthest(there, shown_places(blob_rig, frames), blob_rig) <= summary.error + 1e-6 <= 5e-4 + 1e-6
 
@@ -142,7 +144,7 @@ def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, s
     assert summary.frames == sum(map(len, motions))
     for frames in motions[:-1]:
         some = frames[::5]
-        there = places_from_weights(path, blob_rig, np.array([basis.weights(R) for R in some]))
+        there = places_from_weights(path, blob_rig, np.array([basis.project(R).weights for R in some]))
         assert farthest(there, shown_places(blob_rig, some), blob_rig) <= summary.error + 1e-6
 
 
@@ -151,10 +153,12 @@ def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
     others = [name for name in PERFORMANCES if name != "kung_fu"]
     settings = Settings(tolerance=TOLERANCE)
     motion = made_up(blob_rig, others, settings, lambda *_: None)
-    basis = LiveBasis(fit(blob_rig, motion, settings, lambda *_: None).directions.astype(np.float32), blob_rig.model)
+    directions = fit(blob_rig, motion, settings, lambda *_: None).directions.astype(np.float32)
+    basis = LiveBasis(directions, REACH, blob_rig.model)
     frames, _ = performed(blob_rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
-    left = max(basis.residual(R, basis.weights(R)) for R in frames)
-    moved = max(basis.residual(R, np.zeros(len(basis.names), np.float32)) for R in frames)
+    left = max(basis.project(R).residual for R in frames)
+    places = shown_places(blob_rig, frames) - shown_places(blob_rig, blob_rig.model.rest_controls[None])
+    moved = np.sqrt((places**2).sum(axis=2).mean(axis=1)).max() / blob_rig.mesh.diagonal
     assert left < 0.001
     assert left < 0.05 * moved
 
@@ -171,7 +175,7 @@ def test_a_limit_to_the_targets_is_kept_and_the_error_said_is_the_one_that_follo
     basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
     assert summary.targets == len(basis.names) == 3
     frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(tmp_path / "a.glb", blob_rig, np.array([basis.weights(R) for R in frames]))
+    there = places_from_weights(tmp_path / "a.glb", blob_rig, np.array([basis.project(R).weights for R in frames]))
     assert farthest(there, shown_places(blob_rig, frames), blob_rig) == pytest.approx(summary.error, abs=1e-6)
     assert summary.error > TOLERANCE
 
@@ -238,7 +242,7 @@ def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
     basis = LiveBasis.load(output, rig)
     assert names_in(output) == [list(basis.names), ["smile", *basis.names]]
     frames, _ = performed(rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(output, rig, np.array([basis.weights(R) for R in frames]))
+    there = places_from_weights(output, rig, np.array([basis.project(R).weights for R in frames]))
     assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
 
 
@@ -250,7 +254,7 @@ def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, t
     rig = load_rig(puppet)
     basis = LiveBasis.load(tmp_path / "twice.glb", rig)
     frames, _ = performed(rig, load_timeline(take, Settings())[0])
-    there = places_from_weights(tmp_path / "twice.glb", rig, np.array([basis.weights(R) for R in frames]))
+    there = places_from_weights(tmp_path / "twice.glb", rig, np.array([basis.project(R).weights for R in frames]))
     assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
 
 
@@ -302,6 +306,7 @@ def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
     assert summary.error <= TOLERANCE
     rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=TOLERANCE)
     motion = made_up(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
-    basis = LiveBasis(fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32), rig.model)
+    directions = fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32)
+    basis = LiveBasis(directions, REACH, rig.model)
     frames, _ = performed(rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
-    assert max(basis.residual(R, basis.weights(R)) for R in frames) < 0.001
+    assert max(basis.project(R).residual for R in frames) < 0.001

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from capture.skeleton import JOINT_INDEX, OPPOSITE
 from engine_bridge import sheet
 from engine_bridge.clip import load_timeline, perform
 from engine_bridge.rig import load_rig
@@ -30,7 +31,7 @@ def drawn(monkeypatch):
         seen["poses"].append(vertices)
         seen["views"].append(view)
         seen["colors"].append(colors)
-        return np.zeros((*size, 3), np.uint8)
+        return np.zeros((size[1], size[0], 3), np.uint8)
 
     monkeypatch.setattr(sheet, "render", render)
     monkeypatch.setattr(sheet, "contact_sheet", lambda _images, labels, *_rest: seen.update(labels=labels))
@@ -102,12 +103,36 @@ def test_vertex_colours_are_those_of_the_file(clip_of, blob, new_glb, write_pupp
     assert len(drawn["poses"][0]) == len(corners)
 
 
+def test_the_performer_is_drawn_from_the_same_side_as_the_character_and_as_the_puppet_mirrors(
+    clip_of, blob_puppet, blob_file, write_puppet, drawn, monkeypatch, tmp_path
+):
+    figures = []
+
+    def draw(joints, view, size):
+        figures.append((joints, view))
+        return np.zeros((size[1], size[0], 3), np.uint8)
+
+    monkeypatch.setattr(sheet.stick_figure, "draw", draw)
+    monkeypatch.setattr(sheet, "render", lambda *_: np.zeros((320, 320, 3), np.uint8))
+    mirroring = write_puppet(blob_file.with_name("mirrors.toml"), blob_file.name, more="[retarget]\nmirror = true\n")
+    clip = clip_of(blob_puppet)
+    sheet.draw(clip, tmp_path / "a.png", "title")
+    sheet.draw(clip_of(mirroring), tmp_path / "a.png", "title")
+    plain, mirror = figures[:12], figures[12:]
+    recorded = clip.timeline.positions[57]
+    hips = recorded - recorded[JOINT_INDEX["hip_center"]]
+    np.testing.assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
+    np.testing.assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
+    assert {(view.azimuth, view.elevation) for _, view in figures} == {(25.0, 12.0)}
+
+
 def test_the_picture_is_written_whole_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
     monkeypatch.setattr(sheet, "TILE_SIZE", (50, 40))
+    monkeypatch.setattr(sheet, "PERFORMER_SIZE", (20, 40))
     clip = clip_of(blob_puppet)
     sheet.draw(clip, tmp_path / "a.png", "title")
     with Image.open(tmp_path / "a.png") as image:
-        assert image.size[0] >= 4 * 50
+        assert image.size[0] >= 4 * 70
         assert image.size[1] >= 3 * 40
     with pytest.raises(OutputError):
         sheet.draw(clip, tmp_path / "no" / "a.png", "title")

@@ -12,6 +12,8 @@ import pytest
 import zmq
 from scipy.spatial.transform import Rotation
 
+from engine_bridge.gltf.unit_weights import UnitWeights
+from engine_bridge.live.live_basis import REACH
 from solver.binding import Binding
 from solver.deformer import Deformer, to_file_units
 
@@ -130,20 +132,21 @@ def baked(tmp_path_factory):
     )
     above, turn = np.array([[0.0, 2, 0], [-1, 0, 0], [0, 0, 3]]), Rotation.from_rotvec([0.3, -1.1, 0.7])
     to_own = np.linalg.inv(above @ turn.as_matrix() * [1.5, 1, 0.5])
-    targets = np.stack([np.ones_like(rest), *(np.stack([first, second]) - rest) @ to_own.T]).astype("<f4")
+    moved = UnitWeights.within(np.full(2, REACH)).targets(np.stack([first, second]) - rest)
+    targets = np.stack([np.ones_like(rest), *moved @ to_own.T]).astype("<f4")
     matrix = np.eye(4)
     matrix[:3, :3] = above
     gltf = {
-        "asset": {"version": "2.0", "extras": {"puppetline_morphs": {"lengths": [1.0, 1.0]}}},
+        "asset": {"version": "2.0", "extras": {"puppetline_morphs": {"lengths": [1.0, 1.0, 1.0]}}},
         "scene": 0,
         "scenes": [{"nodes": [1]}],
         "nodes": [
             {"mesh": 0, "rotation": turn.as_quat().tolist(), "scale": [1.5, 1, 0.5]},
             {"children": [0], "matrix": matrix.T.ravel().tolist()},
         ],
-        "meshes": [{"primitives": [{"attributes": {}, "targets": [{"POSITION": k} for k in range(3)]}]}],
-        "accessors": [{"bufferView": k, "componentType": 5126, "count": len(rest), "type": "VEC3"} for k in range(3)],
-        "bufferViews": [{"buffer": 0, "byteOffset": k * rest.nbytes, "byteLength": rest.nbytes} for k in range(3)],
+        "meshes": [{"primitives": [{"attributes": {}, "targets": [{"POSITION": k} for k in range(4)]}]}],
+        "accessors": [{"bufferView": k, "componentType": 5126, "count": len(rest), "type": "VEC3"} for k in range(4)],
+        "bufferViews": [{"buffer": 0, "byteOffset": k * rest.nbytes, "byteLength": rest.nbytes} for k in range(4)],
         "buffers": [{"byteLength": targets.nbytes}],
     }
     text = json.dumps(gltf).encode()

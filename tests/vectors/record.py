@@ -9,7 +9,7 @@ import numpy as np
 from engine_bridge import puppet
 from engine_bridge.gltf.character import make_character
 from engine_bridge.live.frame import Frame, StreamedCharacter
-from engine_bridge.live.live_basis import LiveBasis
+from engine_bridge.live.live_basis import REACH, LiveBasis
 from engine_bridge.live.payloads import decode, encode
 from engine_bridge.live.wire import FRAME_KINDS, STATES, Header, Kind, join, topic, topic_field, write_json
 from engine_bridge.rig import Rig
@@ -37,7 +37,8 @@ PULLS = [
 """Where the handles go in each frame; in the first they stay where they are."""
 
 IN_BETWEEN = [[-0.5, 0.0, -0.6], [0.0, 0.0, 0.5], [0.3, 0.0, 0.7]]
-"""Where they go in the second of the two morph targets, the first being the second frame: the third leaves a rest."""
+"""Where they go along the second direction of the morph basis, the first being the second frame: the third leaves a
+rest."""
 
 
 def worm() -> Rig:
@@ -61,7 +62,7 @@ def frames() -> list[Frame]:
     deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
     poses = [deformer.solve(deformer.handles + pull).copy() for pull in PULLS]
     targets = [poses[1], deformer.solve(deformer.handles + IN_BETWEEN)]
-    basis = LiveBasis(np.array([pose - poses[0] for pose in targets], dtype=np.float32), rig.model)
+    basis = LiveBasis(np.array([pose - poses[0] for pose in targets], dtype=np.float32), REACH, rig.model)
     character = StreamedCharacter("worm", rig, 7, basis)
     return [
         Frame(

@@ -1,4 +1,5 @@
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import permutations
 from pathlib import Path
 
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from capture.clip import SkeletonClip
 from capture.formats import bvh
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
@@ -115,7 +117,7 @@ def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6
 
 
 def ends(path: Path) -> np.ndarray:
-    nodes, rows, _ = bvh.parse(path)
+    nodes, rows, *_ = bvh.parse(path)
     return np.stack(bvh.forward_kinematics(nodes, rows))[:, 0]
 
 
@@ -335,7 +337,7 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
     ("lines", "place", "message"),
     [
         (broken(1, "HIERARCHIE"), "line 1", "'HIERARCHIE'; expected HIERARCHY"),
-        (broken(2, "JOINT Hips"), "line 2", "expected one ROOT"),
+        (broken(2, "JOINT Hips"), "line 2", "expected ROOT"),
         (broken(3, "OFFSET 0 0 0"), "line 3", "expected {"),
         (broken(4, "CHANNELS 0"), "line 4", "expected OFFSET"),
         (broken(4, "OFFSET 0 0"), "line 4", "2 columns"),
@@ -351,18 +353,22 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
         (broken(6, "JOINTS Spine"), "line 6", "'JOINTS Spine'"),
         (broken(MOTION - 1, "MOTION"), f"line {MOTION - 1}", "'MOTION'"),
         (broken(MOTION, "}"), f"line {MOTION}", "'}'"),
-        (broken(MOTION, "ROOT second"), f"line {MOTION}", "one ROOT"),
+        (broken(MOTION, "ROOT second"), f"line {MOTION + 1}", "expected {"),
+        (broken(6, "ROOT Spine"), "line 6", "'ROOT Spine'; expected ROOT, JOINT"),
         (broken(MOTION + 1, "Frames: many"), f"line {MOTION + 1}", "Frames: and a whole number"),
-        (broken(MOTION + 1, "Frames: 4"), f"line {MOTION + 1}", "Frames: 4, and 3 lines of motion"),
-        (broken(MOTION + 1, "Frames: 2"), f"line {MOTION + 1}", "Frames: 2, and 3 lines of motion"),
-        (broken(MOTION + 1, "Frames: 999999999"), f"line {MOTION + 1}", "and 3 lines of motion"),
-        (broken(MOTION + 2, "Frame Time: 0"), f"line {MOTION + 2}", "more than 0"),
+        (broken(MOTION + 1, "Frames: -3"), f"line {MOTION + 1}", "Frames: and a whole number"),
+        (broken(MOTION + 1, "Frames: 3 of 3"), f"line {MOTION + 1}", "Frames: and a whole number"),
+        (broken(MOTION + 2, "Frame Time: 0"), f"line {MOTION + 2}", "Give the frames per second with --log-fps"),
+        (broken(MOTION + 2, "Frame Time: 0,04"), f"line {MOTION + 2}", "'0,04' in column 1; expected a finite number"),
         (broken(MOTION + 2, "Frame Time: -0.1"), f"line {MOTION + 2}", "more than 0"),
         (broken(MOTION + 2, "Frame Time: inf"), f"line {MOTION + 2}", "'inf' in column 1"),
         (broken(MOTION + 2, "Frame Time:"), f"line {MOTION + 2}", "0 columns"),
         (broken(MOTION + 2, "0 0 0"), f"line {MOTION + 2}", "Frame Time: and seconds"),
         (broken(MOTION + 4, " ".join(ZEROS[1:])), f"line {MOTION + 4}", f"{len(ZEROS) - 1} columns"),
         (broken(MOTION + 4, " ".join([*ZEROS, "0"])), f"line {MOTION + 4}", f"{len(ZEROS) + 1} columns"),
+        ([*GOOD, "0 0 0"], f"line {len(GOOD) + 1}", "3 columns"),
+        (broken(len(GOOD), "# the end"), f"line {len(GOOD)}", "3 columns"),
+        ([*GOOD, "# a remark", " ".join(ZEROS)], f"line {len(GOOD) + 1}", "3 columns"),
         (broken(MOTION + 4, " ".join(["nan", *ZEROS[1:]])), f"line {MOTION + 4}", "'nan' in column 1"),
         (broken(MOTION + 4, " ".join(["0", "1e999", *ZEROS[2:]])), f"line {MOTION + 4}", "'1e999' in column 2"),
         (broken(MOTION + 4, " ".join(["0", "1e300", *ZEROS[2:]])), f"line {MOTION + 4}", "the number 1e+300"),
@@ -381,6 +387,170 @@ def test_what_does_not_fit_is_refused_with_its_place(
         bvh.read(write(tmp_path, lines), ReadOptions())
     assert caught.value.where.endswith(place)
     assert message in str(caught.value)
+
+
+def clips_of(path: Path, **options: object) -> tuple[SkeletonClip, ...]:
+    return tuple(bvh.read(path, ReadOptions(**options)))  # type: ignore[arg-type]
+
+
+def test_names_and_keywords_of_other_programs_give_the_same_clip_without_a_note(
+    tmp_path: Path, assert_same_frames: Callable[..., None]
+) -> None:
+    path = body_file(tmp_path, random_rows())
+    (whole,) = clips_of(path)
+    text = path.read_text()
+    number = text.index("MOTION")
+    for other in (
+        text.replace("HIERARCHY", "Hierarchy").replace("ROOT", "root").replace("JOINT", "Joint"),
+        text.replace("End Site", "END SITE").replace("OFFSET", "Offset").replace("CHANNELS", "channels"),
+        text.replace("MOTION", "Motion").replace("Frames:", "FRAMES:").replace("Frame Time:", "frame time:"),
+        text.replace("Frames: ", "Frames ").replace("Frame Time: ", "FrameTime:"),
+        text.replace("Frames: ", "Frames :\t").replace("Frame Time: ", "Frame  Time :  "),
+        text[:number].replace("\n", " \n\n\t") + text[number:],
+        text.replace("{\n\t", "{ ").replace("\n}\n", " }\n"),
+        text + "\n \n\t\n",
+        text.removesuffix("\n"),
+    ):
+        assert other != text
+        path.write_text(other)
+        assert bvh.matches(path.read_bytes())
+        (clip,) = clips_of(path)
+        assert_same_frames(clip, whole)
+        assert clip.notes == whole.notes
+
+
+@pytest.mark.parametrize("stated", [0, 1, 5, 7, 999_999_999])
+def test_a_wrong_frame_count_is_noted_and_all_frames_are_read(
+    tmp_path: Path, assert_same_frames: Callable[..., None], stated: int
+) -> None:
+    path = body_file(tmp_path, random_rows())
+    (whole,) = clips_of(path)
+    path.write_text(path.read_text().replace("Frames: 6", f"Frames: {stated}"))
+    (clip,) = clips_of(path)
+    assert_same_frames(clip, whole)
+    note = f"The stated frame count is {stated} and the real one is 6. All whole frames are read."
+    assert clip.notes == (*whole.notes, note)
+
+
+def test_a_take_cut_in_mid_line_is_read_up_to_the_last_whole_one(
+    tmp_path: Path, assert_same_frames: Callable[..., None]
+) -> None:
+    rows = random_rows()
+    (whole,) = clips_of(body_file(tmp_path, rows[:5]))
+    path = body_file(tmp_path, rows)
+    text = path.read_text().removesuffix("\n")
+    last = text.rindex("\n") + 1
+    for length in range(last + 1, text.rindex(" ") + 1, 13):
+        path.write_text(text[:length])
+        (clip,) = clips_of(path)
+        assert_same_frames(clip, whole)
+        assert clip.notes == (
+            *whole.notes,
+            f"The file ends in the middle of line {MOTION + 8}. This frame is omitted.",
+            "The stated frame count is 6 and the real one is 5. All whole frames are read.",
+        )
+
+
+def test_a_take_cut_within_its_first_frame_is_refused(tmp_path: Path) -> None:
+    path = body_file(tmp_path, random_rows())
+    path.write_text("\n".join(path.read_text().split("\n")[: MOTION + 3])[:-30])
+    with pytest.raises(SkeletonLogError, match=f"line {MOTION + 3}: found the end of the file after"):
+        clips_of(path)
+
+
+def test_words_after_the_last_frame_are_left_out_with_a_note(
+    tmp_path: Path, assert_same_frames: Callable[..., None]
+) -> None:
+    (whole,) = clips_of(write(tmp_path, GOOD))
+    (clip,) = clips_of(write(tmp_path, [*GOOD, "", "# made by hand", "END of take 7"]))
+    assert_same_frames(clip, whole)
+    note = f"The text from line {len(GOOD) + 2} on, after the last frame, is omitted."
+    assert clip.notes == (*whole.notes, note)
+
+
+@pytest.mark.parametrize("stated", ["0", "0.0", "-0.1", "1e9"])
+def test_a_take_without_a_frame_time_has_the_rate_that_is_given(tmp_path: Path, stated: str) -> None:
+    path = body_file(tmp_path, random_rows())
+    (whole,) = clips_of(path)
+    (given,) = clips_of(path, fps=50.0)
+    assert given.times.tolist() == whole.times.tolist()  # the file's own frame time counts
+    path.write_text(path.read_text().replace("Frame Time: 0.04", f"Frame Time: {stated}"))
+    (clip,) = clips_of(path, fps=50.0)
+    assert clip.times.tolist() == [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]
+    np.testing.assert_array_equal(clip.positions, whole.positions)
+    note = f"The frame time of {float(stated):g} s is none. 50 frames per second are used, as given."
+    assert clip.notes == (*whole.notes, note)
+
+
+PROP = ["ROOT Sword", "{", "OFFSET 5 0 0", "CHANNELS 3 Xposition Yposition Zposition", "}"]
+
+
+def two_roots(folder: Path, first: list[str], second: list[str], rows: np.ndarray, name: str = "two.bvh") -> Path:
+    return write(folder, ["HIERARCHY", *first, *second, *motion(rows)], name)
+
+
+def test_a_root_that_is_no_body_is_left_out_with_a_note(
+    tmp_path: Path, assert_same_frames: Callable[..., None]
+) -> None:
+    rows, sword = random_rows(), np.full((6, 3), 9.0)
+    (whole,) = clips_of(body_file(tmp_path, rows))
+    note = "The skeleton of ROOT Sword has no human joint names. It is omitted."
+    for path in (
+        two_roots(tmp_path, hierarchy(BODY), PROP, np.hstack([rows, sword]), "after.bvh"),
+        two_roots(tmp_path, PROP, hierarchy(BODY), np.hstack([sword, rows]), "before.bvh"),
+    ):
+        (clip,) = clips_of(path)
+        assert_same_frames(clip, whole)
+        assert clip.notes == (*whole.notes, note)
+
+
+def test_each_root_that_is_a_body_is_a_performer(tmp_path: Path, assert_same_frames: Callable[..., None]) -> None:
+    rows = random_rows(6, 3), random_rows(6, 4)
+    clips = clips_of(two_roots(tmp_path, hierarchy(BODY), hierarchy(BODY), np.hstack(rows)))
+    for user, (clip, own) in enumerate(zip(clips, rows, strict=True)):
+        (alone,) = clips_of(body_file(tmp_path, own))
+        assert_same_frames(clip, replace(alone, user=user))
+        assert clip.notes == alone.notes
+
+
+def test_roots_that_only_together_are_a_body_are_one_performer(
+    tmp_path: Path, assert_same_frames: Callable[..., None]
+) -> None:
+    name, offset, (spine, left, right) = BODY
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
+    (whole,) = clips_of(body_file(tmp_path, rows))
+    legs = hierarchy((name, offset, [left, right]))
+    apart = hierarchy(("Spine", (0, 10, 0), spine[2]))
+    (clip,) = clips_of(two_roots(tmp_path, legs, apart, np.zeros((2, 6 + 3 * JOINT_COUNT))))
+    np.testing.assert_array_equal(clip.positions, whole.positions)
+    assert clip.notes == whole.notes
+
+
+def test_where_no_root_is_a_body_the_missing_joints_are_named(tmp_path: Path) -> None:
+    with pytest.raises(SkeletonLogError, match=r"no joint named as .* among Sword, Sword; expected"):
+        clips_of(two_roots(tmp_path, PROP, PROP, np.zeros((2, 6))))
+
+
+def test_of_joints_of_one_name_the_first_is_used(tmp_path: Path) -> None:
+    rows = random_rows()
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(rows)]
+    (whole,) = clips_of(write(tmp_path, lines))
+    fingers = ["JOINT LeftHand", "{", "OFFSET 0 -1 0", "CHANNELS 0", "}"]
+    place = lines.index("End Site", lines.index("JOINT LeftHand"))
+    (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place : place + 4], *fingers, *lines[place + 4 :]]))
+    np.testing.assert_array_equal(clip.positions, whole.positions)
+    assert clip.notes == (*whole.notes, "Several joints are named LeftHand. The first of each name is used.")
+
+
+def test_a_limb_without_end_site_is_read_as_long_as_its_joints(tmp_path: Path) -> None:
+    lines = ["HIERARCHY", *hierarchy(BODY), *motion(random_rows())]
+    (whole,) = clips_of(write(tmp_path, lines))
+    place = lines.index("End Site", lines.index("JOINT LeftHand"))
+    (clip,) = clips_of(write(tmp_path, [*lines[:place], *lines[place + 4 :]]))
+    others = [index for name, index in JOINT_INDEX.items() if name != "hand_left"]
+    np.testing.assert_array_equal(clip.positions[:, others], whole.positions[:, others])
+    assert (clip.confidence[:, JOINT_INDEX["hand_left"]] == 0).all()
+    assert clip.notes == (*whole.notes, "No joint for hand_left: lost.")
 
 
 def test_more_places_than_memory_should_hold_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,12 +81,31 @@ def test_a_line_that_does_not_fit_is_refused(tmp_path, line, message):
         cad60.read(_write(tmp_path, _line(1), line, "END"), ReadOptions())
 
 
-def test_a_log_cut_in_mid_line_says_how_to_mend_it(tmp_path):
-    log = _write(tmp_path, _line(1), _line(2)[:100], end="")
-    with pytest.raises(
-        SkeletonLogError, match=r"line 2: found the end of the file after \d+ columns.*171.*delete this"
-    ):
-        cad60.read(log, ReadOptions())
+@pytest.mark.parametrize("torn", [_line(2)[:100], "-"])
+def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(tmp_path, assert_same_frames, torn):
+    [whole] = cad60.read(_write(tmp_path, _line(1), _line(4)), ReadOptions())
+    [clip] = cad60.read(_write(tmp_path, _line(1), _line(4), torn, end=""), ReadOptions())
+    note = "The file ends in the middle of line 3. This frame is omitted."
+    assert [text for text in clip.notes if text not in whole.notes] == [note]
+    assert_same_frames(clip, whole)
+
+
+def test_orientations_which_are_not_used_may_be_anything(tmp_path, assert_same_frames):
+    [whole] = cad60.read(_write(tmp_path, _line(1), "END"), ReadOptions())
+    [clip] = cad60.read(_write(tmp_path, _line(1).replace("0.5,0.5", "nan,-inf"), "END"), ReadOptions())
+    assert_same_frames(clip, whole)
+    assert clip.notes == whole.notes
+
+
+def test_a_short_line_that_the_file_does_not_end_in_is_refused(tmp_path):
+    for lines, end in (([_line(2)[:100]], "\n"), ([_line(2)[:100], _line(3)], "")):
+        with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
+            cad60.read(_write(tmp_path, _line(1), *lines, end=end), ReadOptions())
+
+
+def test_a_log_cut_within_its_only_line_is_refused(tmp_path):
+    with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
+        cad60.read(_write(tmp_path, _line(1)[:100], end=""), ReadOptions())
 
 
 @pytest.mark.parametrize("lines", [["END"], [_line(1, 0 * MILLIMETRES), "END"]])

@@ -17,6 +17,11 @@ def test_values_come_out_checked(tmp_path: Path) -> None:
     one, two, three = document["a"].items()
     assert (one.number(), two.number(), three.integer()) == (1.0, -2.5, 72057594037929701)
     assert isinstance(one.number(), float)
+    assert [value.integer() for value in _json.load(write(tmp_path, "[3.0, 1e3, 9007199254740991.0]")).items()] == [
+        3,
+        1000,
+        9007199254740991,
+    ]
     assert [row.numbers(2) for row in document["b"].items()] == [[1, 2], [3, 4]]
     assert "a" in document
     assert "c" not in document
@@ -37,7 +42,9 @@ def test_no_ordinary_number(tmp_path: Path, text: str) -> None:
         _json.load(write(tmp_path, text)).number()
 
 
-@pytest.mark.parametrize("text", ["true", "1.0", "-1", '"-1"', '"1.0"', '"²"', '""', "9223372036854775808"])
+@pytest.mark.parametrize(
+    "text", ["true", "1.5", "9007199254740992.0", "-1.0", "-1", '"-1"', '"1.0"', '"²"', '""', "9223372036854775808"]
+)
 def test_no_whole_number(tmp_path: Path, text: str) -> None:
     with pytest.raises(SkeletonLogError, match="expected a whole number, 0 or more"):
         _json.load(write(tmp_path, text)).integer()

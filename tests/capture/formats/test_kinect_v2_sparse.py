@@ -67,18 +67,33 @@ def test_a_line_that_does_not_fit_is_refused(tmp_path, old, new, message):
         kinect_v2_sparse.read(_write(tmp_path, TAKE.replace(old, new, 1)), ReadOptions())
 
 
-def test_a_file_cut_anywhere_within_a_frame_seems_cut_off(tmp_path):
-    whole = {TAKE.index("1032"): 1, TAKE.index("1064"): 2, len(TAKE): 3}
-    whole |= {length - 1: frames for length, frames in whole.items()}  # only the last newline is missing
-    log = tmp_path / "raw.txt"
+def test_a_file_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path):
+    lines = {0: 1, TAKE.index("1032"): 10, TAKE.index("1064"): 13}  # where frames begin
+    [whole] = kinect_v2_sparse.read(_write(tmp_path, TAKE), ReadOptions())
+    ends = [*lines, len(TAKE)][1:]
     for length in range(1, len(TAKE) + 1):
-        log.write_text(TAKE[:length])
-        if length in whole:
+        log = _write(tmp_path, TAKE[:length])
+        frames = sum(length >= end - 1 for end in ends)  # of the last one, the newline may be missing
+        begun = max(start for start in lines if start < length)
+        is_whole = length in ends or length + 1 in ends
+        if frames:
             [clip] = kinect_v2_sparse.read(log, ReadOptions())
-            assert len(clip.times) == whole[length]
+            note = (
+                f"The file ends in the middle of the frame that begins in line {lines[begun]}. This frame is omitted."
+            )
+            assert clip.notes == (() if is_whole else (note,)), length
+            np.testing.assert_array_equal(clip.times, whole.times[:frames])
+            np.testing.assert_array_equal(clip.positions, whole.positions[:frames])
         else:
             with pytest.raises(SkeletonLogError, match=r"The file seems cut off: delete .*, or record again\."):
                 kinect_v2_sparse.read(log, ReadOptions())
+
+
+def test_rotations_which_are_not_used_may_be_anything(tmp_path, assert_same_frames):
+    [whole] = kinect_v2_sparse.read(_write(tmp_path, TAKE), ReadOptions())
+    [clip] = kinect_v2_sparse.read(_write(tmp_path, TAKE.replace("22 0 0 0 0", "22 nan -inf 0 0")), ReadOptions())
+    assert_same_frames(clip, whole)
+    assert clip.notes == ()
 
 
 def test_a_log_without_a_tracked_frame_is_refused(tmp_path):

@@ -69,11 +69,24 @@ def test_an_incomplete_last_frame_seems_cut_off(tmp_path):
     assert "cut off: delete line 21 and all after it" in caught.value.fix
 
 
-def test_a_log_cut_in_mid_line_says_how_to_mend_it(tmp_path):
-    log = _write(tmp_path, WORLD, WORLD, end="")
+def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_frame(tmp_path, assert_same_frames):
+    [expected] = msr_action3d.read(_write(tmp_path, WORLD, WORLD), ReadOptions())
+    whole = _write(tmp_path, WORLD, WORLD, 2 * WORLD).read_text()
+    lines = whole.splitlines(keepends=True)
+    log = tmp_path / "cut.txt"
+    for line in range(40, 60):
+        log.write_text("".join(lines[:line]) + lines[line][:20])
+        [clip] = msr_action3d.read(log, ReadOptions())
+        assert_same_frames(clip, expected)
+        note = "The file ends in the middle of the frame that begins in line 41. This frame is omitted."
+        assert clip.notes == (NO_CLOCK, note)
+
+
+def test_a_log_cut_within_its_first_frame_is_refused(tmp_path):
+    log = _write(tmp_path, WORLD, end="")
     log.write_text(log.read_text()[:-20])
     with pytest.raises(
-        SkeletonLogError, match=r"line 40: found the end of the file after 3 columns.*4 columns.*delete"
+        SkeletonLogError, match=r"line 20: found the end of the file after 3 columns.*4 columns.*delete"
     ):
         msr_action3d.read(log, ReadOptions())
 

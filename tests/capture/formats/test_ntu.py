@@ -84,14 +84,11 @@ def broken(line: int, text: str | None) -> list[str]:
 @pytest.mark.parametrize(
     ("lines", "place", "message"),
     [
-        (broken(1, "3"), "line 30", "the number of bodies in frame 2"),
-        (broken(1, "999999999"), "line 30", "end of the file"),
-        (broken(1, "1"), "line 3", "after the frames that line 1 counts"),
         (broken(1, "two"), "line 1", "'two'"),
         (broken(1, "-1"), "line 1", "'-1'"),
         (broken(3, "2"), "line 30", "a body"),
         (broken(3, "999999999"), "line 30", "a body"),
-        (broken(3, "0"), "line 4", "more lines"),
+        (broken(3, "0"), "line 4", "the number of bodies in frame 2, a whole number"),
         (broken(4, "7 0 1 1 1 1 0 0.02 -0.11"), "line 4", "10 columns (body id"),
         (broken(4, "7.5 0 1 1 1 1 0 0.02 -0.11 2"), "line 4", "body id '7.5'"),
         (broken(4, "9" * 400 + " 0 1 1 1 1 0 0.02 -0.11 2"), "line 4", "a finite number"),
@@ -102,7 +99,7 @@ def broken(line: int, text: str | None) -> list[str]:
         (broken(8, joint_row(2, 1, 1).replace("0.02", "x", 1)), "line 8", "'x' in column 1"),
         (broken(8, "1 2 3"), "line 8", "3 columns; expected 12 columns"),
         (broken(20, None), "line 19", "joint 14 of 25"),
-        (broken(2, None), "line 1", "the number of bodies in frame 0"),
+        (broken(2, None), "take.skeleton", "no frame with a tracked performer"),
         (take([], []), "take.skeleton", "no frame with a tracked performer"),
         (take([body_lines(7, 0, states=dict.fromkeys(range(25), 0))]), "take.skeleton", "no frame with a tracked"),
     ],
@@ -114,6 +111,52 @@ def test_what_does_not_fit_is_refused_with_its_place(
         ntu.read(write(tmp_path, lines), ReadOptions())
     assert caught.value.where.endswith(place)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("stated", [0, 1, 3, 999_999_999])
+def test_a_wrong_frame_count_is_noted_and_all_frames_are_read(tmp_path: Path, assert_same_frames, stated: int) -> None:
+    lines = take([body_lines(7, 0)], [body_lines(7, 1)])
+    (whole,) = ntu.read(write(tmp_path, lines), ReadOptions())
+    (clip,) = ntu.read(write(tmp_path, [str(stated), *lines[1:]]), ReadOptions())
+    assert_same_frames(clip, whole)
+    note = f"The stated frame count is {stated} and the real one is 2. All whole frames are read."
+    assert clip.notes == (*whole.notes, note)
+
+
+def test_a_take_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path: Path, assert_same_frames) -> None:
+    begun = take([body_lines(7, 0)], [body_lines(7, 1), body_lines(8, 1)])
+    first = "\n".join(take([body_lines(7, 0)])) + "\n"
+    text = "\n".join(begun) + "\n"
+    path = tmp_path / "take.skeleton"
+    path.write_text(first)
+    (expected,) = ntu.read(path, ReadOptions())
+    cut = "The file ends in the middle of the frame that begins in line 30. This frame is omitted."
+    count = "The stated frame count is 2 and the real one is 1. All whole frames are read."
+    for length in range(len(first) + 1, len(text) - 1, 7):
+        path.write_text(text[:length])
+        (clip,) = ntu.read(path, ReadOptions())
+        assert_same_frames(clip, expected)
+        assert clip.notes == (*expected.notes, cut, count), length
+    for length in (len(text) - 1, len(text)):
+        path.write_text(text[:length])
+        assert [len(clip.times) for clip in ntu.read(path, ReadOptions())] == [2, 1]
+
+
+def test_a_take_cut_within_its_first_body_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "take.skeleton"
+    path.write_text("\n".join(take([], [body_lines(7, 1)]))[:-20])
+    with pytest.raises(SkeletonLogError, match="line 30: found the end of the file after"):
+        ntu.read(path, ReadOptions())
+
+
+def test_what_is_not_used_may_be_infinite(tmp_path: Path, assert_same_frames) -> None:
+    lines = take([body_lines(7, 0)])
+    (whole,) = ntu.read(write(tmp_path, lines), ReadOptions())
+    odd = [line.replace("260.5 210.5", "-Infinity nan").replace("0.02 -0.11", "nan nan") for line in lines]
+    assert odd != lines
+    (clip,) = ntu.read(write(tmp_path, odd), ReadOptions())
+    assert_same_frames(clip, whole)
+    assert clip.notes == whole.notes
 
 
 def test_recognises_its_own_and_nothing_else(real_data: Path) -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.formats._rows import WHOLE_FRAME, RowLayout, confidence_of, head_lines, read_lines
+from capture.formats._rows import WHOLE_FRAME, CutOffError, RowLayout, confidence_of, head_lines, read_lines
 from puppetline.errors import SkeletonLogError
 
 TRIPLE = RowLayout(3, "x y z")
@@ -52,8 +52,36 @@ def test_an_empty_field_between_commas_is_refused():
         COMMA.numbers("log.csv", (1, "1,,3\n"))
 
 
+@pytest.mark.parametrize("text", ["1", "1 2", "1 -", "1 EN", "1 2 -", "1 2 1e", "1 2 1e-", "1 2 +."])
+def test_a_last_line_that_the_file_ends_within_is_left_out_with_a_note(text):
+    whole = [(1, "1 2 3\n"), (2, "4 5 6\n")]
+    assert TRIPLE.whole([*whole, (7, text)]) == (
+        whole,
+        ("The file ends in the middle of line 7. This frame is omitted.",),
+    )
+
+
+@pytest.mark.parametrize("text", ["1 2\n", "1 2 3", "1 x 3", "1 2 3 4", "1 2 3 -", "1 2 nan"])
+def test_other_last_lines_are_left_for_the_reader_to_judge(text):
+    lines = [(1, "1 2 3\n"), (7, text)]
+    assert TRIPLE.whole(lines) == (lines, ())
+
+
+def test_a_line_without_a_whole_one_before_it_is_left_for_the_reader_to_judge():
+    assert TRIPLE.whole([(1, "1 2")]) == ([(1, "1 2")], ())
+    assert TRIPLE.whole([]) == ([], ())
+
+
+def test_columns_that_are_not_used_may_be_infinite_but_must_be_numbers():
+    layout = RowLayout(3, "x y z", unused=(1,))
+    assert layout.numbers("log.txt", (7, "1 -Infinity 3\n")) == [1.0, -np.inf, 3.0]
+    for text, column in (("nan 2 3\n", 1), ("1 x 3\n", 2), ("1 inf inf\n", 3)):
+        with pytest.raises(SkeletonLogError, match=f"in column {column}; expected a finite number"):
+            layout.numbers("log.txt", (7, text))
+
+
 def test_a_line_that_ends_with_the_file_too_early_seems_cut_off():
-    with pytest.raises(SkeletonLogError) as caught:
+    with pytest.raises(CutOffError) as caught:
         TRIPLE.numbers("log.txt", (7, "1 2"))
     assert caught.value.where == "log.txt, line 7"
     assert caught.value.found == "the end of the file after 2 columns"

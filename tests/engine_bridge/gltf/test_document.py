@@ -277,9 +277,54 @@ def test_an_absolute_path_to_a_buffer_is_refused(tmp_path):
     assert "which is not a file beside it" in refused(write_gltf(tmp_path / "folder" / "a.gltf", content)).found
 
 
-def test_a_data_uri_that_is_no_base64_is_refused(tmp_path):
-    content = description(buffers=[{"byteLength": 1, "uri": "data:;base64,*"}])
+@pytest.mark.parametrize("digits", ["*", "A", "YWJj*", "YW=Jj"])
+def test_a_data_uri_that_is_no_base64_is_refused(tmp_path, digits):
+    content = description(buffers=[{"byteLength": 1, "uri": f"data:;base64,{digits}"}])
     assert "a data URI that is not base64" in refused(write_gltf(tmp_path / "a.gltf", content)).found
+
+
+@pytest.mark.parametrize("digits", ["YWJjZA==", "YWJjZA", "YWJj\r\n  ZA==\n", "YWJjZA="])
+def test_a_data_uri_may_have_line_breaks_and_lack_padding(tmp_path, digits):
+    content = description(buffers=[{"byteLength": 4, "uri": f"data:;base64,{digits}"}])
+    document = Document.load(write_gltf(tmp_path / "a.gltf", content))
+    assert (bytes(document.blob), document.notes) == (b"abcd", [])
+
+
+@pytest.mark.parametrize("version", ["2", "2.0", "2.1"])
+def test_any_gltf_of_version_2_is_read(tmp_path, version):
+    content = {"asset": {"version": version}}
+    assert Document.load(write_gltf(tmp_path / "a.gltf", content)).gltf["asset"]["version"] == version
+
+
+@pytest.mark.parametrize("version", ["1.0", "20", "3", "", "two"])
+def test_any_other_gltf_is_refused(tmp_path, version):
+    error = refused(write_gltf(tmp_path / "a.gltf", {"asset": {"version": version}}))
+    assert (error.where, error.found) == (f"{tmp_path / 'a.gltf'}, asset.version", f"glTF {version}")
+
+
+def test_properties_that_are_null_are_absent_but_in_extras_and_what_is_not_known(tetrahedron, tmp_path):
+    content, binary = unpack(tetrahedron)
+    kept = {"extras": {"name": None}, "own": None, "extensions": {"OTHER": {"name": None}}}
+    content["nodes"][0].update(kept)
+    (tmp_path / "a.glb").write_bytes(pack(content, binary))
+    content["nodes"][0].update(skin=None, children=None)
+    content["meshes"][0]["primitives"][0].update(targets=None, name=None)
+    content.update(animations=None, skins=None)
+    (tmp_path / "b.glb").write_bytes(pack(content, binary))
+    whole, document = Document.load(tmp_path / "a.glb"), Document.load(tmp_path / "b.glb")
+    assert document.gltf == whole.gltf
+    assert {name: document.gltf["nodes"][0][name] for name in kept} == kept
+    assert document.notes == [
+        "Properties that are null are read as absent: animations, children, name, skin, skins, targets."
+    ]
+    assert whole.notes == []
+
+
+def test_what_is_needed_may_not_be_null(tetrahedron, tmp_path):
+    content, binary = unpack(tetrahedron)
+    content["accessors"][0]["count"] = None
+    (tmp_path / "a.glb").write_bytes(pack(content, binary))
+    assert refused(tmp_path / "a.glb").found == "a description that is not glTF (accessors[0].count: Field required)"
 
 
 @pytest.mark.parametrize("text", [b"{", b"{}", b"{" * 100_000, b'{"a":' * 100_000, b'{"buffers": 3}', b"{\xff}"])
@@ -393,14 +438,18 @@ def test_white_takes_the_place_of_a_picture_that_is_missing(tmp_path):
 
 
 @pytest.mark.parametrize("uri", ["../secret.png", "%2e%2e/secret.png", "..\\secret.png", "/etc/passwd", "x" * 5000])
-def test_a_picture_elsewhere_is_refused(tmp_path, uri):
+def test_white_takes_the_place_of_a_picture_elsewhere(tmp_path, uri):
     folder = tmp_path / "inner"
     folder.mkdir()
     (tmp_path / "secret.png").write_bytes(b"\x89PNG")
     (folder / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": uri}]}))
-    with pytest.raises(MeshError) as error:
-        Document.load(folder / "a.gltf")
-    assert repr(uri) in error.value.found
+    document = Document.load(folder / "a.gltf")
+    picture = Image.open(io.BytesIO(picture_of(document)))
+    assert (picture.size, picture.getpixel((0, 0))) == ((1, 1), (255, 255, 255))
+    assert document.gltf["images"] == [{"mimeType": "image/png", "bufferView": 0}]
+    assert document.notes == [
+        f"The picture {uri[:60]!r} is not a file in the folder of the glTF: white takes its place."
+    ]
 
 
 def test_a_file_that_many_buffers_and_pictures_name_is_taken_in_once(tmp_path):
@@ -425,14 +474,14 @@ def test_each_buffer_of_a_shared_file_has_to_have_its_bytes(tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with names are Unix's")
-@pytest.mark.parametrize("table", ["buffers", "images"])
-def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path, table):
+def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.bin")
-    entry = {"uri": "pipe.bin", "byteLength": 1}
-    assert (
-        "which is not a file beside it"
-        in refused(write_gltf(tmp_path / "a.gltf", description(**{table: [entry]}))).found
-    )
+    buffer = description(buffers=[{"uri": "pipe.bin", "byteLength": 1}])
+    assert "which is not a file beside it" in refused(write_gltf(tmp_path / "a.gltf", buffer)).found
+    document = Document.load(write_gltf(tmp_path / "a.gltf", description(images=[{"uri": "pipe.bin"}])))
+    assert document.notes == [
+        "The picture 'pipe.bin' is not a file in the folder of the glTF: white takes its place.",
+    ]
 
 
 @pytest.mark.parametrize("value", [b"1e999", b'"\\ud800"', b"-1e999"])

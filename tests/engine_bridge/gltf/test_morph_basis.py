@@ -46,7 +46,7 @@ def with_targets(clip, raw, tmp_path_factory):
     return make
 
 
-@pytest.mark.parametrize("count", [1, 2, 4, 7])
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
 def test_a_limit_to_the_targets_is_kept_and_the_error_is_the_one_that_follows(with_targets, moved, clip, count):
     summary, positions = with_targets(count)
     assert summary.targets == count
@@ -55,16 +55,16 @@ def test_a_limit_to_the_targets_is_kept_and_the_error_is_the_one_that_follows(wi
 
 
 def test_more_targets_are_closer(with_targets):
-    errors = [with_targets(count)[0].error for count in range(1, 13)]
+    errors = [with_targets(count)[0].error for count in range(2, 14)]
     assert all(b < a for a, b in pairwise(errors))
     assert errors[-1] < 1e-3 * errors[0]
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 9])
 def test_no_basis_of_that_size_is_closer_in_the_least_squares_sense(with_targets, moved, clip, count):
-    """By Eckart and Young: what the SVD of all displacements leaves is the least that can be left."""
+    """By Eckart and Young, for one direction fewer than there are targets: the last target makes up for the signs."""
     displacements = (moved - clip.rig.mesh.vertices).reshape(len(moved), -1)
-    least = np.sqrt((np.linalg.svd(displacements, compute_uv=False)[count:] ** 2).sum())
+    least = np.sqrt((np.linalg.svd(displacements, compute_uv=False)[count - 1 :] ** 2).sum())
     _, positions = with_targets(count)
     order = np.unique(clip.rig.mesh.of_render, return_index=True)[1]
     left = np.linalg.norm(positions[:, order] - moved)
@@ -81,10 +81,25 @@ def test_the_fewest_targets_within_the_tolerance_are_taken(with_targets, moved, 
     assert with_targets(summary.targets - 1)[0].error > tolerance
 
 
-def test_each_targets_largest_weight_is_one(clip):
+def test_no_weight_is_negative_and_each_targets_largest_is_one(clip):
     binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     basis = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
-    np.testing.assert_allclose(np.abs(basis.weights).max(axis=0), 1, rtol=1e-6)
+    assert basis.weights.min() == 0
+    np.testing.assert_array_equal(basis.weights.max(axis=0), 1)
+
+
+def test_a_reach_leaves_room_for_motion_that_goes_as_far_in_every_direction(clip):
+    """The clip's own coordinates are at most 1, so with a reach of 2 its weights are from 0 to 3/4."""
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    tight = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
+    roomy = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4, reach=2.0)
+    np.testing.assert_array_equal(roomy.directions, tight.directions)
+    assert roomy.weights.min() == 0
+    assert roomy.weights.max() <= 0.75 + 1e-6
+    for basis in (tight, roomy):
+        moved = np.tensordot(basis.weights.astype(np.float64), basis.unit_weights.targets(basis.directions), axes=1)
+        left = clip.frames[:] - clip.rig.model.rest_controls - moved
+        assert binding.farthest(left)[0].max() == pytest.approx(basis.error, rel=1e-6)
 
 
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):

@@ -11,9 +11,14 @@ from hypothesis.extra.numpy import arrays
 from pygltflib import GLTF2
 from scipy.spatial.transform import Rotation
 
+from capture.formats import read_log
+from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
+from capture.timeline import choose, resample
 from engine_bridge.bake import bake
 from engine_bridge.gltf.document import Document
-from engine_bridge.live.live_basis import EXTRAS, LiveBasis
+from engine_bridge.gltf.unit_weights import UnitWeights
+from engine_bridge.live.live_basis import EXTRAS, REACH, LiveBasis
+from engine_bridge.performance import Performance
 from engine_bridge.rig import load_rig
 from puppetline.errors import PuppetError
 from solver.reduced_model import position_matrix
@@ -70,32 +75,52 @@ def test_the_names_are_the_files_own_in_its_order(baked, basis):
 
 
 def test_the_rest_pose_is_no_weight_at_all(baked, basis):
-    weights = basis.weights(baked.rig.model.rest_controls)
+    weights, residual, limited = basis.project(baked.rig.model.rest_controls)
     np.testing.assert_allclose(weights, 0, atol=1e-12)
-    assert basis.residual(baked.rig.model.rest_controls, weights) < 1e-12
+    assert residual < 1e-12
+    assert not limited
 
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_weights_of_a_pose_that_the_targets_span_come_back(data, baked, basis, directions):
-    model, width = baked.rig.model, len(basis.names)
-    mixed = data.draw(arrays(np.float32, width, elements=st.floats(-2, 2, width=32)))
+def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_baked_motion_ends(data, baked, basis, directions):
+    model = baked.rig.model
+    mixed = data.draw(arrays(np.float32, len(directions), elements=st.floats(-1, 1, width=32)))
     R = model.rest_controls + np.tensordot(mixed.astype(np.float64), directions, axes=1)
     # and whatever moves no vertex changes nothing
     R += model.null_space @ data.draw(arrays(np.float64, (1, 3), elements=st.floats(-5, 5))).repeat(len(R), axis=0)
-    weights = basis.weights(R)
+    weights, residual, limited = basis.project(R)
     assert weights.dtype == np.float32
-    np.testing.assert_allclose(weights, mixed, rtol=1e-6, atol=1e-6)
-    assert basis.residual(R, weights) < 1e-6
+    expected = UnitWeights.within(np.full(len(directions), REACH)).weights(mixed[None])[0]
+    np.testing.assert_allclose(weights, expected, rtol=1e-6, atol=1e-6)
+    assert residual < 1e-6
+    assert not limited
 
 
-def test_no_other_weights_are_nearer_to_a_pose(baked, basis):
-    """By least squares over all vertices, with the targets that the file holds."""
-    random = np.random.default_rng(3)
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions):
+    """Each coordinate is limited by itself, so what is within range is not changed by what is not."""
+    mixed = data.draw(arrays(np.float64, len(directions), elements=st.floats(-1e9, 1e9)))
+    R = baked.rig.model.rest_controls + np.tensordot(mixed, directions, axes=1)
+    weights, _, limited = basis.project(R)
+    assert 0 <= weights.min() <= weights.max() <= 1
+    coordinates = (2 * weights[:-1].astype(np.float64) - weights[-1]) * REACH
+    size = np.abs(mixed)
+    expected = np.sign(mixed) * np.where(size <= 1, size, 1 + (REACH - 1) * np.tanh((size - 1) / (REACH - 1)))
+    np.testing.assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
+    assert limited == (size.max() > REACH) or size.max() == pytest.approx(REACH, rel=1e-5)
+
+
+def test_no_other_weights_are_nearer_to_a_pose_within_range(baked, basis):
+    """By least squares over all vertices with the targets that the file holds, of which one is a sum of the others."""
+    random, rest = np.random.default_rng(3), baked.rig.model.rest_controls
+    targets = baked.targets.reshape(-1, len(basis.names))
     for _ in range(5):
-        R = baked.rig.model.rest_controls + random.normal(scale=0.05, size=baked.rig.model.rest_controls.shape)
-        best = np.linalg.lstsq(baked.targets.reshape(-1, len(basis.names)), baked.moved(R).ravel(), rcond=None)[0]
-        np.testing.assert_allclose(basis.weights(R), best, rtol=1e-4, atol=1e-5 * np.abs(best).max())
+        moved = random.normal(size=rest.shape)
+        best = np.linalg.lstsq(targets, baked.moved(rest + moved).ravel(), rcond=1e-5)[0]
+        R = rest + moved / (4 * REACH * np.ptp(best))  # no coordinate is farther than 1
+        assert basis.project(R).residual == pytest.approx(baked.left(R, best / (4 * REACH * np.ptp(best))), rel=1e-4)
 
 
 @pytest.mark.parametrize("size", [1e-4, 0.01, 1.0])
@@ -103,8 +128,8 @@ def test_the_residual_is_the_root_mean_square_over_all_vertices(baked, basis, si
     random = np.random.default_rng(4)
     for _ in range(5):
         R = baked.rig.model.rest_controls + random.normal(scale=size, size=baked.rig.model.rest_controls.shape)
-        for weights in (basis.weights(R), random.normal(size=len(basis.names)).astype(np.float32)):
-            assert basis.residual(R, weights) == pytest.approx(baked.left(R, weights), rel=1e-4)
+        projection = basis.project(R)
+        assert projection.residual == pytest.approx(baked.left(R, projection.weights), rel=1e-4)
 
 
 def test_a_rigid_motion_leaves_what_it_leaves(baked, basis):
@@ -114,25 +139,24 @@ def test_a_rigid_motion_leaves_what_it_leaves(baked, basis):
     R = np.tile(np.vstack([turn, [0.1, 0.0, -0.2]]), (len(model.rest_controls) // 4, 1))
     rest = model.to_model(baked.rig.mesh.vertices)
     np.testing.assert_allclose(baked.W @ R, rest @ turn + [0.1, 0.0, -0.2], atol=1e-6)
-    weights = basis.weights(R)
-    assert basis.residual(R, weights) == pytest.approx(baked.left(R, weights), rel=1e-4)
-    assert basis.residual(R, weights) > 0.01
+    projection = basis.project(R)
+    assert projection.residual == pytest.approx(baked.left(R, projection.weights), rel=1e-4)
+    assert projection.residual > 0.01
 
 
 def test_float32_poses_and_those_that_do_not_lie_in_one_piece_are_the_same(baked, basis):
     R = baked.rig.model.rest_controls + np.random.default_rng(5).normal(size=baked.rig.model.rest_controls.shape)
-    weights = basis.weights(R)
-    scattered = np.asfortranarray(R)
-    np.testing.assert_array_equal(basis.weights(scattered), weights)
-    assert basis.residual(scattered, weights) == basis.residual(R, weights)
+    projection, scattered = basis.project(R), basis.project(np.asfortranarray(R))
+    np.testing.assert_array_equal(scattered.weights, projection.weights)
+    assert scattered.residual == projection.residual
     single = R.astype(np.float32)
-    np.testing.assert_array_equal(basis.weights(single), basis.weights(single.astype(np.float64)))
+    np.testing.assert_array_equal(basis.project(single).weights, basis.project(single.astype(np.float64)).weights)
 
 
 def test_the_pose_is_left_as_it_was(baked, basis):
     R = baked.rig.model.rest_controls + 0.1
     before = R.copy()
-    basis.residual(R, basis.weights(R))
+    basis.project(R)
     np.testing.assert_array_equal(R, before)
 
 
@@ -140,11 +164,7 @@ def test_arrays_of_other_shapes_are_refused(baked, basis):
     R = baked.rig.model.rest_controls
     for wrong in (R[:-4], R[:, :2], R.ravel()):
         with pytest.raises(ValueError, match="control variables"):
-            basis.weights(wrong)
-        with pytest.raises(ValueError, match="control variables"):
-            basis.residual(wrong, basis.weights(R))
-    with pytest.raises(ValueError, match="weights of"):
-        basis.residual(R, basis.weights(R)[:-1])
+            basis.project(wrong)
 
 
 def plain(new_glb, folder, vertices, faces):
@@ -165,7 +185,8 @@ def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weigh
     R = baked.rig.model.rest_controls + np.random.default_rng(6).normal(
         scale=0.02, size=baked.rig.model.rest_controls.shape
     )
-    np.testing.assert_allclose(LiveBasis.load(baked.path, rig).weights(R), basis.weights(R), rtol=1e-3, atol=1e-4)
+    other = LiveBasis.load(baked.path, rig).project(R)
+    np.testing.assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("change", [[1.0, 1.02, 1.0], [1.01, 1.01, 1.01], [-1.0, 1.0, 1.0]])
@@ -221,6 +242,8 @@ def with_extras(path, into, extras):
         lambda carried: carried | {"directions": 0},  # the mesh's positions
         lambda carried: carried | {"directions": 2},  # its indices
         lambda carried: {"directions": carried["directions"]},
+        lambda carried: carried | {"reach": 0.0},
+        lambda carried: carried | {"reach": "far"},
         lambda carried: carried | {"lengths": []},
         lambda carried: carried | {"lengths": carried["lengths"][:-1]},
         lambda carried: carried | {"lengths": [0.0 for _ in carried["lengths"]]},
@@ -238,6 +261,15 @@ def test_damaged_extras_are_refused_with_their_place_and_the_command_that_mends_
         LiveBasis.load(path, baked.rig)
 
 
+def test_a_basis_whose_weights_are_not_limited_is_refused_as_one_of_an_earlier_version(baked, tmp_path):
+    def without_reach(extras):
+        return {EXTRAS: {key: value for key, value in extras[EXTRAS].items() if key != "reach"}}
+
+    path = with_extras(baked.path, tmp_path / "a.glb", without_reach)
+    with pytest.raises(PuppetError, match=r"a\.glb.*an earlier version.*puppetline bake"):
+        LiveBasis.load(path, baked.rig)
+
+
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["directions", "lengths"]), inner),
@@ -251,3 +283,35 @@ def test_whatever_else_stands_in_the_extras_is_refused(baked, tmp_path, extras):
     path = with_extras(baked.path, tmp_path / "a.glb", lambda _: extras)
     with pytest.raises(PuppetError, match="puppetline bake"):
         LiveBasis.load(path, baked.rig)
+
+
+def weights_of(rig, basis, positions):
+    """Perform joints (F, 20, 3) at 30 frames a second and yield each frame's projection."""
+    performance = Performance(rig.puppet, rig.mesh, rig.model, positions[0])
+    sure = np.ones(len(JOINTS), dtype=np.float32)
+    for number, joints in enumerate(positions):
+        yield basis.project(performance.step(SkeletonFrame(number / 30, 1, joints, sure)).R)
+
+
+def test_joints_at_random_take_no_weight_out_of_its_range(baked, basis, standing):
+    """A basis of one gentle recording, and joints that jump up to 5 m a frame, one of them 1e6 m away."""
+    random = np.random.default_rng(7)
+    positions = np.concatenate([standing[None], standing + random.uniform(-5, 5, (1000, *standing.shape))])
+    positions[500, JOINT_INDEX["hand_left"]] = [1e6, -1e6, 1e6]
+    shown = list(weights_of(baked.rig, basis, positions))
+    weights = np.array([each.weights for each in shown])
+    assert 0 <= weights.min() <= weights.max() <= 1
+    assert sum(each.limited for each in shown) > 500
+
+
+@pytest.mark.slow
+def test_an_hour_of_recordings_takes_no_weight_out_of_its_range(baked, basis, real_logs):
+    recordings = [read_log(path) for path in sorted(real_logs.glob("utkinect/joints_*.txt"))]
+    clips = [resample(choose(log)[0], 30.0).positions for log in recordings]
+    lowest, highest, frames = 1.0, 0.0, 0
+    while frames < 3600 * 30:
+        for positions in clips:
+            for each in weights_of(baked.rig, basis, positions):
+                lowest, highest = min(lowest, each.weights.min()), max(highest, each.weights.max())
+            frames += len(positions)
+    assert 0 <= lowest <= highest <= 1

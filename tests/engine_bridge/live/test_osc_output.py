@@ -8,6 +8,7 @@ from pythonosc.osc_message import OscMessage
 
 from capture.skeleton import JOINTS
 from engine_bridge.live.frame import Frame, StreamedCharacter
+from engine_bridge.live.live_basis import Projection
 from engine_bridge.live.osc_output import CHUNK, KINDS, SLACK, OscOutput, OscTarget, part_names
 from puppetline.errors import ServiceError
 
@@ -15,11 +16,8 @@ from puppetline.errors import ServiceError
 class Basis:
     names = ("a", "b")
 
-    def weights(self, R):
-        return np.array([0.5, -1], dtype=np.float32)
-
-    def residual(self, R, weights):
-        return 0.125
+    def project(self, R):
+        return Projection(np.array([0.5, 1], dtype=np.float32), 0.125, False)
 
 
 class Clock:
@@ -117,7 +115,7 @@ def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, rece
     out.offer(frame_of(dog))
     out.send_due()
     assert messages(receiver) == [
-        ("/puppetline/dog/morphs", [0.5, -1]),
+        ("/puppetline/dog/morphs", [0.5, 1]),
         ("/puppetline/dog/residual", [0.125]),
         ("/puppetline/dog/root", [1, 2, 3]),
     ]

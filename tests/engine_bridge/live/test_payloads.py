@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from engine_bridge.live import payloads
 from engine_bridge.live.frame import Frame, StreamedCharacter
+from engine_bridge.live.live_basis import Projection
 from engine_bridge.live.payloads import decode, encode
 from engine_bridge.live.quantisation import STEPS
 from engine_bridge.live.scene import Scene
@@ -24,11 +25,8 @@ class Basis:
 
     names = ("a", "b", "c")
 
-    def weights(self, R):
-        return np.array([0.5, -1, 2], dtype=np.float32)
-
-    def residual(self, R, weights):
-        return 0.125
+    def project(self, R):
+        return Projection(np.array([0.5, 0, 1], dtype=np.float32), 0.125, False)
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +158,7 @@ def test_joints_carry_their_confidence_and_handles_the_root(frame):
 
 def test_morphs_are_a_residual_and_weights(frame):
     weights, residual = decode(message(frame, Kind.MORPHS)).body
-    np.testing.assert_array_equal(weights, [0.5, -1, 2])
+    np.testing.assert_array_equal(weights, [0.5, 0, 1])
     assert residual == 0.125
 
 

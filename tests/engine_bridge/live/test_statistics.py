@@ -11,7 +11,7 @@ from engine_bridge.live import statistics
 from engine_bridge.live.statistics import CAPACITY, WINDOW, Statistics
 
 STAGE = {"name": "kinect", "source": "osc:7110", "dropped": 2, "refused": {"short": 3}, "users": [], "recording": None}
-DOG = {"name": "dog", "performer": 1, "state": "performing", "residual": 0.25}
+DOG = {"name": "dog", "performer": 1, "state": "performing", "residual": 0.25, "limited": 0}
 CLIENTS = {"connected": 1, "refused": 0, "limit": 64}
 SENT = {"messages": 10, "bytes": 4000}
 OSC = [{"target": "127.0.0.1:9000", "sent": 1, "skipped": 0, "failed": 0}]

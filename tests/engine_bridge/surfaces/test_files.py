@@ -6,7 +6,6 @@ import pytest
 from PIL import Image
 
 from engine_bridge.surfaces.files import Folder
-from puppetline.errors import MeshError
 
 PIXELS = np.random.default_rng(7).integers(0, 256, (6, 5, 4), dtype=np.uint8)
 
@@ -63,20 +62,28 @@ def test_a_path_of_another_computer_stands_for_the_file_of_that_name_here(folder
         "/etc/passwd",
         "textures/../../secret.png",
         "..\\secret.png",
-        "a" * 5000,
-        "a\0b",
     ],
 )
-def test_a_path_that_leaves_the_folder_is_refused(folder, here, name):
-    with pytest.raises(MeshError, match="which is not in the mesh's folder") as error:
-        folder.picture(name, here, "a.mtl, line 3")
-    assert error.value.where == "a.mtl, line 3"
+def test_what_a_path_that_leaves_the_folder_leads_to_is_not_read(folder, here, name):
+    assert folder.picture(name, here, "a.mtl, line 3") is None
+    last = name.replace("\\", "/").rpartition("/")[2]
+    assert folder.notes == [
+        f"a.mtl, line 3: {name!r} is outside of the mesh's folder and is not read. Copy {last!r} beside the mesh."
+    ]
 
 
-def test_a_link_that_leaves_the_folder_is_refused(folder, here):
+@pytest.mark.parametrize("name", ["a" * 5000, "a\0b"])
+def test_what_is_no_name_of_a_file_is_told_of(folder, here, name):
+    assert folder.picture(name, here, "a.mtl, line 3") is None
+    assert folder.notes == [f"a.mtl, line 3: {name[:60]!r} is no file name. It is omitted."]
+
+
+def test_what_a_link_that_leaves_the_folder_leads_to_is_not_read(folder, here):
     (here / "skin.png").symlink_to("../secret.png")
-    with pytest.raises(MeshError, match="which is not in the mesh's folder"):
-        folder.picture("skin.png", here, "a.mtl, line 3")
+    assert folder.picture("skin.png", here, "a.mtl, line 3") is None
+    assert folder.notes == [
+        "a.mtl, line 3: 'skin.png' is outside of the mesh's folder and is not read. Copy 'skin.png' beside the mesh."
+    ]
 
 
 def test_a_file_that_is_not_there_is_told_of(folder, here):

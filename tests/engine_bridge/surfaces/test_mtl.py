@@ -5,7 +5,6 @@ from PIL import Image
 from engine_bridge.surfaces import mtl
 from engine_bridge.surfaces.files import Folder
 from engine_bridge.surfaces.surface import Material
-from puppetline.errors import MeshError
 
 
 @pytest.fixture
@@ -135,10 +134,13 @@ def test_lines_that_are_no_numbers_are_told_of(read):
     assert notes == ["a.mtl: 2 lines not understood, the first is line 3."]
 
 
-def test_a_path_that_leaves_the_folder_is_refused_with_its_line(read, tmp_path):
-    with pytest.raises(MeshError) as error:
-        read("Kd 1 1 1\nmap_Kd ../../etc/passwd")
-    assert error.value.where == f"{tmp_path / 'a.mtl'}, line 4"
+def test_a_path_that_leaves_the_folder_is_told_of_with_its_line(read, tmp_path):
+    material, notes = read("Kd 1 0 1\nmap_Kd ../../etc/passwd")
+    assert (material.base_color, material.texture) == ((1, 0, 1, 1), None)
+    assert notes == [
+        f"{tmp_path / 'a.mtl'}, line 4: '../../etc/passwd' is outside of the mesh's folder and is not read."
+        " Copy 'passwd' beside the mesh."
+    ]
 
 
 def test_materials_share_a_picture_that_both_name(tmp_path):

@@ -123,12 +123,15 @@ def test_isolated_vertices_are_kept_once_where_there_are_several_groups(read):
     assert (len(only(with_normals).positions), with_normals.notes) == (4, ["1 vertex in no face left out."])
 
 
-def test_a_material_file_that_is_missing_is_told_of_and_one_elsewhere_refused(read):
+def test_a_material_file_that_is_missing_or_elsewhere_is_told_of(read, tmp_path):
     surface = read(f"mtllib none.mtl\nmtllib none.mtl\n{SQUARE}usemtl a\nf 1 2 3\n")
     assert surface.notes == ["'none.mtl' is not there.", "1 material not described: 'a'."]
-    with pytest.raises(MeshError) as error:
-        read(f"{SQUARE}mtllib /etc/hosts.mtl\nf 1 2 3\n")
-    assert error.value.where.endswith("a.obj, line 5")
+    elsewhere = read(f"{SQUARE}mtllib /etc/hosts.mtl\nf 1 2 3\n")
+    assert elsewhere.notes == [
+        f"{tmp_path / 'a.obj'}, line 5: '/etc/hosts.mtl' is outside of the mesh's folder and is not read."
+        " Copy 'hosts.mtl' beside the mesh."
+    ]
+    np.testing.assert_array_equal(only(elsewhere).positions, only(read(f"{SQUARE}f 1 2 3\n")).positions)
 
 
 def test_a_piece_without_texture_coordinates_has_no_picture(read, written, real_data):
@@ -173,7 +176,7 @@ def test_what_is_no_polygon_is_told_of(read):
         ("v 1 x 0", "'1 x 0'"), ("v 1 2", "'1 2'"), ("v", "''"), ("v 1 2 inf", "'1 2 inf'"),
         ("v 1 1 1e99", "'1 1 1e99'"),
         ("f 1 2 zwei", "'1 2 zwei'"), ("f 0 1 2", "vertex 0 of 4"), ("f 1 2 5", "vertex 5 of 4"),
-        ("f 1 2 -5", "vertex -5 of 4"), ("f 1 2 3/2", "texture coordinate 2 of 1"), ("f 1 2 3//-2", "normal -2 of 1"),
+        ("f 1 2 -5", "vertex -5 of 4"),
         ("f 1/1/1/1 2 3", "'1/1/1/1 2 3'"), ("f 1 2 /1", "vertex 0 of 4"), ("f 1 2 1_0", "'1 2 1_0'"),
         ("f 1 2 99999999999999999999", "'1 2 99999999999999999999'"), ("vt x", "'x'"), ("vn 1 2", "'1 2'"),
     ],
@@ -183,6 +186,22 @@ def test_a_line_that_cannot_be_read_is_named(read, line, found):
         read(f"{SQUARE}vt 0 \\\n0\nvn 0 0 1\nf 1 2 3\n{line}\n")
     assert error.value.where.endswith("a.obj, line 9")
     assert error.value.found == found
+
+
+@pytest.mark.parametrize("face", ["f 1/1/1 3/2/1 4/1/1", "f 1/1/1 3/-2/1 4/1/1", f"f 1/1/1 3/{10**17}/1 4/1/1"])
+def test_a_face_that_names_a_texture_coordinate_that_is_not_there_has_none(read, face):
+    surface = read(f"{SQUARE}vt 0.5 0.5\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n{face}\n")
+    whole = read(f"{SQUARE}vt 0.5 0.5\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\n")
+    for piece, expected in zip(surface.pieces, whole.pieces, strict=True):
+        for name in ("positions", "triangles", "normals", "uvs"):
+            np.testing.assert_array_equal(getattr(piece, name), getattr(expected, name))
+    assert surface.notes == ["The faces name texture coordinates or normals that the file does not have."]
+    assert whole.notes == []
+
+
+def test_a_face_that_names_a_normal_that_is_not_there_has_none(read):
+    (piece,) = read(f"{SQUARE}vn 0 0 1\nf 1//1 2//1 3//2\n").pieces
+    assert (piece.triangles.tolist(), piece.normals) == ([[0, 1, 2]], None)
 
 
 @pytest.mark.parametrize(

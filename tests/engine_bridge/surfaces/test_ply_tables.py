@@ -96,7 +96,7 @@ def told(written, content):
 @pytest.mark.parametrize(
     ("line", "text"),
     [
-        (2, "format ebcdic 1.0"), (2, "format ascii"), (3, "element vertex many"), (3, "element vertex -1"),
+        (2, "format ebcdic 1.0"), (2, "format"), (3, "element vertex many"), (3, "element vertex -1"),
         (3, "element vertex"), (3, f"element vertex {'9' * 40}"), (3, "property int x"),
         (4, "property list float int x"), (4, "property int"), (4, "say what"),
     ],
@@ -105,6 +105,12 @@ def test_a_header_line_that_does_not_fit_is_named(written, line, text):
     lines = ["ply", "format ascii 1.0", "element vertex 1", "property float x", "end_header", "1", ""]
     lines[line - 1] = text
     assert told(written, "\n".join(lines)) == (f", line {line}", repr(text[:60]))
+
+
+@pytest.mark.parametrize("version", ["", " 1.0", " 1.1", " 1.0 "])
+def test_the_format_may_have_any_version_or_none(written, version):
+    table, _ = read(written, f"ply\nformat ascii{version}\nelement a 2\nproperty int x\nend_header\n5\n7\n")
+    assert table["a"]["x"].values.tolist() == [5, 7]
 
 
 def test_a_type_that_is_not_known_is_named(written):

@@ -67,29 +67,49 @@ def test_a_facet_that_is_nowhere_is_named(cube, written, bad):
 
 
 @pytest.mark.parametrize(
-    ("line", "instead", "found"),
+    ("line", "instead", "where", "found"),
     [
-        (4, "vertex 0 0", "'0 0'"),
-        (4, "vertex 0 0 nan", "'0 0 nan'"),
-        (4, "vortex 0 0 0", "'vortex 0 0 0'"),
-        (4, "", "a facet of 2 vertices"),
-        (6, "facet normal 0 0 0", "'facet normal 0 0 0'"),
+        (4, "vertex 0 0", 4, "'0 0'"),
+        (4, "vertex 0 0 nan", 4, "'0 0 nan'"),
+        (4, "vortex 0 0 0", 7, "a facet of 2 vertices"),
+        (4, "", 7, "a facet of 2 vertices"),
+        (2, "fact normal 0 0 0", 3, "'outer loop'"),
+        (6, "facet normal 0 0 0", 6, "'facet normal 0 0 0'"),
     ],
 )
-def test_a_line_that_does_not_fit_is_named(cube, written, line, instead, found):
+def test_a_line_that_does_not_fit_is_named(cube, written, line, instead, where, found):
     lines = text(cube).split("\n")
     lines[line - 1] = instead
     with pytest.raises(MeshError) as error:
         read(written("a.stl", "\n".join(lines)))
     assert error.value.found == found
-    assert error.value.where.endswith(f"line {line if instead else 7}")
+    assert error.value.where.endswith(f"line {where}")
 
 
 def test_a_text_that_is_cut_off_is_refused(cube, written):
     whole = text(cube)
-    for end in (whole.rindex("endsolid"), whole.rindex("endloop"), whole.index("outer")):
+    for end in (whole.rindex("endfacet"), whole.rindex("endloop"), whole.rindex("vertex"), whole.index("outer")):
         with pytest.raises(MeshError, match="the end of the file within a solid"):
             read(written("a.stl", whole[:end]))
+
+
+def test_a_text_that_ends_after_a_facet_is_read_with_a_note(cube, written):
+    whole = text(cube)
+    note = "The file ends without 'endsolid': facets may be missing."
+    for end in (whole.rindex("endsolid"), whole.rindex("endsolid") - 1):
+        surface = read(written("a.stl", whole[:end]))
+        np.testing.assert_array_equal(surface.pieces[0].positions, cube.vertices[cube.triangles].reshape(-1, 3))
+        assert (surface.pieces[0].name, surface.notes) == ("a cube", [note])
+
+
+def test_lines_that_are_none_of_the_format_are_left_out_with_a_note(cube, written):
+    whole = text(cube)
+    odd = whole.replace("  endfacet\n", "  endfacet\n  color 1 0 0\n", 2).replace("solid a", "; by hand\nsolid a", 1)
+    odd = "solid a cube\n# by hand\n" + odd.split("\n", 2)[2] + "made by nobody\n"
+    surface = read(written("a.stl", odd))
+    (piece,) = surface.pieces
+    np.testing.assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
+    assert surface.notes == ["4 lines not understood and left out, the first is line 2."]
 
 
 def test_a_text_without_facets_is_refused(written):

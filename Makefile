@@ -63,7 +63,7 @@ format: setup ## Rewrite the code in the project's style
 bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--data FOLDER" with the Armadillo)
 	$(BIN)/python -m benchmarks.performance $(BENCH)
 
-# there is a Blender module for Python 3.11 alone, and it is of 900 MB: it has an environment to itself
+# Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
 peers: .venv-blender/.required ## Install the outside programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund
 

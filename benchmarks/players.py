@@ -27,6 +27,9 @@ PEERS = ROOT / "tests" / "peers"
 BLENDER = ROOT / ".venv-blender"
 """An environment with bpy, where `make peers` finds the Python that bpy is for."""
 
+ASSIMP = {(5, 1), (5, 2)}
+"""Versions of assimp whose structures its player knows."""
+
 Floats = NDArray[np.float64]
 
 
@@ -58,9 +61,18 @@ def commands() -> dict[str, list[str | Path] | None]:
         "Blender": [BLENDER / "bin" / "python", PEERS / "play_blender.py"] if bpy else None,
         "three.js": [node, PEERS / "play.mjs"] if modules else None,
         "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
-        "assimp": [sys.executable, PEERS / "play_assimp.py"] if ctypes.util.find_library("assimp") else None,
+        "assimp": [sys.executable, PEERS / "play_assimp.py"] if _assimp_is_known() else None,
         "Godot": [godot, "--headless", "--path", PEERS / "godot", "--script", "play.gd", "--"] if godot else None,
     }
+
+
+def _assimp_is_known() -> bool:
+    """Whether the C library of assimp is here, in a version whose structures the player knows."""
+    name = ctypes.util.find_library("assimp")
+    if name is None:
+        return False
+    library = ctypes.CDLL(name)
+    return (library.aiGetVersionMajor(), library.aiGetVersionMinor()) in ASSIMP
 
 
 def play(command: list[str | Path], file: Path, count: int, base: Path, *more: str) -> Shown:
@@ -80,7 +92,10 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
     report = json.loads(told.read_text(encoding="utf-8"))
     floats = np.fromfile(base.with_name(f"{base.name}.bin"), dtype="<f4")
     document = Document.load(file)
-    used, numbers = vertices_used(document), {node.get("name"): index for index, node in enumerate(document.gltf["nodes"])}
+    used, numbers = (
+        vertices_used(document),
+        {node.get("name"): index for index, node in enumerate(document.gltf["nodes"])},
+    )
     meshes = {}
     for mesh in report["meshes"]:
         if isinstance(mesh["node"], str):

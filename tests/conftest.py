@@ -129,7 +129,7 @@ NEEDED = {
     "three.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
     "Babylon.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
     "Godot": ("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)"),
-    "assimp": ("assimp", "assimp is not here (Debian: libassimp5)"),
+    "assimp": ("assimp", "assimp 5.1 or 5.2 is not here (Debian 12: libassimp5)"),
 }
 """What each program's tests need, and why they are skipped without it."""
 

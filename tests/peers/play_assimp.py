@@ -3,7 +3,7 @@
 Assimp reads files and plays none. Everything here is computed from what its C library gives: nodes, channels, morph
 weights and bones, by assimp's own conventions (an anim mesh holds whole positions; a bone's matrix is its node's world
 transform times its offset matrix), with straight lines between keys and quaternions turned along the shortest arc. The
-structures are those of versions 5.1 to 5.3; others are refused. Output is as that of play.mjs.
+structures are those of versions 5.1 and 5.2; later ones have more fields and are refused. Output is that of play.mjs.
 """
 
 import ctypes
@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-DIFFUSE, BASE_COLOR = 1, 12
-"""Kinds of textures; the base colour's is both in a glTF."""
+VERSIONS = {(5, 1), (5, 2)}
+BASE_COLOR = 12
+"""Kind of a texture."""
 
 
 class Text(Structure):
@@ -262,7 +263,9 @@ class Player:
             if name in self.morphs:
                 weights = between(*self.morphs[name], ticks, straight)
             else:
-                weights = [anim.weight for anim in each(self.meshes[mesh].anim_meshes_count, self.meshes[mesh].anim_meshes)]
+                weights = [
+                    anim.weight for anim in each(self.meshes[mesh].anim_meshes_count, self.meshes[mesh].anim_meshes)
+                ]
             local = local + np.tensordot(weights, self.moves[mesh], axes=1)
         padded = np.column_stack([local, np.ones(len(local))])
         if not self.bones[mesh]:
@@ -286,7 +289,7 @@ def main():
     file, count, base = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     library = ctypes.CDLL(ctypes.util.find_library("assimp") or "libassimp.so.5")
     version = library.aiGetVersionMajor(), library.aiGetVersionMinor()
-    if not (5, 1) <= version <= (5, 3):
+    if version not in VERSIONS:
         raise SystemExit(f"assimp {version[0]}.{version[1]} lays out its structures in ways that are not known here")
     library.aiImportFile.restype, library.aiGetErrorString.restype = POINTER(Scene), c_char_p
     library.aiGetMaterialColor.argtypes = [c_void_p, c_char_p, c_uint, c_uint, c_void_p]

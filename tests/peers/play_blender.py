@@ -1,10 +1,10 @@
 """play_blender.py FILE N OUTBASE [FPS]: import a .glb into Blender as a user does, play it and write what it shows.
 
-Runs in an environment with bpy (make peers). Nothing is touched between the import and the play: no track is unmuted, no
-action is assigned. The N times are evenly spaced from 0 to the end of the active action. OUTBASE.bin holds little-endian
-float32: for each mesh object (N, V, 3) world positions in glTF's axes. OUTBASE.json holds the times, the meshes (object
-name, mesh name, node in the file, count V, start of the block in floats, materials, shape keys) and how the scene is set
-up. FPS is the scene's frame rate before the import, 30 if it is not given.
+Runs in an environment with bpy (make peers). Nothing is touched between the import and the play: no track is unmuted,
+no action is assigned. The N times are evenly spaced from 0 to the end of the active action. OUTBASE.bin holds
+little-endian float32: for each mesh object (N, V, 3) world positions in glTF's axes. OUTBASE.json holds the times, the
+meshes (object name, mesh name, node in the file, count V, start of the block in floats, materials, shape keys) and how
+the scene is set up. FPS is the scene's frame rate before the import, 30 if it is not given.
 """
 
 import json
@@ -24,10 +24,6 @@ class NoteNodes:
     def gather_import_node_after_hook(self, vnode, _node, thing, _gltf):
         if thing.type == "MESH":
             thing["node"] = vnode.mesh_node_idx
-
-
-def fcurves(action):
-    return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
 
 
 def owners():
@@ -152,12 +148,12 @@ def main():
         "version": bpy.app.version_string,
         "fps": scene.render.fps / scene.render.fps_base,
         "range": [scene.frame_start, scene.frame_end],
-        "actions": {
-            action.name: {"frames": list(action.frame_range), "curves": len(fcurves(action))} for action in bpy.data.actions
-        },
+        "actions": {action.name: {"frames": list(action.frame_range)} for action in bpy.data.actions},
         "animated": moved,
         "objects": [thing.name for thing in objects],
-        "bones": {thing.name: [bone.name for bone in thing.data.bones] for thing in objects if thing.type == "ARMATURE"},
+        "bones": {
+            thing.name: [bone.name for bone in thing.data.bones] for thing in objects if thing.type == "ARMATURE"
+        },
     }
     Path(f"{base}.json").write_text(json.dumps(report), encoding="utf-8")
 

@@ -218,24 +218,28 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     (..., h, 3) float64
     """
     out = np.empty(moved.shape)
-    stack = (math.prod(moved.shape[:-2]), *moved.shape[-2:])  # which is not to be inferred where there is no handle
-    _limit(np.ascontiguousarray(moved, dtype=np.float64).reshape(stack), reach, out.reshape(stack))
+    frames = math.prod(moved.shape[:-2]), *moved.shape[-2:]
+    _limit(np.ascontiguousarray(moved, dtype=np.float64).reshape(frames), reach, out.reshape(frames))
     return out
+
+
+@numba.njit(cache=True, nogil=True)
+def levelled_off(ratio):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return a distance in units of the reach, 0 or more, after the soft limit: at most 1 (`soft_limit`)."""
+    room = 1 - LIMIT_KNEE
+    return ratio if ratio <= LIMIT_KNEE else LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)
 
 
 @numba.njit(cache=True, nogil=True)
 def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Limit (k, h, 3) motions."""
-    room = 1 - LIMIT_KNEE
     for k in range(len(moved)):
         for h in range(len(reach)):
             square = 0.0
             for axis in range(3):
                 square += (moved[k, h, axis] / reach[h, axis, 0 if moved[k, h, axis] < 0 else 1]) ** 2
             ratio = np.sqrt(square)
-            scale = 1.0
-            if ratio > LIMIT_KNEE:
-                scale = (LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)) / ratio
+            scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE else 1.0
             for axis in range(3):
                 out[k, h, axis] = moved[k, h, axis] * scale
 

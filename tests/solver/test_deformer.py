@@ -254,7 +254,7 @@ def test_no_iteration_of_clusters_raises_the_energy(bound, creature, creature_mo
     ]
     assert np.all(np.diff(energies) < 1e-9 * np.abs(energies[0]))
     moves = np.abs(np.diff(energies))
-    assert moves[-1] < 1e-3 * moves[0]
+    assert moves[-1] < 1e-2 * moves[0]
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -586,7 +586,7 @@ def test_a_turn_of_all_bones_is_followed_frame_by_frame(bound, creature, creatur
         motions = np.tile(np.vstack([turn(5, degrees), np.zeros(3)]), (6, 1, 1))
         found = surface(creature_model, creature, deformer.solve(NO_HANDLES, motions))
         expected = creature.vertices @ turn(5, degrees)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * creature.diagonal)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
 
 
 def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
@@ -608,7 +608,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     each = turns[model.cluster]
     bending = np.diag(mass**-0.5) @ L @ W
     bent = mass[:, None] ** -0.5 * np.einsum("vi,vij->vj", L @ rest, each)
-    i, j = np.nonzero(L - np.diag(np.diag(L)))
+    i, j = np.nonzero(np.maximum(L - np.diag(np.diag(L)), 0))
     root = np.sqrt(EDGES * np.trace(bending.T @ bending) / (2 * np.trace(-W.T @ L @ W)) * L[i, j])[:, None]
     edges, stretched = root * (W[i] - W[j]), root * np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
     scale = np.sum(bending**2) + np.sum(edges**2)

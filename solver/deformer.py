@@ -76,7 +76,7 @@ class Deformer:
     Raises
     ------
     MeshError
-        A surface so broken that its energy has no minimum.
+        A surface so broken that its energy has no minimum, or bones that hold nothing of it where there is no handle.
     """
 
     def __init__(
@@ -108,6 +108,13 @@ class Deformer:
         }[self._mode]
         scale = np.trace(A)
         regions = bone_regions(mesh, self.bones)
+        if not len(handles) and not regions.held.any():
+            raise MeshError(
+                mesh.name,
+                found="bones that hold no part of the surface",
+                expected="bones inside the character",
+                fix="Move the points of the limbs into the mesh.",
+            )
         held = bone_terms(model, mesh, regions, len(self.bones), scale)
         stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
         pin = scale / len(A)

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import solve as solve_dense
 from scipy.spatial.transform import Rotation
 
+from puppetline.errors import MeshError
 from solver import fields, lanes, polar, rotations
 from solver.binding import Binding
 from solver.bone_terms import BONE_STIFFNESS, PRIOR
@@ -751,3 +752,11 @@ def test_where_there_are_bones_rotations_are_those_of_clusters(bound, creature_h
         given = motions if options else None
         deformer, other = bound(creature_handles, **options), bound(creature_handles, **options, mode=mode)
         np.testing.assert_array_equal(deformer.solve(deformer.handles, given), other.solve(deformer.handles, given))
+
+
+def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(bound, creature_handles):
+    away = Bones(np.array([[50.0, 0.0, 0.0]]), np.array([[60.0, 0.0, 0.0]]), np.array([-1]))
+    with pytest.raises(MeshError, match="bones that hold no part of the surface; expected bones inside the character"):
+        bound(NO_HANDLES, bones=away)
+    deformer = bound(creature_handles, bones=away)
+    np.testing.assert_allclose(deformer.solve(deformer.handles), deformer.model.rest_controls, rtol=0, atol=1e-6)

@@ -1,5 +1,7 @@
 """Bones and the surface that belongs to each."""
 
+from itertools import pairwise
+
 import igl
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ def chains(*limbs):
     """Bones of limbs: (parent, points) each, parent a number of a bone."""
     heads, tails, parents = [], [], []
     for parent, points in limbs:
-        for k, (head, tail) in enumerate(zip(points[:-1], points[1:], strict=True)):
+        for k, (head, tail) in enumerate(pairwise(points)):
             parents.append(parent if k == 0 else len(heads) - 1)
             heads.append(head)
             tails.append(tail)
@@ -153,7 +155,7 @@ def test_rays_meet_what_is_nearest_round_the_bone():
     tubes = []
     for size in (1.0, 2.0):
         ring = size * np.array([[1, 0, 1], [1, 0, -1], [-1, 0, -1], [-1, 0, 1.0]])
-        tubes.append(np.concatenate([ring, ring + [0, 4, 0]]))
+        tubes.append(np.concatenate([ring, ring + np.array([0, 4, 0])]))
     quads = [[a, (a + 1) % 4, (a + 1) % 4 + 4, a + 4] for a in range(4)]
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     v, f = np.concatenate(tubes), np.concatenate([faces, faces + 8])
@@ -208,7 +210,7 @@ def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
 def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():
     """A long box whose vertices are all at its ends and its elbow."""
     ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
-    v = np.concatenate([ring, ring + [10, 0, 0], ring + [20, 0, 0]])
+    v = np.concatenate([ring, ring + np.array([10, 0, 0]), ring + np.array([20, 0, 0])])
     quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in (0, 4) for a in range(4)]
     quads += [[3, 2, 1, 0], [8, 9, 10, 11]]
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import solve as solve_dense
 from scipy.spatial.transform import Rotation
 
+from puppetline.errors import MeshError
 from solver import fields, lanes, polar, rotations
 from solver.binding import Binding
 from solver.bone_terms import BONE_STIFFNESS, PRIOR
@@ -254,7 +255,7 @@ def test_no_iteration_of_clusters_raises_the_energy(bound, creature, creature_mo
     ]
     assert np.all(np.diff(energies) < 1e-9 * np.abs(energies[0]))
     moves = np.abs(np.diff(energies))
-    assert moves[-1] < 1e-3 * moves[0]
+    assert moves[-1] < 1e-2 * moves[0]
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -586,7 +587,7 @@ def test_a_turn_of_all_bones_is_followed_frame_by_frame(bound, creature, creatur
         motions = np.tile(np.vstack([turn(5, degrees), np.zeros(3)]), (6, 1, 1))
         found = surface(creature_model, creature, deformer.solve(NO_HANDLES, motions))
         expected = creature.vertices @ turn(5, degrees)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=2e-3 * creature.diagonal)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
 
 
 def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
@@ -608,7 +609,7 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     each = turns[model.cluster]
     bending = np.diag(mass**-0.5) @ L @ W
     bent = mass[:, None] ** -0.5 * np.einsum("vi,vij->vj", L @ rest, each)
-    i, j = np.nonzero(L - np.diag(np.diag(L)))
+    i, j = np.nonzero(np.maximum(L - np.diag(np.diag(L)), 0))
     root = np.sqrt(EDGES * np.trace(bending.T @ bending) / (2 * np.trace(-W.T @ L @ W)) * L[i, j])[:, None]
     edges, stretched = root * (W[i] - W[j]), root * np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
     scale = np.sum(bending**2) + np.sum(edges**2)
@@ -751,3 +752,11 @@ def test_where_there_are_bones_rotations_are_those_of_clusters(bound, creature_h
         given = motions if options else None
         deformer, other = bound(creature_handles, **options), bound(creature_handles, **options, mode=mode)
         np.testing.assert_array_equal(deformer.solve(deformer.handles, given), other.solve(deformer.handles, given))
+
+
+def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(bound, creature_handles):
+    away = Bones(np.array([[50.0, 0.0, 0.0]]), np.array([[60.0, 0.0, 0.0]]), np.array([-1]))
+    with pytest.raises(MeshError, match="bones that hold no part of the surface; expected bones inside the character"):
+        bound(NO_HANDLES, bones=away)
+    deformer = bound(creature_handles, bones=away)
+    np.testing.assert_allclose(deformer.solve(deformer.handles), deformer.model.rest_controls, rtol=0, atol=1e-6)

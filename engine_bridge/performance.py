@@ -18,8 +18,8 @@ from solver.mesh import SolverMesh, snap
 from solver.reduced_model import ReducedModel
 
 OFF_THE_MESH = 0.1
-"""Distance from the surface, as a share of the diagonal, beyond which a handle, or a limb's point outside the character,
-is a mistake."""
+"""Distance from the surface, as a share of the diagonal, beyond which a handle is a mistake, and a limb's point that is
+outside the character."""
 
 INSIDE = 0.5
 """Absolute value of the winding number from which a point is inside."""

@@ -156,10 +156,12 @@ class RootTable(Table):
 
 
 class RetargetTable(Table):
-    """[retarget]: mirror, and the character's metres for one of the performer's."""
+    """[retarget]: mirror, the character's metres for one of the performer's, and what its arms do otherwise."""
 
     mirror: StrictBool = False
     scale: Scale = "auto"
+    arm_space: Annotated[Number, Field(ge=-90, le=90)] = 0.0
+    hands_meet: StrictBool = True
 
 
 class SmoothingTable(Table):

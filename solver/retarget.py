@@ -218,11 +218,8 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     (..., h, 3) float64
     """
     out = np.empty(moved.shape)
-    _limit(
-        np.ascontiguousarray(moved, dtype=np.float64).reshape(-1, *reach.shape[:2]),
-        reach,
-        out.reshape(-1, *reach.shape[:2]),
-    )
+    stack = (math.prod(moved.shape[:-2]), *moved.shape[-2:])  # which is not to be inferred where there is no handle
+    _limit(np.ascontiguousarray(moved, dtype=np.float64).reshape(stack), reach, out.reshape(stack))
     return out
 
 

@@ -18,7 +18,23 @@ SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 """A word in the name of a joint: `LeftForeArm`, `upper_arm.L`, `J_Bip_R_LowerLeg`."""
 
-DECORATION = {"mixamorig", "def", "b", "j", "cc", "base", "bip", "valve", "biped", "bn", "jnt", "joint", "bone", "bend"}
+DECORATION = {
+    "mixamorig",
+    "def",
+    "b",
+    "c",
+    "j",
+    "cc",
+    "base",
+    "bip",
+    "valve",
+    "biped",
+    "bn",
+    "jnt",
+    "joint",
+    "bone",
+    "bend",
+}
 """Words that programs put before or after a joint's own name."""
 
 CONTROLS = {

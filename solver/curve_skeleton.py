@@ -116,7 +116,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
     for i in range(len(cells)):
         if values[i] < distance[cells[i]]:
             distance[cells[i]] = values[i]
-            heapq.heappush(waiting, (values[i], cells[i]))  # type: ignore[misc]
+            heapq.heappush(waiting, (values[i], cells[i]))
     while True:
         reached, cell = heapq.heappop(waiting)
         if cell < 0:
@@ -127,7 +127,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
             further = reached + lengths[j]
             if further < distance[neighbours[j]]:
                 distance[neighbours[j]] = further
-                heapq.heappush(waiting, (further, np.int64(neighbours[j])))  # type: ignore[misc]
+                heapq.heappush(waiting, (further, np.int64(neighbours[j])))
 
 
 @numba.njit(cache=True, nogil=True)

@@ -135,7 +135,8 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
     left, right = (np.array([leg.at(leg.length - way) for way in inwards]) for leg in legs)
     depth = np.mean([np.interp(leg.length - inwards, leg.along, leg.depth) for leg in legs], axis=0)
     apart = np.linalg.norm(left - right, axis=1) / 2 / depth
-    parted, clear = (float(inwards[int(np.argmax(apart > share * HIPS))]) for share in (1, 2))
+    thighs = inwards < 0.6 * inwards[-1]
+    parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, 2))
     hips = [leg.length - parted for leg in legs]
     ankles = [_ankle(leg, way) for leg, way in zip(legs, hips, strict=True)]
     knees = _between(legs, ankles, hips, THIGH)

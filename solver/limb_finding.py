@@ -73,7 +73,7 @@ LONG_NECK = 0.3
 
 HIDDEN = 1.5
 """Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
-LONG_LEGS = 0.9
+LONG_LEGS = 0.75
 """Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
 HIP_HEIGHT = 0.63
 """Height of the hips as a share of that of the shoulders."""

@@ -61,10 +61,11 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     """
     faces, volume = _outside_out(vertices, faces, components)
     low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    size = float(max((volume / CELLS) ** (1 / 3), extent.max() / MOST_ALONG))
-    counts = (
-        2 * np.ceil(extent / (2 * size)).astype(int) + 2
-    )  # even, and around the middle: a mirror image has its mirror image
+    longest = float(extent.max())
+    # a whole number of cells: rounding errors of the volume must not move them
+    size = longest / min(round(longest / (volume / CELLS) ** (1 / 3)), MOST_ALONG)
+    # even, and around the middle: what mirrors itself has cells that do
+    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2
     origin = low + extent / 2 - size * (counts - 1) / 2
     winding = np.zeros(counts)
     for axis in range(3):

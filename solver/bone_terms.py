@@ -63,6 +63,8 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, coun
     affine = np.tile(np.eye(4), (unknowns // 4, 1))  # W of it is [X 1]
     for bone in range(count):
         held = regions.of(bone)
+        if not len(held):
+            continue
         W = position_matrix(
             model.to_model(mesh.vertices[held]), model.ladder[held].astype(np.float64), model.weights, model.isolines
         )

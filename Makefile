@@ -1,7 +1,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 OUT ?= out
-GDSCRIPT := integrations/godot tests/integrations/godot benchmarks
+GDSCRIPT := integrations/godot tests/integrations/godot tests/peers/godot benchmarks
 
 # a machine where Python may not keep what it has compiled would compile it anew for every process that a test starts
 unexport PYTHONDONTWRITEBYTECODE
@@ -20,8 +20,9 @@ INSTALL := bin/pip install --quiet --disable-pip-version-check --no-compile
 
 .venv/.required: requirements.txt
 .venv-camera/.required: requirements-camera.txt
+.venv-blender/.required: requirements-blender.txt
 
-.venv/.required .venv-camera/.required: %/.required: requirements-pip.txt
+.venv/.required .venv-camera/.required .venv-blender/.required: %/.required: requirements-pip.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Puppetline needs Python 3.11 or newer; call make PYTHON=python3.11 …")'
 	$(PYTHON) -m venv $*
 	$*/$(INSTALL) --require-hashes -r requirements-pip.txt
@@ -64,7 +65,8 @@ format: setup ## Rewrite the code in the project's style
 bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--data FOLDER" with the Armadillo)
 	$(BIN)/python -m benchmarks.performance $(BENCH)
 
-peers: ## Install the outside programs that some tests compare with (needs npm)
+# Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
+peers: .venv-blender/.required ## Install the outside programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -73,7 +75,8 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --
 lock: ## Pin the newest versions of all dependencies (needs uv)
 	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
 	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements-camera.txt
+	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
 	echo pip | $(COMPILE) - -o requirements-pip.txt
 
 clean: ## Remove the environment and everything made
-	rm -rf .venv .venv-camera $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-camera .venv-blender $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -189,11 +189,18 @@ def _describe_form(summary: "Summary") -> str:
     "--map",
     "maps",
     multiple=True,
-    metavar="HANDLE=JOINT[,JOINT]",
-    help="The joint that moves a handle, or several to average; can be repeated.",
+    metavar="NAME=JOINT[,JOINT]",
+    help="The joint that moves a handle, or several to average; for a limb one for each point; can be repeated.",
 )
-@click.option("--up", type=AXIS, help="The mesh's own axis that points up.  [default: by its shape]")
-@click.option("--front", type=AXIS, help="The axis that it faces along.  [default: by its shape]")
+@click.option(
+    "--limb",
+    "ends",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="Where a limb ends that was not found, or named wrongly; can be repeated.",
+)
+@click.option("--up", type=AXIS, help="The mesh's own axis that points up.  [default: by its skeleton or shape]")
+@click.option("--front", type=AXIS, help="The axis that it faces along.  [default: by its skeleton or shape]")
 @click.option(
     "--scale",
     type=Finite(0, min_open=True),
@@ -208,6 +215,7 @@ def new(
     output: Path,
     handles: tuple[str, ...],
     maps: tuple[str, ...],
+    ends: tuple[str, ...],
     up: "Direction | None",
     front: "Direction | None",
     scale: float | None,
@@ -215,7 +223,7 @@ def new(
     preview: Path | None,
     force: bool,
 ) -> None:
-    """Propose a puppet file for a MESH: handles at its extremities, and joints to move them."""
+    """Propose a puppet file for a MESH: its limbs, or handles where it has none, and joints to move them."""
     from engine_bridge import portrait, proposal, puppet
     from engine_bridge.files import check_writable
 
@@ -230,6 +238,7 @@ def new(
         output,
         handles=_pairs("--handle", handles),
         maps=_pairs("--map", maps),
+        ends=_pairs("--limb", ends),
         up=up,
         front=front,
         scale=scale,
@@ -238,9 +247,17 @@ def new(
     made = proposed.puppet
     puppet.dump(made, output)
     portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
-    click.echo(f"{output}: {len(made.handle)} handles, shown in {picture}")
+    counts = {"limbs": len(made.limb), "handles": len(made.handle)}
+    listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    click.echo(f"{output}: {listed}, shown in {picture}")
     for reason in proposed.assumed:
         click.echo(f"  assumed: {reason}")
+    for note in proposed.notes:
+        click.echo(f"  unclear: {note}")
+    for limb in made.limb:
+        gain = f" × {limb.gain:g}" if limb.gain != 1 else ""
+        joints = ", ".join(" + ".join(dict.fromkeys(joints)) for joints in limb.driven_by)
+        click.echo(f"  {limb.name:16} ({limb.follow})  ←  {joints}{gain}")
     for handle in made.handle:
         place = ", ".join(f"{value:.4g}" for value in handle.position)
         gain = f" × {handle.gain:g}" if handle.gain != 1 else ""

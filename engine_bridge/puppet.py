@@ -156,10 +156,12 @@ class RootTable(Table):
 
 
 class RetargetTable(Table):
-    """[retarget]: mirror, and the character's metres for one of the performer's."""
+    """[retarget]: mirror, the character's metres for one of the performer's, and what its arms do otherwise."""
 
     mirror: StrictBool = False
     scale: Scale = "auto"
+    arm_space: Annotated[Number, Field(ge=-90, le=90)] = 0.0
+    hands_meet: StrictBool = True
 
 
 class SmoothingTable(Table):
@@ -466,13 +468,17 @@ def dumps(puppet: Puppet) -> str:
                 table = tomlkit.table()
                 table.update({key: _as_list(value) for key, value in each.items()})
                 document[name].append(table)
-    for name in ("root", "retarget", "smoothing", "solver"):
-        table = getattr(puppet, name)
-        if table is not None and (name in values or name == "root"):
-            document[name] = (
-                {"joint": table.joint, "axes": table.axes} | values[name] if name == "root" else values[name]
-            )
+    if puppet.root is not None:
+        document["root"] = root_values(puppet.root)
+    for name in ("retarget", "smoothing", "solver"):
+        if name in values:
+            document[name] = values[name]
     return tomlkit.dumps(document)
+
+
+def root_values(root: RootTable) -> dict[str, Any]:
+    """Return what a file says of a root: joint and axes always, since the table stands for itself."""
+    return {"joint": root.joint, "axes": root.axes} | root.model_dump(exclude_defaults=True)
 
 
 def _as_list(value: Any) -> Any:

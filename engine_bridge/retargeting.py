@@ -5,6 +5,7 @@ the directions of the performer's (`solver.limb_motion`). For the handles a fram
 scaled to the character (`solver.retarget`); a character's trunk carries its handles.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,7 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet import Puppet, axis_mask
+from solver.arms import Arm, Arms
 from solver.bones import Bones
 from solver.deformer import Deformer
 from solver.feet import Feet, Leg
@@ -78,6 +80,7 @@ class Retargeting:
         self.root_scale = _root_scale(puppet, mesh, rest, legs, deformer.bones)
         self._feet = Feet(deformer.bones, legs, self.root_scale, self._basis) if legs else None
         self._limbs = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
+        self._arms = arms_of(puppet, deformer.bones, rest)
         calibration = self._rest
         if self._limbs.trunk is not None:
             at_rest = LimbMotion(puppet.limbs, PERFORMER, self._rest, self._basis, turns=puppet.turns)
@@ -99,6 +102,8 @@ class Retargeting:
             moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
         motions = self._limbs.step(frame.time, positions, confidence)
+        if self._arms is not None:
+            self._arms.step(frame.time, positions, confidence, motions, self._limbs.heading)
         trunk = self._limbs.trunk
         if trunk is None:
             targets = self._retargeter.step(frame.time, positions - moved, confidence)
@@ -117,6 +122,7 @@ class Retargeting:
             "filter": self._filter.memory,
             "handles": self._retargeter.memory,
             "limbs": self._limbs.memory,
+            "arms": {} if self._arms is None else self._arms.memory,
             "feet": {} if self._feet is None else self._feet.memory,
             "root": self._root_return.memory,
             "with_root": self._with_root,
@@ -127,6 +133,8 @@ class Retargeting:
         self._filter.memory = memory["filter"]
         self._retargeter.memory = memory["handles"]
         self._limbs.memory = memory["limbs"]
+        if self._arms is not None:
+            self._arms.memory = memory["arms"]
         if self._feet is not None:
             self._feet.memory = memory["feet"]
         self._root_return.memory = memory["root"]
@@ -172,8 +180,8 @@ def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArra
     """
     mapping = puppet.mapping
     if puppet.units_a_metre is not None or not puppet.handle:
-        count = len(puppet.handle)
-        return Fit(np.full(count, puppet.units_a_metre or 1.0), np.full((count, 3, 2), np.inf))
+        count, units = len(puppet.handle), puppet.units_a_metre or 1.0
+        return Fit(np.full(count, units), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
     reach = limb_reach(deformer, mesh, limbs)[of_handle]
@@ -220,14 +228,60 @@ def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
 
 def _leg(puppet: Puppet, side: str) -> Leg | None:
     """Find the bones that point where a performer's thigh and shin do, and the one after them."""
-    chain = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in ("hip", "knee", "ankle"))
-    first = 0
+    found = _chain(puppet, "hip", "knee", "ankle", side)
+    if found is None:
+        return None
+    thigh, last, _ = found
+    return Leg(thigh, thigh + 1, thigh + 2 if last > thigh + 1 else -1, JOINT_INDEX[f"ankle_{side}"])
+
+
+def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:
+    """Return what moves the arms of a body that is built otherwise; None without two arms that follow directions.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    bones : Bones
+        Of its limbs.
+    rest : (20, 3) float64
+        The performer, NaN where unknown.
+    """
+    arms = []
+    for side in ("left", "right"):
+        found = _chain(puppet, "shoulder", "elbow", "wrist", side)
+        if found is None or len(found[2]) > 1:
+            return None
+        upper, last, (joint,) = found
+        arms.append(Arm(upper, upper + 1, last, joint))
+    lengths = body.bone_lengths(rest)
+    performers = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
+    space, meet = math.radians(puppet.retarget.arm_space), puppet.retarget.hands_meet
+    left, right = arms
+    return Arms(bones, left, right, float(performers), puppet.character.basis, space=space, meet=meet)
+
+
+def _chain(puppet: Puppet, *names: str) -> tuple[int, int, tuple[int, ...]] | None:
+    """Find a limb that points where three joints of one side do.
+
+    Parameters
+    ----------
+    puppet : Puppet
+    names : str
+        Three joints and the side.
+
+    Returns
+    -------
+    tuple of int, int and tuple of int, or None
+        The bone between the first two, the limb's last bone, and the joints at its tip.
+    """
+    *joints, side = names
+    chain, first = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), 0
     for limb in parents_first(puppet.limbs):
+        last = first + len(limb.points) - 2
         for k in range(len(limb.joints) - 2):
             if limb.follow == "direction" and limb.joints[k : k + 3] == chain:
-                foot = first + k + 2 if k + 3 < len(limb.joints) else -1
-                return Leg(first + k, first + k + 1, foot, chain[2][0])
-        first += len(limb.points) - 1
+                return first + k, last, limb.joints[-1]
+        first = last + 1
     return None
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from engine_bridge.gltf.character import Character
 from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.scene import influences, world_transforms
+from engine_bridge.puppet import Direction
 from solver.limb_chain import LimbChain, Limbs, evenly
 
 SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
@@ -17,7 +18,23 @@ SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 """A word in the name of a joint: `LeftForeArm`, `upper_arm.L`, `J_Bip_R_LowerLeg`."""
 
-DECORATION = {"mixamorig", "def", "b", "j", "cc", "base", "bip", "valve", "biped", "bn", "jnt", "joint", "bone", "bend"}
+DECORATION = {
+    "mixamorig",
+    "def",
+    "b",
+    "c",
+    "j",
+    "cc",
+    "base",
+    "bip",
+    "valve",
+    "biped",
+    "bn",
+    "jnt",
+    "joint",
+    "bone",
+    "bend",
+}
 """Words that programs put before or after a joint's own name."""
 
 CONTROLS = {
@@ -155,6 +172,35 @@ def limbs_of(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
         limbs |= {f"{side} {pair}": found[f"{side} {pair}"] for side in ("left", "right") if f"{side} {pair}" in found}
     limbs |= skeleton.tail_and_wings()
     return Limbs(tuple(LimbChain(name, points) for name, points in limbs.items()))
+
+
+def axes_of(limbs: Limbs) -> tuple[Direction, Direction] | None:
+    """Return which way a skeleton with named limbs stands and faces: legs go down, left is on its left.
+
+    Parameters
+    ----------
+    limbs : Limbs
+        From a skeleton, whose names say which side is which.
+    """
+    points = limbs.points
+    pairs = [
+        (points[name], points[name.replace("left", "right")])
+        for name in points
+        if name.startswith("left") and name.endswith("leg") and name.replace("left", "right") in points
+    ]
+    if not pairs:
+        return None
+    left = np.sum([left[0] - right[0] for left, right in pairs], axis=0)
+    up = np.sum([leg[0] - leg[2] for pair in pairs for leg in pair], axis=0)
+    upwards = int(np.abs(up).argmax())
+    forwards = np.cross(left, np.sign(up[upwards]) * np.eye(3)[upwards])
+    frontwards = int(np.abs(forwards).argmax())
+    return _direction(upwards, float(up[upwards])), _direction(frontwards, float(forwards[frontwards]))
+
+
+def _direction(axis: int, sign: float) -> Direction:
+    names: tuple[tuple[Direction, Direction], ...] = (("x", "-x"), ("y", "-y"), ("z", "-z"))
+    return names[axis][sign < 0]
 
 
 class _Skeleton:

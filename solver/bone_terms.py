@@ -23,7 +23,7 @@ PRIOR = 1.0
 """μ: what a bone's rotation counts against the surface's covariance; at 4 the result is the same."""
 
 ELSEWHERE = 1e-3
-"""What the mean rotation of all bones counts in the first frame, beside that of the bones nearby."""
+"""What the mean rotation of all bones counts beside that of the bones nearby."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +124,8 @@ def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.
     return _of_linear_parts(PRIOR * shares * size[:, None])
 
 
-def first_turns(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the map from the stack of the bones' T_b to matrices near to the rotations that a first frame starts from.
+def turns_nearby(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the map from the stack of the bones' T_b to the mean of the rotations of the bones nearby.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class Bones:
 
     @property
     def roots(self) -> NDArray[np.bool_]:
-        """(b,) bool: the first of its limb: it branches off, or does not begin where the bone that it hangs on ends."""
+        """(b,) bool: others hang on its parent as well, or it does not begin where its parent ends."""
         beside = np.linalg.norm(self.heads - self.tails[self.parents], axis=1) > 1e-6 * self.lengths
         branches = np.bincount(self.parents[self.parents >= 0], minlength=len(self))[self.parents] > 1
         return (self.parents < 0) | beside | branches
@@ -125,7 +125,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
     start, radius = _where_rays_meet(mesh, bones, axes, along)
     graph = _both_ways(mesh)
-    owner, distance = _nearest(graph.indptr, graph.indices, graph.data, start, along, bones.roots)
+    owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, along, bones.roots)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
     low, high = MIDDLE
@@ -289,7 +289,7 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
             continue
         owner[v], distance[v] = b, away
         for entry in range(starts[v], starts[v + 1]):
-            u = int(neighbours[entry])
+            u = neighbours[entry]
             if owner[u] < 0 and (along[u, b] >= 0 or not roots[b]):
                 further = away + lengths[entry]
                 if further < distance[u]:

@@ -110,10 +110,10 @@ def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray
     """Add the energy of bent and stretched edges to the paper's.
 
     E = ‖M^(−1/2) (L X − δ Rot)‖² + γ Σ_i Σ_j cot_ij ‖(x'_i − x'_j) − (x_i − x_j) Rot_i‖², where Rot_i is the rotation
-    of the cluster of i. Both terms are least for the same rotations at the same surface, so that turning the clusters and
-    solving for the surface in turn can only lower E; rotations that are read off the surface in another way need not
-    settle at all. The paper's energy alone is nearly blind to a slow twist along a limb, and takes hundreds of turns to
-    settle; the second term, that of *as rigid as possible* (Sorkine and Alexa, 2007), is not.
+    of the cluster of i. Turning the clusters and solving for the surface in turn can only lower E; rotations that are
+    read off the surface by another measure need not settle at all. The paper's energy alone hardly feels a slow twist
+    along a limb and takes hundreds of iterations to settle; the second term, that of *as rigid as possible* (Sorkine
+    and Alexa, 2007), feels it. Ties between parts count in the first term alone.
 
     Parameters
     ----------

@@ -53,6 +53,10 @@ class CurveSkeleton:
         fork = next(cell for cell in there if cell in shared)
         return there[: there.index(fork) + 1] + back[: back.index(fork)][::-1]
 
+    def beyond(self, cell: int) -> NDArray[np.bool_]:
+        """Return which cells (n,) have their way to the root through one."""
+        return np.asarray(_beyond(self.parents, cell))
+
     def fork(self, start: int, end: int) -> int:
         """Return the cell where the ways from two cells to the root meet."""
         back = set(self.path(end))
@@ -73,8 +77,8 @@ def curve_skeleton(solid: Solid) -> CurveSkeleton:
     thickness = np.minimum(solid.depth[steps.row], solid.depth[steps.col])
     costs = csr_matrix((steps.data * (solid.size / thickness) ** 2, (steps.row, steps.col)), steps.shape)
     root = int(solid.depth.argmax())
-    _, parents = dijkstra(costs, directed=False, indices=root, return_predecessors=True)
-    parents = np.where(parents < 0, -1, parents).astype(np.int64)
+    _, before = dijkstra(costs, directed=False, indices=np.array([root]), return_predecessors=True)
+    parents = np.maximum(before[0], -1).astype(np.int64)
     both = csr_matrix(solid.graph + solid.graph.T)
     diagonal = float(np.linalg.norm(np.ptp(solid.centers, axis=0)))
     uncovered = np.full(len(parents), np.inf)
@@ -108,7 +112,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
     cells : (m,) int64
     values : (m,) float64
     """
-    waiting = [(np.inf, -1)]
+    waiting = [(np.inf, np.int64(-1))]
     for i in range(len(cells)):
         if values[i] < distance[cells[i]]:
             distance[cells[i]] = values[i]
@@ -124,3 +128,23 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
             if further < distance[neighbours[j]]:
                 distance[neighbours[j]] = further
                 heapq.heappush(waiting, (further, np.int64(neighbours[j])))
+
+
+@numba.njit(cache=True, nogil=True)
+def _beyond(parents, cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return which cells (n,) of a tree have one on their way to the root."""
+    unknown, outside, inside = 0, 1, 2
+    state = np.zeros(len(parents), np.int8)
+    state[cell] = inside
+    for start in range(len(parents)):
+        last = start
+        while state[last] == unknown and parents[last] >= 0:
+            last = parents[last]
+        found = state[last] if state[last] != unknown else outside
+        way = start
+        while state[way] == unknown:
+            state[way] = found
+            if parents[way] < 0:
+                break
+            way = parents[way]
+    return state == inside

@@ -10,16 +10,17 @@ from numpy.typing import NDArray
 
 from puppetline.errors import MeshError
 from solver import lanes, roll, rotations
-from solver.bone_terms import bone_shares, bone_terms, first_turns, prior, turned_together
+from solver.bone_terms import bone_shares, bone_terms, prior, turned_together, turns_nearby
 from solver.bones import Bones, bone_regions
-from solver.lanes import ROWS, add_product, place_of_row
+from solver.lanes import ROWS, add_product, place_of_row, turn_on
 from solver.mesh import SolverMesh
 from solver.polar import nearest_rotations
 from solver.reduced_model import ReducedModel
 from solver.rotations import RotationMode
 
-HANDLE_STIFFNESS = 1.0
-"""λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): at 1 the Armadillo's handles are met to 3e-5 of its diagonal."""
+HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0, "triangles": 1.0}
+"""λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): the Armadillo's handles are met to 3e-5 of its diagonal. The energy of
+clusters withstands them more."""
 
 ON_A_LINE = 0.02
 """Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
@@ -52,7 +53,8 @@ class Deformer:
     (`rotations`, `clusters`), P R = P N⁻¹ (B Rot + λ (ΦW)ᵀ C + Σ_b G_b T_b + …), so an iteration is one small product
     and a polar decomposition for each rotation, and R itself is solved for once a frame. What turns together is drawn
     to the rotation of the bone that holds it: S_c + μ Σ_b a_cb s_c Q_b is decomposed instead of S_c, with a_cb the
-    share of c's area that bone b holds, s_c a third of the trace of S_c at rest, and Q_b the linear part of T_b.
+    share of c's area that bone b holds, s_c a third of the trace of S_c at rest, and Q_b the linear part of T_b. From
+    frame to frame rotations turn on with the bones nearby, so that a character that turns as a whole stays as it is.
 
     Parameters
     ----------
@@ -74,7 +76,7 @@ class Deformer:
     Raises
     ------
     MeshError
-        A surface so broken that its energy has no minimum.
+        A surface so broken that its energy has no minimum, or bones that hold nothing of it where there is no handle.
     """
 
     def __init__(
@@ -106,8 +108,15 @@ class Deformer:
         }[self._mode]
         scale = np.trace(A)
         regions = bone_regions(mesh, self.bones)
+        if not len(handles) and not regions.held.any():
+            raise MeshError(
+                mesh.name,
+                found="bones that hold no part of the surface",
+                expected="bones inside the character",
+                fix="Move the points of the limbs into the mesh.",
+            )
         held = bone_terms(model, mesh, regions, len(self.bones), scale)
-        stiffness = HANDLE_STIFFNESS * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
+        stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
         pin = scale / len(A)
         try:
             factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pin * model.null_space)
@@ -138,9 +147,9 @@ class Deformer:
 
         together = turned_together(model, self._mode)
         held_shares = bone_shares(together, regions.area, np.where(regions.held, regions.owner, -1), len(self.bones))
-        first = first_turns(bone_shares(together, regions.area, regions.owner, len(self.bones)))
-        self._first = lanes.matrix(
-            np.hstack([np.zeros((len(first), len(rows))), first]), self._place_of_turns, place_of_inputs
+        near = turns_nearby(bone_shares(together, regions.area, regions.owner, len(self.bones)))
+        self._near_bones = lanes.matrix(
+            np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )
         drawn: NDArray[np.float64] | float = 0.0
         if self._mode != "triangles":
@@ -156,7 +165,8 @@ class Deformer:
         )
         on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
         self._rolls = on_a_line and not len(self.bones)
-        self._turns = lanes.pack(np.zeros((len(self._place_of_turns), 3)), self._place_of_turns)
+        self._unturned = lanes.pack(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
+        self._turns, self._near, self._carried, self._now_carried = (self._unturned.copy() for _ in range(4))
         self._started = False
         self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
         self._result = np.empty_like(self._controls.constant)
@@ -169,25 +179,30 @@ class Deformer:
     @property
     def memory(self) -> dict[str, NDArray[np.float64]]:
         """What is carried from frame to frame; setting it goes on where another of the same handles and bones was."""
-        return {"turns": self._turns.copy(), "started": np.array(float(self._started))}
+        return {
+            "turns": self._turns.copy(),
+            "carried": self._carried.copy(),
+            "started": np.array(float(self._started)),
+        }
 
     @memory.setter
     def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._turns[:] = memory["turns"]
+        self._turns[:], self._carried[:] = memory["turns"], memory["carried"]
         self._started = bool(memory["started"])
 
     def another(self, iterations: int) -> "Deformer":
         """Return one of the same character, handles and bones, with a state of its own."""
         other = copy(self)
         other.iterations = iterations
-        other._started = False
-        for buffer in ("_inputs", "_turns", "_fixed", "_now", "_result"):
+        for buffer in ("_inputs", "_turns", "_near", "_carried", "_now_carried", "_fixed", "_now", "_result"):
             setattr(other, buffer, getattr(self, buffer).copy())
+        other.reset()
         return other
 
     def reset(self) -> None:
         """Forget the last frame: the next one starts from the bones, or the rigid motion that fits the handles best."""
         self._started = False
+        self._turns[:], self._carried[:] = self._unturned, self._unturned
 
     def solve(
         self,
@@ -225,9 +240,12 @@ class Deformer:
             raise ValueError(f"{motions.shape} motions: there are {len(self.bones)} bones")
         if not _pack_inputs(targets, motions, self.model.center, float(self.model.diagonal), self._inputs):
             raise ValueError("a handle's target or a bone's motion is not a finite number")
-        if not self._started:
-            self._started = True
-            self._start(targets)
+        if len(self.bones):
+            _carry(self._near_bones, self._inputs, self._near, self._carried, self._now_carried, self._turns)
+        elif not self._started:
+            start = roll.rigid_fit(self.handles, targets)
+            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
+        self._started = True
         if self._mode == "triangles":
             self._compare_triangles()
         else:
@@ -237,16 +255,6 @@ class Deformer:
             roll.take_back(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
         _settle(*self._controls, self._inputs, self._turns, self._result, out)
         return out
-
-    def _start(self, targets: NDArray[np.float64]) -> None:
-        """Turn everything as the bones nearby do, or as all handles do together."""
-        if len(self.bones):
-            self._turns[:] = 0
-            add_product(self._first, self._inputs, self._turns)
-            nearest_rotations(self._turns, self._turns)
-        else:
-            start = roll.rigid_fit(self.handles, targets)
-            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
 
     def _compare_triangles(self) -> None:
         """Update the turns as the paper does, from sampled triangles."""
@@ -306,6 +314,16 @@ def _fix(of_inputs, constant, inputs, out):  # type: ignore[no-untyped-def]  # n
     """Write what does not depend on the turns."""
     out[:] = constant
     add_product(of_inputs, inputs, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def _carry(near_bones, inputs, near, carried, now, turns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Turn everything on by as much as the bones nearby have turned since the last frame."""
+    near[:] = 0
+    add_product(near_bones, inputs, near)
+    nearest_rotations(near, now)  # into another array: in place, several could not be done at once
+    turn_on(turns, carried, now)
+    carried[:] = now
 
 
 @numba.njit(cache=True, nogil=True)

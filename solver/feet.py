@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from solver import quaternions as quat
 from solver.bones import Bones
 from solver.retarget import FARTHEST, RETURN_TIME
+from solver.two_bones import bend, carry_along, length, minus, moved, place, plus, pole
 
 SLOW, FAST = 0.15, 0.4
 """Metres per second of a performer's foot below which it comes to rest, and above which it no longer rests."""
@@ -57,12 +58,6 @@ FALL = 3.0
 
 VOTES = 3
 """Frames of which most must say that a foot rests."""
-
-STRAIGHT = 0.9995
-"""Share of a leg's length to which a knee is straightened at most."""
-
-POLE = 0.03
-"""How much the knee of a straight leg leans to the side it bends to, as a share of the thigh's length."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +133,7 @@ class Feet:
             heads=np.ascontiguousarray(bones.heads, dtype=np.float64),
             tails=np.ascontiguousarray(bones.tails, dtype=np.float64),
             parents=bones.parents,
-            poles=np.array([_pole(bones, leg, basis[2]) for leg in legs]),
+            poles=np.array([pole(bones, leg.thigh, leg.shin, basis[2]) for leg in legs]),
             up=np.ascontiguousarray(basis[1]),
             metre=float(metre),
         )
@@ -194,17 +189,6 @@ class Feet:
             values[:] = memory[name]
 
 
-def _pole(bones: Bones, leg: Leg, forward: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where a knee bends to at rest (3,): where it is bent to, or forwards."""
-    hip, knee, ankle = bones.heads[leg.thigh], bones.tails[leg.thigh], bones.tails[leg.shin]
-    along = (ankle - hip) / np.linalg.norm(ankle - hip)
-    bent = (knee - hip) - ((knee - hip) @ along) * along
-    if np.linalg.norm(bent) < POLE * np.linalg.norm(knee - hip):
-        bent = forward - (forward @ along) * along
-    pole: NDArray[np.float64] = bent / np.linalg.norm(bent)
-    return pole
-
-
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring the state up to a frame, and change its motions and the root's height."""
@@ -218,11 +202,7 @@ def _step(plan, state, time, positions, confidence, motions, root):  # type: ign
     for leg in range(len(plan.legs)):
         _hold(plan, state, leg, rests[leg], motions, root, elapsed, began)
         _bend(plan, state, leg, motions, changed)
-    for bone in range(len(motions)):
-        parent = plan.parents[bone]
-        if parent >= 0 and changed[parent] and not changed[bone]:
-            _carry(before[parent], motions[parent], motions[bone])
-            changed[bone] = True
+    carry_along(motions, before, plan.parents, changed)
 
 
 @numba.njit
@@ -232,14 +212,14 @@ def _performers_feet(plan, state, positions, confidence, elapsed):  # type: igno
     lowest, slowest = np.inf, np.inf
     for leg in range(len(plan.joints)):
         if state.last[leg, 1] < lowest:  # which NaN is not
-            lowest, slowest = state.last[leg, 1], _length(state.velocity[leg])
+            lowest, slowest = state.last[leg, 1], length(state.velocity[leg])
     rests = np.zeros(len(plan.joints), dtype=np.bool_)
     if not math.isfinite(lowest):
         return rests
     _find_floor(plan, state.clock, lowest, slowest, elapsed)
     for leg in range(len(plan.joints)):
         held = state.held[leg] > 0
-        speed, height = _length(state.velocity[leg]), state.last[leg, 1] - state.clock[FLOOR]
+        speed, height = length(state.velocity[leg]), state.last[leg, 1] - state.clock[FLOOR]
         state.votes[leg, :-1] = state.votes[leg, 1:]
         slow = speed < (FAST if held else SLOW) and height < (HIGH if held else LOW)
         state.votes[leg, -1] = 1.0 if slow else 0.0
@@ -278,32 +258,6 @@ def _find_floor(plan, clock, lowest, slowest, elapsed):  # type: ignore[no-untyp
 
 
 @numba.njit
-def _length(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-
-
-@numba.njit
-def _moved(T, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a motion takes a point."""
-    x, y, z = point[0], point[1], point[2]
-    return (
-        x * T[0, 0] + y * T[1, 0] + z * T[2, 0] + T[3, 0],
-        x * T[0, 1] + y * T[1, 1] + z * T[2, 1] + T[3, 1],
-        x * T[0, 2] + y * T[1, 2] + z * T[2, 2] + T[3, 2],
-    )
-
-
-@numba.njit
-def _minus(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-@numba.njit
-def _plus(a, b, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
-
-
-@numba.njit
 def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
 
@@ -313,12 +267,12 @@ def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-
     for leg in range(len(plan.legs)):
         shin, foot = plan.legs[leg, 1], plan.legs[leg, 2]
         ankle = plan.tails[shin]
-        height = quat.dot(_minus(_moved(motions[shin], ankle), ankle), up)
+        height = quat.dot(minus(moved(motions[shin], ankle), ankle), up)
         # a foot that lies flat is as high as its ankle; another may be lower with its tip
         flat = 1.0 if rests[leg] else 0.0
         state.flat[leg] = flat + math.exp(-elapsed / SETTLE_SECONDS) * (state.flat[leg] - flat)
         if foot >= 0:
-            tip = quat.dot(_minus(_moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
+            tip = quat.dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
             height += (1 - state.flat[leg]) * min(0.0, tip - height)
         heights[leg] = height
     lowest = heights.min()
@@ -336,50 +290,34 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: igno
     """Decide whether a foot is held, and where it is shown against where its leg points."""
     shin, up = plan.legs[leg, 1], (plan.up[0], plan.up[1], plan.up[2])
     floor = quat.dot((plan.tails[shin, 0], plan.tails[shin, 1], plan.tails[shin, 2]), up)
-    points = _plus(_moved(motions[shin], plan.tails[shin]), root, 1.0)
+    points = plus(moved(motions[shin], plan.tails[shin]), root, 1.0)
     offset = (state.offset[leg, 0], state.offset[leg, 1], state.offset[leg, 2])
     if state.held[leg] == 0:
         fading = math.exp(-elapsed / RETURN_TIME) if began else 0.0
         offset = (fading * offset[0], fading * offset[1], fading * offset[2])
-        if rests and _length(offset) < NEAR * plan.metre:
+        if rests and length(offset) < NEAR * plan.metre:
             state.held[leg] = 1.0
-            state.place[leg] = _plus(points, offset, 1.0)
+            state.place[leg] = plus(points, offset, 1.0)
     if state.held[leg] > 0:
-        place = (state.place[leg, 0], state.place[leg, 1], state.place[leg, 2])
-        sink = (floor - quat.dot(place, up)) * (1 - math.exp(-elapsed / SETTLE_SECONDS))
-        place = _plus(place, up, sink)
-        state.place[leg] = place
-        offset = _minus(place, points)
-        if not rests or _length(_plus(offset, up, -quat.dot(offset, up))) > FAR * plan.metre:
+        there = (state.place[leg, 0], state.place[leg, 1], state.place[leg, 2])
+        sink = (floor - quat.dot(there, up)) * (1 - math.exp(-elapsed / SETTLE_SECONDS))
+        there = plus(there, up, sink)
+        state.place[leg] = there
+        offset = minus(there, points)
+        if not rests or length(plus(offset, up, -quat.dot(offset, up))) > FAR * plan.metre:
             state.held[leg] = 0.0
-    sunk = floor - quat.dot(_plus(points, offset, 1.0), up)
-    state.offset[leg] = _plus(offset, up, max(0.0, sunk))
+    sunk = floor - quat.dot(plus(points, offset, 1.0), up)
+    state.offset[leg] = plus(offset, up, max(0.0, sunk))
 
 
 @numba.njit
 def _bend(plan, state, leg, motions, changed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bend a leg so that its ankle is where it is shown, and lay its foot flat as far as it rests."""
     thigh, shin, foot = plan.legs[leg]
-    hip = _moved(motions[thigh], plan.heads[thigh])
-    knee = _moved(motions[thigh], plan.tails[thigh])
-    ankle = _moved(motions[shin], plan.tails[shin])
-    if _length(state.offset[leg]) > 1e-9 * plan.metre:
-        upper, lower = _length(_minus(knee, hip)), _length(_minus(ankle, knee))
-        there = _minus(_plus(ankle, state.offset[leg], 1.0), hip)
-        way = quat.unit(there)
-        # no farther than the leg reaches, nor than it did: a straight leg that is shown as it points stays straight
-        farthest = max(STRAIGHT * (upper + lower), _length(_minus(ankle, hip)))
-        reach = min(max(_length(there), 1.001 * abs(upper - lower)), farthest)
-        pole = _pole_now(plan, leg, motions[thigh], _minus(knee, hip), upper, quat.unit(_minus(ankle, hip)))
-        pole = quat.rotated(quat.least(quat.unit(_minus(ankle, hip)), way), pole)
-        along = (upper * upper - lower * lower + reach * reach) / (2 * reach)
-        beside = math.sqrt(max(0.0, upper * upper - along * along))
-        bent = _plus(_plus(hip, way, along), pole, beside)
-        end = _plus(hip, way, reach)
-        _aim(motions[thigh], _minus(knee, hip), _minus(bent, hip), plan.heads[thigh], hip)
-        _aim(motions[shin], _minus(ankle, knee), _minus(end, bent), plan.heads[shin], bent)
+    ankle = moved(motions[shin], plan.tails[shin])
+    if length(state.offset[leg]) > 1e-9 * plan.metre:
+        ankle = bend(motions, plan.heads, plan.tails, thigh, shin, plan.poles[leg], state.offset[leg])
         changed[thigh] = changed[shin] = True
-        ankle = end
     if foot >= 0 and (state.flat[leg] > 1e-6 or changed[shin]):
         turn = quat.of_rows(motions[foot])
         # flat as at rest, but for the heading
@@ -387,7 +325,7 @@ def _bend(plan, state, leg, motions, changed):  # type: ignore[no-untyped-def]  
         level = quat.to_vector(quat.product(twist, quat.inverse(turn)))
         share = state.flat[leg]
         level = (share * level[0], share * level[1], share * level[2])
-        _place(motions[foot], quat.product(quat.from_vector(level), turn), plan.heads[foot], ankle)
+        place(motions[foot], quat.product(quat.from_vector(level), turn), plan.heads[foot], ankle)
         changed[foot] = True
 
 
@@ -398,47 +336,3 @@ def _twist_about(q, axis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN2
     if q[0] * q[0] + along * along < 1e-12:
         return (1.0, 0.0, 0.0, 0.0)
     return (q[0], along * axis[0], along * axis[1], along * axis[2])
-
-
-@numba.njit
-def _pole_now(plan, leg, T, knee, upper, way):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a knee bends to, at a right angle to the way from hip to ankle."""
-    rest = plan.poles[leg]
-    pole = (
-        rest[0] * T[0, 0] + rest[1] * T[1, 0] + rest[2] * T[2, 0],
-        rest[0] * T[0, 1] + rest[1] * T[1, 1] + rest[2] * T[2, 1],
-        rest[0] * T[0, 2] + rest[1] * T[1, 2] + rest[2] * T[2, 2],
-    )
-    bent = _plus(knee, pole, POLE * upper)
-    return quat.unit(_plus(bent, way, -quat.dot(bent, way)))
-
-
-@numba.njit
-def _aim(T, now, wanted, head, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn a motion by the least rotation from one direction to another, and take the bone's head to a place."""
-    turn = quat.product(quat.least(quat.unit(now), quat.unit(wanted)), quat.of_rows(T))
-    _place(T, turn, head, place)
-
-
-@numba.njit
-def _place(T, turn, head, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the motion that turns a bone and takes its head to a place."""
-    quat.write_rows(turn, T)
-    for axis in range(3):
-        T[3, axis] = place[axis] - head[0] * T[0, axis] - head[1] * T[1, axis] - head[2] * T[2, axis]
-
-
-@numba.njit
-def _carry(before, after, T):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Take a motion along with another one that has changed: T becomes T before⁻¹ after."""
-    rows = np.empty((4, 3))
-    for i in range(4):
-        v = (T[i, 0], T[i, 1], T[i, 2])
-        if i == 3:
-            v = _minus(v, before[3])
-        for axis in range(3):
-            turned = 0.0
-            for k in range(3):
-                turned += (v[0] * before[k, 0] + v[1] * before[k, 1] + v[2] * before[k, 2]) * after[k, axis]
-            rows[i, axis] = turned + (after[3, axis] if i == 3 else 0.0)
-    T[:] = rows

@@ -2,12 +2,11 @@
 
 The space inside the character has a tree of curves, one curve a limb (`solver.curve_skeleton`). Its ends are named by
 where they are and how they hang together: feet stand on the ground in pairs, the head is the highest and front-most
-of the middle, arms are a pair that branches off between legs and head. Joints lie on the curves: where a limb leaves
-the body, where it bends or is narrow, and by the proportions of bodies where it is straight.
+of the middle, arms are a pair that branches off between legs and head. The joints lie on the curves
+(`solver.limb_curve`).
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
 
@@ -16,145 +15,80 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from solver.curve_skeleton import CurveSkeleton, curve_skeleton
+from solver.curve_skeleton import curve_skeleton
 from solver.limb_chain import LimbChain, Limbs, evenly
+from solver.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_way
 from solver.mesh import SolverMesh
 from solver.solid import fill
 
-LOW = 0.2
-"""Ends of legs are below this share of the height."""
+LOW, GROUND = 0.2, 0.1
+"""Legs end below the first of these shares of the height, and one of each pair below the second."""
+
+LEVEL = 0.05
+"""Two feet stand on the ground within this share of the height; of several pairs the one that is farthest apart."""
 
 TOES = 0.15
-"""Ways from two ends that meet below this share of the height are toes of one foot."""
+"""Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
 
 STRIDE = 0.25
-"""Feet this far behind others, as a share of the larger of width and length, are hind feet."""
+"""Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
+and length."""
+
+MIDDLE, BEHIND = 0.15, -0.15
+"""How far aside a tail may end, and how far to the front."""
+
+LEAST_ARM = -0.2
+"""What is less like arms than this is none."""
+
+SHORTEST_ARM, LONGEST_ARM = 0.06, 0.35
+"""An arm reaches at least this far out of the body; beyond the second length it is no better an arm."""
+
+SHEET_REACH, SHEET = 5.0, 1.6
+"""Within so many times its thickness, a sheet has more than this many times the room of a rod."""
+
+MEET = 1.0
+"""A branch ends where it is this near to the trunk's curve, as a share of its distance to the surface there."""
+
+SHORTEST_WING = 0.25
+"""A wing is at least this long."""
+
+LIKE = 0.3
+"""Feet, ears or wings whose places differ by more than this from mirroring each other are no pair."""
 
 SYMMETRIC = 0.06
 """Limbs of left and right that mirror each other to this share of the height are made equal."""
 
-UPPER_ARM, THIGH = 0.48, 0.51
-"""Share of the way from shoulder to wrist that is upper arm, from hip to ankle that is thigh."""
+BULB = 8.0
+"""What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
 
-WRIST = 0.70
-"""Where the wrist usually is on the way from shoulder to fingertip."""
+LEGS = 0.1
+"""What leaves the trunk below this share of the way from hips to crown and ends low is no arm."""
 
-LEG_PARTING, ARM_PARTING = 0.6, 2.3
-"""A hip is where the legs' curves part: half their distance is this many times their distance to the surface. A shoulder
-is this many times as far from the trunk's curve as from the surface."""
+SKULLS = 0.35, 0.2, 0.12
+"""The head's thickest place is on this last share of the way from hips to crown; on a smaller one if the chest or neck
+is at its beginning."""
 
-HELD = 0.35
-"""What is thinner than half the arm over more than this share of the arm's length is held in the hand."""
+LONG_NECK = 0.3
+"""A neck of at least this share of the trunk's length is a limb of its own."""
 
-BENT = 25.0
-"""Degrees at a joint from which the bend says where it is."""
+HIDDEN = 1.5
+"""Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
+LONG_LEGS = 0.75
+"""Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
+HIP_HEIGHT = 0.63
+"""Height of the hips as a share of that of the shoulders."""
 
+UPRIGHT = np.cos(np.radians(50))
+"""Cosine between up and the way from trunk to head up to which the head stands on the trunk."""
 
-@dataclass(frozen=True, eq=False)
-class _Limb:
-    """A curve from the end of a limb to where it meets the trunk.
+ONE_IMAGE = np.array([-1.0, 1.0, 1.0])
 
-    Attributes
-    ----------
-    cells : (k,) int64
-    points : (k, 3) float64
-        Left, up and front of the cells, smoothed.
-    depth : (k,) float64
-        Distance to the surface.
-    along : (k,) float64
-        Way from the end.
-    """
-
-    cells: NDArray[np.int64]
-    points: NDArray[np.float64]
-    depth: NDArray[np.float64]
-    along: NDArray[np.float64]
-
-    @property
-    def length(self) -> float:
-        return float(self.along[-1])
-
-    def at(self, way: float) -> NDArray[np.float64]:
-        """Return the point (3,) so far from the end."""
-        return np.array([np.interp(way, self.along, column) for column in self.points.T])
-
-    def index(self, way: float) -> int:
-        return int(np.clip(np.searchsorted(self.along, way), 0, len(self.along) - 1))
-
-
-class _Body:
-    """The curve skeleton of a character in its own directions: left, up, front."""
-
-    def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64]) -> None:
-        self.skeleton: CurveSkeleton = curve_skeleton(fill(mesh.vertices @ basis.T, mesh.faces, mesh.components))
-        self.cells = self.skeleton.solid.centers
-        self.depth = self.skeleton.solid.depth
-        self.size = self.skeleton.solid.size
-        self.ground = float(self.cells[:, 1].min())
-        self.height = float(np.ptp(self.cells[:, 1])) + self.size
-        self.middle = float(np.mean(self.cells[:, 0]))
-        self.wide = float(max(np.ptp(self.cells[:, 0]), np.ptp(self.cells[:, 2]))) + self.size
-
-    def up(self, cell: int) -> float:
-        """Return a cell's height over the ground as a share of the character's."""
-        return float((self.cells[cell, 1] - self.ground) / self.height)
-
-    def left(self, cell: int) -> float:
-        """Return how far left of the middle a cell is, as a share of width or length."""
-        return float((self.cells[cell, 0] - self.middle) / self.wide)
-
-    def front(self, cell: int) -> float:
-        """Return how far before the middle a cell is, as a share of width or length."""
-        low, high = self.cells[:, 2].min(), self.cells[:, 2].max()
-        return float((self.cells[cell, 2] - (low + high) / 2) / self.wide)
-
-    def limb(self, cells: list[int]) -> _Limb:
-        """Return the smoothed curve through some cells, from the first to the last."""
-        chosen = np.array(cells, dtype=np.int64)
-        points, depth = self.cells[chosen], self.depth[chosen]
-        points = _smoothed(points, max(2, round(float(np.median(depth)) / self.size)))
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-        return _Limb(chosen, points, depth, along)
-
-    @cached_property
-    def order(self) -> NDArray[np.int64]:
-        """Cells, each after its parent."""
-        parents = self.skeleton.parents
-        depth = np.full(len(parents), -1)
-        for cell in range(len(parents)):
-            way = []
-            while depth[cell] < 0 and parents[cell] >= 0:
-                way.append(cell)
-                cell = int(parents[cell])
-            start = max(int(depth[cell]), 0)
-            depth[cell] = start
-            depth[way[::-1]] = start + 1 + np.arange(len(way))
-        return np.argsort(depth, kind="stable")
-
-    def behind(self, cell: int) -> NDArray[np.bool_]:
-        """Return which cells (n,) have their way to the root through one."""
-        inside = np.zeros(len(self.cells), dtype=bool)
-        inside[cell] = True
-        parents = self.skeleton.parents
-        for other in self.order.tolist():
-            if parents[other] >= 0 and inside[parents[other]]:
-                inside[other] = True
-        return inside
-
-
-def _smoothed(points: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
-    """Average each point with as many on both sides, no more than there are; the ends stay."""
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(points, axis=0)])
-    place = np.arange(len(points))
-    either = np.minimum(np.minimum(place, len(points) - 1 - place), reach)
-    smooth: NDArray[np.float64] = (sums[place + either + 1] - sums[place - either]) / (2 * either + 1)[:, None]
-    return smooth
+Points = NDArray[np.float64]
+_Pair = tuple[int, int]
 
 
 def find_limbs(
-    mesh: SolverMesh,
-    basis: NDArray[np.float64],
-    ends: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
+    mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points] = MappingProxyType({})
 ) -> Limbs:
     """Find a character's limbs.
 
@@ -164,313 +98,388 @@ def find_limbs(
     basis : (3, 3) float64
         Rows are the mesh's directions of the character's left, up and front.
     ends : mapping of str to (3,) float64
-        Ends of limbs that are known, mesh file's coordinates.
+        Where limbs end that the user knows, by their names; mesh file's coordinates.
     """
-    body = _Body(mesh, basis)
-    found = _Finder(body, {name: body_cell(body, basis @ end) for name, end in ends.items()}).limbs()
-    return Limbs(tuple(LimbChain(name, points @ basis) for name, points in found.items()), ())
-
-
-def body_cell(body: _Body, place: NDArray[np.float64]) -> int:
-    return int(np.linalg.norm(body.cells - place, axis=1).argmin())
-
-
-_Pair = tuple[int, int]
+    finder = _Finder(mesh, basis, {name: basis @ np.asarray(end) for name, end in ends.items()})
+    chains = tuple(LimbChain(name, points @ basis) for name, points in finder.limbs().items())
+    return Limbs(chains, tuple(finder.notes))
 
 
 class _Finder:
-    def __init__(self, body: _Body, ends: Mapping[str, int]) -> None:
-        self.body, self.ends, self.skeleton = body, ends, body.skeleton
+    """A character in its own directions: left, up, front."""
 
-    def limbs(self) -> dict[str, NDArray[np.float64]]:
-        body = self.body
-        tips = [int(tip) for tip in self.skeleton.tips]
-        feet = self.feet(tips)
-        four_legged = len(feet) > 1
-        head = self.head(four_legged)
-        pelvis = self.skeleton.fork(*feet[0]) if feet else self.base()
-        trunk = body.limb(self.skeleton.between(pelvis, head))
-        self.trunk_cells = set(trunk.cells.tolist())
-        self.trunk = trunk
-        legs = [foot for pair in feet for foot in pair]
-        branches = self.branches([tip for tip in tips if tip not in legs and body.up(tip) > 0.02], legs)
-        self.debug = (feet, head, pelvis, branches)
-        found: dict[str, NDArray[np.float64]] = {}
-        names = ["hind leg", "front leg"] if four_legged else ["leg"]
-        roots = []
-        for name, pair in zip(names, feet, strict=False):
-            left, right = self.leg_pair(pair)
-            roots.append((left[0] + right[0]) / 2)
-            found[f"left {name}"], found[f"right {name}"] = left, right
-        arms = None if four_legged else self.arms(branches)
+    def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
+        self.basis, self.notes = basis, list[str]()
+        self.solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
+        self.skeleton = curve_skeleton(self.solid)
+        self.cells = self.solid.centers
+        self.ends = {name: int(np.linalg.norm(self.cells - end, axis=1).argmin()) for name, end in ends.items()}
+        self.low, self.high = self.cells.min(axis=0), self.cells.max(axis=0)
+        self.height = float(self.high[1] - self.low[1]) + self.solid.size
+        self.unit = float((self.high - self.low).max()) + self.solid.size
+        self.middle = float(self.cells[:, 0].mean())
+        self.feet = self._feet()
+        self.four_legged = len(self.feet) > 1
+        self.head = self._head()
+        self.legs: dict[str, Points] = {}
+        self.thighs: set[int] = set()
+        for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
+            fork = self.skeleton.fork(*pair)
+            curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
+            points, parted = leg_joints(curves, self.solid.size)
+            self.legs |= self._sides(name, points)
+            if name != "front leg":
+                self.trunk = self._trunk(curves, parted)
+            for curve in curves:
+                self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
+        if not self.feet:
+            self.trunk = curve_through(self.solid, self.skeleton.between(self._base(), self.head))
+
+    def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
+        """Return the curve from between the hips to the end of the head.
+
+        Where the curves of the legs run side by side through the trunk, it is in their middle.
+        """
+        ways = np.arange(parted, 0.0, -self.solid.size)
+        middle = np.mean([[leg.at(leg.length - way) for way in ways] for leg in legs], axis=0).reshape(-1, 3)
+        depth = np.mean([np.interp(leg.length - ways, leg.along, leg.depth) for leg in legs], axis=0)
+        above = curve_through(self.solid, self.skeleton.between(int(legs[0].cells[-1]), self.head))
+        points = np.concatenate([middle, above.points])
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        cells = np.concatenate([np.full(len(ways), legs[0].cells[-1]), above.cells])
+        return LimbCurve(cells, points, np.concatenate([depth, above.depth]), along)
+
+    @cached_property
+    def skull(self) -> int:
+        """Where the head is thickest, an index into the trunk's curve: beyond the neck, if there is one."""
+        for share in SKULLS:
+            last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)
+            thickest = int(self.trunk.depth[last].argmax())
+            if thickest > 2:
+                break
+        return int(last[thickest])
+
+    @property
+    def _chin(self) -> float:
+        """Where the head begins on the trunk's curve."""
+        return float(self.trunk.along[self.skull] - 0.5 * self.trunk.depth[self.skull])
+
+    def limbs(self) -> dict[str, Points]:
+        """Return the points of each limb by its name."""
+        found: dict[str, Points] = {}
+        branches = self._branches()
+        arms = None if self.four_legged else self._arms(branches)
         if arms is not None:
-            left, right = self.arm_pair(arms)
-            found["left arm"], found["right arm"] = left, right
-            roots.append((left[0] + right[0]) / 2)
-        tail = self.tail(branches, arms)
-        wings = self.wings(branches, arms, tail, four_legged)
-        result = {}
-        result |= self.trunk_and_head(roots, head, four_legged)
-        result |= dict(sorted(found.items(), key=lambda item: ("leg" in item[0], "hind" in item[0])))
+            found |= self._sides("arm", self._arm_points(arms))
+        found |= self.legs
+        self._uncover_legs(found)
+        used = list(arms or ())
+        tail = self._tail([branch for branch in branches if branch not in used])
         if tail is not None:
-            result["tail"] = evenly(tail.points[::-1], 4)
+            used.append(tail)
+            found["tail"] = evenly(tail.points[::-1], 4)
+        wings = self._wings([branch for branch in branches if branch not in used])
         if wings is not None:
-            for side, wing in zip(("left", "right"), wings, strict=True):
-                result[f"{side} wing"] = evenly(wing.points[::-1], 4)
-        return result
+            found |= self._sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
+        self._say_what_is_missing(found)
+        return self._trunk_and_head(found) | found
 
-    def base(self) -> int:
-        """Return a cell in the middle of what a body without feet stands on."""
-        cells = self.body.cells
-        low = cells[:, 1] < self.body.ground + LOW * self.body.height
-        return int(np.flatnonzero(low)[self.body.depth[low].argmax()])
+    def _place(self, cell: int) -> Points:
+        """Return how far left of the middle, over the ground and before the middle a cell is."""
+        middle = np.array([self.middle, self.low[1], (self.low[2] + self.high[2]) / 2])
+        return np.asarray((self.cells[cell] - middle) / [self.unit, self.height, self.unit])
 
-    def feet(self, tips: list[int]) -> list[_Pair]:
-        """Return no feet, a pair of feet, or hind feet and front feet; the left one first."""
-        body = self.body
+    def _unlike(self, one: Points, other: Points) -> float:
+        """Return how far two places are from mirroring each other."""
+        image = other * ONE_IMAGE + [2 * self.middle, 0.0, 0.0]
+        return float(np.linalg.norm(one - image) / self.unit)
+
+    # feet and head ---------------------------------------------------------------------------------------------------
+
+    def _feet(self) -> list[_Pair]:
+        """Return no feet, a pair of feet, or hind feet and front feet; of a pair the left one first."""
         low: list[int] = []
-        for tip in tips:  # the longest first
-            if body.up(tip) < LOW and all(body.up(self.skeleton.fork(tip, other)) > TOES for other in low):
-                low.append(tip)
-        pairs = sorted(self.pairs(low), key=self.pair_front)
-        if len(pairs) > 1 and self.pair_front(pairs[-1]) - self.pair_front(pairs[0]) > STRIDE:
-            return [pairs[0], pairs[-1]]
-        return sorted(pairs, key=lambda pair: min(self.reach(tip) for tip in pair))[-1:]
-
-    def reach(self, tip: int) -> float:
-        return self.body.limb(self.skeleton.path(tip)).length
-
-    def pair_front(self, pair: _Pair) -> float:
-        return (self.body.front(pair[0]) + self.body.front(pair[1])) / 2
-
-    def unlike(self, a: int, b: int) -> float:
-        """Return how far two cells are from mirroring each other, as a share of width or length."""
-        a_place, b_place = self.body.cells[a], self.body.cells[b]
-        image = b_place * [-1, 1, 1] + [2 * self.body.middle, 0, 0]
-        return float(np.linalg.norm(a_place - image) / self.body.wide)
-
-    def pairs(self, tips: list[int]) -> list[_Pair]:
-        """Match tips on the left with those on the right that mirror them best."""
-        left = [tip for tip in tips if self.body.left(tip) > 0]
-        right = [tip for tip in tips if self.body.left(tip) <= 0]
-        unlike = np.array([[self.unlike(a, b) for b in right] for a in left]).reshape(len(left), len(right))
-        rows, columns = linear_sum_assignment(unlike)
-        return [(left[i], right[j]) for i, j in zip(rows, columns, strict=True) if unlike[i, j] < 0.5]
-
-    def head(self, four_legged: bool) -> int:
-        """Return the cell farthest to the front and up, near the middle."""
-        body = self.body
-        low, high = body.cells.min(axis=0), body.cells.max(axis=0)
-        extent = np.array([body.wide, body.height, body.wide])
-        _, up, front = (2 * (body.cells - (low + high) / 2) / extent).T
-        left = 2 * (body.cells[:, 0] - body.middle) / body.wide
-        forwards = front + 0.25 * up if four_legged else up + 0.7 * front
-        return int(np.argmax(forwards - np.abs(left)))
-
-    def branches(self, tips: list[int], legs: list[int]) -> list[_Limb]:
-        """Return the curves of what branches off the trunk, one a limb, the longest first."""
-        body, skeleton = self.body, self.skeleton
-        leg_cells = {cell for leg in legs for cell in skeleton.path(leg)} - self.trunk_cells
-        ways = []
-        for tip in tips:
-            way = skeleton.between(tip, int(self.trunk.cells[0]))
-            stop = next(place for place, cell in enumerate(way) if cell in self.trunk_cells)
-            if stop == 0 or any(cell in leg_cells for cell in way[: stop // 2]):
+        for tip in self.skeleton.tips.tolist():
+            if self._place(tip)[1] >= LOW:
                 continue
-            ways.append(body.limb(way[: stop + 1]))
-        ways.sort(key=lambda limb: -limb.length)
-        kept: list[_Limb] = []
-        for limb in ways:
-            outside = limb.cells[limb.along < limb.length - 1.2 * limb.depth[-1]]
+            others = [other for other in low if self._same_foot(tip, other)]
+            if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
+                low = [*(other for other in low if other not in others), tip]
+        left = [tip for tip in low if self._place(tip)[0] > 0]
+        right = [tip for tip in low if self._place(tip)[0] <= 0]
+        unlike = np.array([[self._unlike(self.cells[a], self.cells[b]) for b in right] for a in left])
+        rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
+        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True) if unlike[i, j] < LIKE]
+        pairs = [pair for pair in pairs if min(self._place(tip)[1] for tip in pair) < GROUND]
+        pairs.sort(key=lambda pair: sum(self._place(tip)[2] for tip in pair))
+        for given in ("leg", "hind leg", "front leg"):
+            if {f"left {given}", f"right {given}"} <= self.ends.keys():
+                pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
+                pairs = [pair] if given != "front leg" else [pairs[0], pair]
+        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > STRIDE:
+            return [pairs[0], pairs[-1]]
+        heights = [max(self._place(tip)[1] for tip in pair) for pair in pairs]
+        lowest = [pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + LEVEL]
+        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+
+    def _stride(self, hind: _Pair, front: _Pair) -> float:
+        places = [np.mean([self._place(tip)[2] for tip in pair]) for pair in (hind, front)]
+        return float(places[1] - places[0])
+
+    def _same_foot(self, tip: int, other: int) -> bool:
+        if self._place(self.skeleton.fork(tip, other))[1] < TOES:
+            return True
+        one_side = (self._place(tip)[0] > 0) == (self._place(other)[0] > 0)
+        return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOES * self.unit)
+
+    def _head(self) -> int:
+        """Return the end of the head: far to the front and up, near the middle, and thick."""
+        if "head" in self.ends:
+            return self.ends["head"]
+        extent = np.array([self.unit, self.height, self.unit])
+        left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
+        left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
+        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
+        feet = [foot for pair in self.feet for foot in pair]
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        scores = {cell: float(forwards[cell]) + BULB * self._bulb(cell) for cell in [int(forwards.argmax()), *tips]}
+        return max(scores, key=lambda cell: scores[cell])
+
+    def _bulb(self, cell: int) -> float:
+        """Return how thick the end of a limb is, as a share of the height."""
+        curve = curve_through(self.solid, self.skeleton.path(cell))
+        return float(curve.depth[curve.along <= LOW * self.height].max() / self.height)
+
+    def _base(self) -> int:
+        """Return a cell in the middle of what a body without feet stands on."""
+        low = np.flatnonzero(self.cells[:, 1] < self.low[1] + LOW * self.height)
+        return int(low[self.solid.depth[low].argmax()])
+
+    # what branches off the trunk ------------------------------------------------------------------------------------
+
+    def _branches(self) -> list[LimbCurve]:
+        """Return the curves of what branches off the trunk, one a limb, the longest first."""
+        feet = [foot for pair in self.feet for foot in pair]
+        near = cKDTree(self.trunk.points)
+        found = []
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        for tip in [*self.ends.values(), *tips]:
+            way = self.skeleton.between(tip, self.head)
+            away, _ = near.query(self.cells[way])
+            stop = int(np.argmax(away <= np.maximum(MEET * self.solid.depth[way], self.solid.size)))
+            if stop > 2 and not self.thighs & set(way[:stop]):
+                found.append(curve_through(self.solid, way[: stop + 1]))
+        given = set(self.ends.values())
+        found.sort(key=lambda branch: (int(branch.cells[0]) not in given, -branch.length))
+        kept: list[LimbCurve] = []
+        for branch in found:
+            outside = branch.cells[branch.along < branch.length - 0.5 * branch.depth[-1]]
             if len(outside) and not any(np.isin(outside, other.cells).any() for other in kept):
-                kept.append(limb)
+                kept.append(branch)
         return kept
 
-    def place_on_trunk(self, limb: _Limb) -> float:
-        """Return where a branch leaves the trunk, from 0 at the pelvis to 1 at the end of the head."""
-        where = int(np.flatnonzero(self.trunk.cells == limb.cells[-1])[0])
-        return float(self.trunk.along[where] / self.trunk.length)
+    def _leaves_at(self, branch: LimbCurve) -> float:
+        """Return where a branch leaves the trunk, from 0 at the hips to 1 at the end of the head."""
+        place = np.linalg.norm(self.trunk.points - branch.points[-1], axis=1).argmin()
+        return float(self.trunk.along[place] / self.trunk.length)
 
-    def arms(self, branches: list[_Limb]) -> tuple[_Limb, _Limb] | None:
+    def _given(self, branches: Sequence[LimbCurve], limb: str) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the pair whose ends the user has given."""
+        by_end = {int(branch.cells[0]): branch for branch in branches}
+        pair = [by_end.get(self.ends.get(f"{side} {limb}", -1)) for side in ("left", "right")]
+        return (pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
+
+    def _arms(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
         """Return the pair of branches that is most like arms, the left one first."""
-        body = self.body
-        best, arms = 0.0, None
+        given = self._given(branches, "arm")
+        if given is not None:
+            return given
+        scores: dict[tuple[int, int], float] = {}
+        shoulders = [self._shoulder_place(branch) for branch in branches]
         for i, one in enumerate(branches):
-            for other in branches[i + 1 :]:
-                a, b = one.length - one.depth[-1], other.length - other.depth[-1]
-                places = self.place_on_trunk(one), self.place_on_trunk(other)
-                lefts = [(self.outwards(limb) - body.middle) / body.wide for limb in (one, other)]
-                if lefts[0] * lefts[1] > 0:
-                    continue
-                fronts = (body.front(int(one.cells[0])) + body.front(int(other.cells[0]))) / 2
-                score = (
-                    min(a, b, 0.35 * body.height) / body.height
-                    - 0.3 * abs(a - b) / (a + b)
-                    - 0.5 * abs(places[0] - places[1])
-                    - 2.0 * max(0.0, max(places) - 0.75)
-                    - 0.25 * self.unlike(int(one.cells[0]), int(other.cells[0]))
-                    - 0.2 * max(0.0, -fronts)
-                )
-                if score > best:
-                    best, arms = score, (one, other) if lefts[0] > 0 else (other, one)
-        return arms
-
-    def outwards(self, limb: _Limb) -> float:
-        """Return how far left a limb is where it leaves the body."""
-        return float(limb.points[limb.along > 0.5 * limb.length, 0].mean())
-
-    def arm_pair(self, arms: tuple[_Limb, _Limb]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        left, right = (self.arm(limb) for limb in arms)
-        return self.symmetric(left, right)
-
-    def symmetric(
-        self, left: NDArray[np.float64], right: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Make limbs equal that nearly mirror each other."""
-        mirror = np.array([-1.0, 1.0, 1.0])
-        offset = np.array([2 * self.body.middle, 0.0, 0.0])
-        middle = (left[:, 0] + right[:, 0]).mean() / 2
-        offset = np.array([2 * middle, 0.0, 0.0])
-        image = right * mirror + offset
-        if np.linalg.norm(left - image, axis=1).max() > SYMMETRIC * self.body.height:
-            return left, right
-        both = (left + image) / 2
-        return both, both * mirror + offset
-
-    def arm(self, limb: _Limb) -> NDArray[np.float64]:
-        """Return shoulder, elbow, wrist and the end of the hand."""
-        body = self.body
-        curve = cKDTree(self.trunk.points)
-        from_trunk, _ = curve.query(limb.points)
-        near = np.flatnonzero(from_trunk < ARM_PARTING * limb.depth)
-        inner = near[limb.along[near] > 0.4 * limb.length]
-        shoulder = limb.along[inner[0]] if len(inner) else limb.length
-        end = self.end_of_hand(limb, float(shoulder))
-        total = float(shoulder) - end
-        wrist = self.narrowest(limb, end, total)
-        elbow = float(shoulder) - UPPER_ARM * (shoulder - wrist)
-        elbow = self.bend(limb, float(wrist), elbow, float(shoulder))
-        _ = body
-        return np.array([limb.at(way) for way in (float(shoulder), elbow, wrist, end)])
-
-    def end_of_hand(self, limb: _Limb, shoulder: float) -> float:
-        """Return where a hand ends, on the way from the tip: what it holds is long and thin."""
-        top = limb.index(shoulder)
-        for place in range(top - 1, 0, -1):
-            so_far = shoulder - limb.along[place]
-            if so_far < 2 * limb.depth[top]:
-                continue
-            if limb.depth[place] < 0.5 * np.median(limb.depth[place:top]):
-                outside = limb.depth[:place]
-                thin = np.flatnonzero(outside >= 0.5 * np.median(limb.depth[place:top]))
-                start = limb.along[thin[-1]] if len(thin) else 0.0
-                if limb.along[place] - start > HELD * so_far:
-                    return float(limb.along[place])
-                return 0.0
-        return 0.0
-
-    def narrowest(self, limb: _Limb, end: float, total: float) -> float:
-        """Return where the wrist is, on the way from the tip: narrow, and about where wrists are."""
-        body = self.body
-        inside = body.behind(int(limb.cells[limb.index(end + total)]))
-        chosen = np.flatnonzero(inside)
-        _, nearest = cKDTree(limb.points).query(body.cells[chosen])
-        ways = limb.along[nearest]
-        share = np.linspace(0.55, 0.85, 31)
-        places = end + (1 - share) * total
-        reach = max(0.04 * total, 1.5 * body.size)
-        counts = np.array([np.count_nonzero(np.abs(ways - way) < reach) for way in places])
-        radius = np.sqrt(np.maximum(counts, 1))
-        score = radius / np.median(radius) + 0.3 * ((share - WRIST) / 0.15) ** 2
-        return float(places[score.argmin()])
-
-    def bend(self, limb: _Limb, low: float, middle: float, high: float) -> float:
-        """Return where a joint is between two others: where the limb is bent, or else where joints usually are."""
-        start, end = limb.at(low), limb.at(high)
-        ways = np.linspace(low + 0.3 * (high - low), low + 0.7 * (high - low), 41)
-        points = np.array([limb.at(way) for way in ways])
-        axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
-        aside = np.linalg.norm((points - start) - ((points - start) @ axis)[:, None] * axis, axis=1)
-        corner = int(aside.argmax())
-        a, b = points[corner] - start, end - points[corner]
-        angle = np.degrees(np.arccos(np.clip(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)), -1, 1)))
-        return float(ways[corner]) if angle > BENT else middle
-
-    def leg_pair(self, feet: _Pair) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return hip, knee, ankle and the end of the foot of both legs."""
-        body, fork = self.body, self.skeleton.fork(*feet)
-        limbs = [body.limb(self.skeleton.between(foot, fork)) for foot in feet]
-        inwards = np.arange(0.0, min(limb.length for limb in limbs), body.size / 2)
-        left, right = (np.array([limb.at(limb.length - way) for way in inwards]) for limb in limbs)
-        depth = np.mean(
-            [np.interp(limb.length - inwards, limb.along, limb.depth) for limb in limbs], axis=0
-        )
-        ratio = np.linalg.norm(left - right, axis=1) / 2 / depth
-        parted = inwards[int(np.argmax(ratio > LEG_PARTING))]
-        clear = inwards[int(np.argmax(ratio > 2 * LEG_PARTING))]
-        legs = [self.leg(limb, limb.length - parted, limb.length - max(clear, parted)) for limb in limbs]
-        return self.symmetric(*legs)
-
-    def leg(self, limb: _Limb, hip: float, clear: float) -> NDArray[np.float64]:
-        ankle = self.ankle(limb, hip)
-        knee = self.bend(limb, ankle, hip - THIGH * (hip - ankle), hip)
-        below = limb.at(clear - 0.25 * (clear - ankle))
-        axis = limb.at(clear) - below
-        axis /= max(float(np.linalg.norm(axis)), 1e-12)
-        top = limb.at(clear) + (hip - clear) * axis
-        return np.array([top, limb.at(knee), limb.at(ankle), limb.at(0.0)])
-
-    def ankle(self, limb: _Limb, hip: float) -> float:
-        """Return where the curve turns from the foot into the shin."""
-        ways = np.linspace(0.0, 0.4 * hip, 81)
-        points = np.array([limb.at(way) for way in ways])
-        start, end = points[0], limb.at(0.5 * hip)
-        axis = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
-        aside = np.linalg.norm((points - start) - ((points - start) @ axis)[:, None] * axis, axis=1)
-        return float(ways[aside.argmax()])
-
-    def tail(self, branches: list[_Limb], arms: tuple[_Limb, _Limb] | None) -> _Limb | None:
-        """Return the longest branch in the middle behind."""
-        body = self.body
-        behind = [
-            limb
-            for limb in branches
-            if (arms is None or limb not in arms)
-            and abs(body.left(int(limb.cells[0]))) < 0.15
-            and body.front(int(limb.cells[0])) < -0.15
-            and self.place_on_trunk(limb) < 0.4
-        ]
-        tail = max(behind, key=lambda limb: limb.length, default=None)
-        if tail is None:
+            for j, other in enumerate(branches[:i]):
+                beside = (self._aside(one) - self.middle) * (self._aside(other) - self.middle) < 0
+                if beside and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
+                    scores[i, j] = self._like_arms(one, other)
+        best = max(scores, key=lambda pair: scores[pair], default=None)
+        if best is None or scores[best] < LEAST_ARM:
             return None
-        root = np.flatnonzero(tail.along < tail.length - tail.depth[-1])
-        return body.limb(tail.cells[: max(int(root[-1]), 2)].tolist()) if len(root) else None
+        one, other = (branches[i] for i in best)
+        return (one, other) if self._aside(one) > self._aside(other) else (other, one)
 
-    def wings(
-        self, branches: list[_Limb], arms: tuple[_Limb, _Limb] | None, tail: _Limb | None, four_legged: bool
-    ) -> tuple[_Limb, _Limb] | None:
-        return None
+    def _below_head(self, branch: LimbCurve, shoulder: float) -> bool:
+        """Return whether a branch with its shoulder there is no ear, horn or leg."""
+        hangs = branch.points[0, 1] < branch.points[-1, 1]
+        high = self._place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
+        return bool(high and (shoulder < self._chin or hangs))
 
-    def trunk_and_head(
-        self, roots: list[NDArray[np.float64]], head: int, four_legged: bool
-    ) -> dict[str, NDArray[np.float64]]:
+    def _like_arms(self, one: LimbCurve, other: LimbCurve) -> float:
+        """Return how much two branches are like arms: long, equal, low, leaving at one height, not behind."""
+        lengths = [branch.length / self.height for branch in (one, other)]
+        leaves = [self._leaves_at(branch) for branch in (one, other)]
+        ends = [self.cells[branch.cells[0]] for branch in (one, other)]
+        behind = -np.mean([self._place(int(branch.cells[0]))[2] for branch in (one, other)])
+        return float(
+            min(*lengths, LONGEST_ARM)
+            - SHORTEST_ARM
+            - 0.3 * abs(lengths[0] - lengths[1]) / sum(lengths)
+            - 0.5 * abs(leaves[0] - leaves[1])
+            - 0.2 * max(leaves)
+            - 0.25 * min(self._unlike(*ends), LIKE)
+            - 0.2 * max(behind, 0.0)
+        )
+
+    def _shoulder_place(self, branch: LimbCurve) -> float:
+        """Return where on the trunk's curve a branch would have its shoulder."""
+        shoulder = branch.at(shoulder_way(branch, self.trunk))
+        return float(self.trunk.along[np.linalg.norm(self.trunk.points - shoulder, axis=1).argmin()])
+
+    def _aside(self, branch: LimbCurve) -> float:
+        """Return how far left a branch is, its outer half that may cross the body left aside."""
+        return float(branch.points[branch.along > 0.5 * branch.length, 0].mean())
+
+    def _tail(self, branches: list[LimbCurve]) -> LimbCurve | None:
+        """Return the longest rod in the middle behind."""
+        if "tail" in self.ends:
+            return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
+        behind = []
+        for branch in branches:
+            left, _, front = self._place(int(branch.cells[0]))
+            if abs(left) < MIDDLE and front < BEHIND and self._leaves_at(branch) < 0.4 and not self._is_flat(branch):
+                behind.append(branch)
+        return max(behind, key=lambda branch: branch.length, default=None)
+
+    def _is_flat(self, branch: LimbCurve) -> bool:
+        """Return whether a branch is a sheet, such as a cape: there is much more around it than a rod has."""
+        outer = branch.along < 0.5 * branch.length
+        points, thickness = branch.points[outer], branch.depth[outer] + self.solid.size / 2
+        reach = np.maximum(SHEET_REACH * thickness, SHEET_REACH * self.solid.size)
+        around = self._tree.query_ball_point(points, reach, return_length=True)
+        rod = 2 * np.pi * thickness**2 * reach
+        return bool(np.median(around * self.solid.size**3 / rod) > SHEET)
+
+    def _wings(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the longest pair that mirrors itself and branches off the trunk."""
+        given = self._given(branches, "wing")
+        if given is not None:
+            return given
+        pairs = []
+        for i, one in enumerate(branches):
+            for other in branches[:i]:
+                shortest = min(one.length, other.length) / self.unit
+                alike = self._unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
+                below = all(self._shoulder_place(branch) < self._chin for branch in (one, other))
+                below = below and all(self._place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
+                if shortest > SHORTEST_WING and alike and below:
+                    pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
+        return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+    # joints ----------------------------------------------------------------------------------------------------------
+
+    def _arm_points(self, arms: tuple[LimbCurve, LimbCurve]) -> list[Points]:
+        shoulders = [shoulder_way(arm, self.trunk) for arm in arms]
+        around = [
+            self.cells[self.skeleton.beyond(int(arm.cells[arm.index(shoulder)]))]
+            for arm, shoulder in zip(arms, shoulders, strict=True)
+        ]
+        points, ends = arm_joints(arms, shoulders, around, self.solid.size)
+        for arm, side, end in zip(arms, ("left", "right"), ends, strict=True):
+            if end > 0 and f"{side} arm" not in self.ends:
+                self.notes.append(
+                    f"Something long and thin at the end of the {side} arm is not part of it. If it is, give the end "
+                    f"of the arm: --limb '{side} arm={self._text(arm.points[0])}'"
+                )
+        return points
+
+    def _text(self, place: Points) -> str:
+        return ",".join(f"{value:.4g}" for value in place @ self.basis)
+
+    def _sides(self, limb: str, pair: Sequence[Points]) -> dict[str, Points]:
+        """Name a left and a right limb; limbs that nearly mirror each other are made equal."""
+        left, right = pair
+        offset = np.array([left[0, 0] + right[0, 0], 0.0, 0.0])
+        apart = np.linalg.norm(left - (right * ONE_IMAGE + offset), axis=1)
+        if apart.max() < SYMMETRIC * self.height:
+            left = (left + right * ONE_IMAGE + offset) / 2
+            right = left * ONE_IMAGE + offset
+        elif apart[0] < SYMMETRIC * self.height:
+            keep_left = _straightness(left) > _straightness(right)
+            image = (left if keep_left else right) * ONE_IMAGE + offset
+            if self._inside(image):  # whatever hides the other limb, such as a shield, hides this as well
+                left, right = (left, image) if keep_left else (image, right)
+        return {f"left {limb}": left, f"right {limb}": right}
+
+    def _inside(self, points: Points) -> bool:
+        """Return whether bones run inside the body."""
+        away, _ = self._tree.query(evenly(points, 30))
+        return bool(np.quantile(away, 0.9) < self.solid.size)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.cells)
+
+    def _uncover_legs(self, found: dict[str, Points]) -> None:
+        """Lengthen legs that a skirt hides, by the proportions of people."""
+        if not {"left leg", "left arm"} <= found.keys():
+            return
+        legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
+        seen, reach = (
+            np.mean([np.linalg.norm(np.diff(points[:3], axis=0), axis=1).sum() for points in limbs])
+            for limbs in (legs, arms)
+        )
+        shoulders = np.mean([points[0, 1] for points in arms]) - self.low[1]
+        usual = self.low[1] + HIP_HEIGHT * shoulders
+        if reach < LONG_LEGS * seen:
+            for leg in legs:
+                leg[0, 1] = max(leg[0, 1], min(usual, leg[0, 1] + 0.1 * self.height))
+        if reach < HIDDEN * seen:
+            return
+        for side, leg in zip(("left", "right"), legs, strict=True):
+            hip = np.array([leg[2, 0], usual, leg[2, 2]])
+            found[f"{side} leg"] = np.array([hip, (hip + leg[2]) / 2, leg[2], leg[3]])
+        self.notes.append(
+            "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If that is "
+            "wrong, change the points of the legs in the puppet file."
+        )
+
+    def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
         trunk = self.trunk
-        if not roots:
-            return {"trunk": evenly(trunk.points, 3)}
-        low = roots[0]
-        tree = cKDTree(trunk.points)
-        if len(roots) < 2:
-            place = trunk.index(0.6 * trunk.length)
-        else:
-            place = int(tree.query(roots[1])[1])
+        near = cKDTree(trunk.points)
+        legs, arms = ("hind leg", "front leg") if self.four_legged else ("leg", "arm")
+        low, high = trunk.points[0], trunk.at(0.6 * trunk.length)
+        if f"left {legs}" in found:
+            low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
+        if f"left {arms}" in found:
+            high = (found[f"left {arms}"][0] + found[f"right {arms}"][0]) / 2
+        place = int(near.query(high)[1])
+        start = int(near.query(low)[1])
         high = trunk.points[place]
-        start = int(tree.query(low)[1])
-        middle = trunk.points[max((start + place) // 2, 0)]
-        result = {"trunk": np.array([low, middle, high])}
-        rest = np.arange(place, len(trunk.points))
-        if len(rest) > 1:
-            bulb = int(rest[trunk.depth[rest].argmax()])
-            tip = trunk.points[-1]
-            _ = bulb
-            result["head"] = np.array([high, tip])
-        return result
+        result = {"trunk": np.array([low, trunk.points[(start + place) // 2], high])}
+        crown = trunk.points[-1]
+        skull = trunk.points[self.skull]
+        stands = skull - high
+        if not self.four_legged and stands[1] > UPRIGHT * np.linalg.norm(stands) > 0:
+            crown = skull + trunk.depth[self.skull] * stands / np.linalg.norm(stands)
+        elif self.skull > place:
+            neck = trunk.along[self.skull] - trunk.depth[self.skull] - trunk.along[place]
+            if neck > LONG_NECK * (trunk.along[place] - trunk.along[start]):
+                way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
+                return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
+        return result | {"head": np.array([high, crown])}
+
+    def _say_what_is_missing(self, found: dict[str, Points]) -> None:
+        if not self.feet:
+            self.notes.append(
+                "No legs were found. If there are any, give where they end: "
+                "--limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+            )
+        if not self.four_legged and "left arm" not in found and "left wing" not in found:
+            self.notes.append(
+                "No arms were found. If there are any, give where they end: "
+                "--limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
+            )
+
+
+def _straightness(points: Points) -> float:
+    """Return the distance between the ends of a chain as a share of its length."""
+    return float(np.linalg.norm(points[-1] - points[0]) / np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

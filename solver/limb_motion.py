@@ -83,7 +83,8 @@ class LimbMotion:
     performer : Performer
     rest : (j, 3) float64
         The performer in the pose that stands for the character's rest pose; metres, character axes (left +x, up +y,
-        forward +z), NaN for unknown joints. Only limbs that follow by "turn" depend on it.
+        forward +z), NaN for unknown joints. Only limbs that follow by "turn" depend on it, and how far feet point up:
+        sensors have the joint of a foot at other heights than meshes, so feet are level where the performer's are.
     basis : (3, 3) float64
         Rows: the mesh file's directions of the character's left, up and forward.
     turns : bool
@@ -146,6 +147,11 @@ class LimbMotion:
         out = np.empty((len(self.bones.parents), 4, 3)) if out is None else out
         _step(self._plan, self._state, float(time), np.ascontiguousarray(positions), confidence, out)
         return out
+
+    @property
+    def heading(self) -> float:
+        """Radians about the upright axis by which the performer is turned and the character does not turn."""
+        return 0.0 if self._plan.turns else float(self._state.clock[HEADING])
 
     @property
     def trunk(self) -> int | None:
@@ -301,7 +307,8 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
     directions = np.zeros((rows, 3))
     directions[0] = _known_unit(_torso_length(plan.pairs, seen))
     for row in range(1, rows):
-        directions[row] = _known_unit(_between(points, plan.ends[row, 0], plan.ends[row, 1]))
+        direction = _known_unit(_between(points, plan.ends[row, 0], plan.ends[row, 1]))
+        directions[row] = _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction
     counts = 1.0
     if len(plan.trunk) > 2:
         first, last = plan.trunk[0], plan.trunk[-1]
@@ -318,6 +325,17 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
         elif counts < 1:
             directions[plan.trunk_rows] = 0.0
     return directions, counts
+
+
+@numba.njit
+def _raised(direction, angle):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return a direction that points further up by an angle, not over the upright."""
+    flat = math.sqrt(direction[0] * direction[0] + direction[2] * direction[2])
+    if flat < quat.TINY:
+        return direction
+    raised = min(max(math.atan2(direction[1], flat) + angle, -math.pi / 2), math.pi / 2)
+    scale = math.cos(raised) / flat
+    return (scale * direction[0], math.sin(raised), scale * direction[2])
 
 
 @numba.njit

@@ -31,6 +31,7 @@ class Plan(NamedTuple):
     base: NDArray[np.int64]  # (b + 1,): the row that each bone's turn is measured against, −1 for none
     shown_base: NDArray[np.int64]  # (b + 1,): the row of the character's that it is applied on top of
     gain: NDArray[np.float64]  # (b + 1,)
+    pitch: NDArray[np.float64]  # (b + 1,): radians by which a direction is raised: a foot's
     trunk: NDArray[np.int64]  # (q,): the points of the trunk, none if there is no trunk
     trunk_rows: NDArray[np.int64]  # (q − 1,): its bones
     pairs: NDArray[np.int64]  # (2, 2): hips and shoulders, left and right
@@ -102,6 +103,7 @@ def plan_of(
         base=base,
         shown_base=shown_base,
         gain=np.array([1.0, *(place.limb.gain for place in places for _ in place.rows)]),
+        pitch=_pitches(places, aims, performer, rest),
         trunk=none if trunk is None else trunk.points,
         trunk_rows=none if trunk is None else trunk.rows,
         pairs=np.array([performer.hips, performer.shoulders], dtype=np.int64),
@@ -164,6 +166,28 @@ def _hinges(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[in
                     yield int(row), forward[joints]
 
 
+def _pitches(
+    places: Sequence[_Place], aims: NDArray[np.float64], performer: Performer, rest: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how much more a character's foot points upwards than the performer's while both stand (b + 1,).
+
+    A sensor has the foot's joint at another height than a mesh: Kinect v1's is nearly below the ankle.
+    """
+    pitches = np.zeros(len(aims))
+    for limb, rows, _ in places:
+        for k in range(len(rows) - 2):
+            if limb.follow == "direction" and limb.joints[k] in {(joint,) for joint in performer.hips}:
+                ankle, foot = (rest[list(joints)].mean(axis=0) for joints in limb.joints[k + 2 : k + 4])
+                pitch = _elevation(aims[rows[k + 2]]) - _elevation(foot - ankle)
+                pitches[rows[k + 2]] = pitch if np.isfinite(pitch) else 0.0
+    return pitches
+
+
+def _elevation(direction: NDArray[np.float64]) -> float:
+    """Return the angle of a direction over the horizontal, radians."""
+    return float(np.arctan2(direction[1], np.hypot(direction[0], direction[2])))
+
+
 def _bases(places: Sequence[_Place], bones: Bones) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the row that each bone's turn is measured against, and the one that it is applied on top of."""
     base, shown = np.full((2, len(bones.parents) + 1), -1, dtype=np.int64)
@@ -215,11 +239,12 @@ def _sides_at_rest(limbs: Sequence[Limb], performer: Performer, basis: NDArray[n
 def _torso(pose: NDArray[np.float64], performer: Performer) -> NDArray[np.float64]:
     """Return a performer's torso as (3, 3) columns left, up and forward; NaN where it is not known."""
     hips, shoulders = pose[list(performer.hips)], pose[list(performer.shoulders)]
-    up = shoulders.mean(axis=0) - hips.mean(axis=0)
-    up = up / np.linalg.norm(up)
-    left = _sides(pose, performer).sum(axis=0)
-    left = left - (left @ up) * up
-    left = left / np.linalg.norm(left)
+    with np.errstate(invalid="ignore"):
+        up = shoulders.mean(axis=0) - hips.mean(axis=0)
+        up = up / np.linalg.norm(up)
+        left = _sides(pose, performer).sum(axis=0)
+        left = left - (left @ up) * up
+        left = left / np.linalg.norm(left)
     return np.column_stack([left, up, np.cross(left, up)])
 
 

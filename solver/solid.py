@@ -1,8 +1,7 @@
-"""The space inside a character, in cells: parts that touch or overlap are one, and cloth without thickness is nothing."""
+"""The space inside a character, in cells: parts that touch or overlap are one, cloth without thickness is nothing."""
 
 from dataclasses import dataclass
 
-import igl
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,9 @@ CELLS = 60_000
 
 MOST_ALONG = 400
 """No more cells than this along a character."""
+
+TOGETHER = 2.0
+"""Parts up to so many times as far from the rest as the nearest one are tied to it at once."""
 
 STEPS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], dtype=np.int64
@@ -59,8 +61,11 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     """
     faces, volume = _outside_out(vertices, faces, components)
     low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
-    size = float(max((volume / CELLS) ** (1 / 3), extent.max() / MOST_ALONG))
-    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2  # even, and around the middle: a mirror image has its mirror image
+    longest = float(extent.max())
+    # a whole number of cells: rounding errors of the volume must not move them
+    size = longest / min(round(longest / (volume / CELLS) ** (1 / 3)), MOST_ALONG)
+    # even, and around the middle: what mirrors itself has cells that do
+    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2
     origin = low + extent / 2 - size * (counts - 1) / 2
     winding = np.zeros(counts)
     for axis in range(3):
@@ -106,7 +111,12 @@ def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa
     crossed = np.zeros((counts[0], counts[1], counts[2] + 1))
     for a, b, c in faces:
         ax, ay, bx, by, cx, cy = (
-            vertices[a, 0], vertices[a, 1], vertices[b, 0], vertices[b, 1], vertices[c, 0], vertices[c, 1],
+            vertices[a, 0],
+            vertices[a, 1],
+            vertices[b, 0],
+            vertices[b, 1],
+            vertices[c, 0],
+            vertices[c, 1],
         )
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if area == 0:
@@ -152,13 +162,17 @@ def _graph(number: NDArray[np.int64], size: float) -> csr_matrix:
 
 
 def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
-    """Tie what does not touch to the rest where it comes nearest, the nearest first."""
+    """Tie what does not touch to the rest where it comes nearest, the nearest parts first."""
     while True:
         count, part = connected_components(graph, directed=False)
         if count == 1:
             return graph
-        trunk = np.bincount(part).argmax()
-        distance, nearest = cKDTree(centers[part == trunk]).query(centers[part != trunk])
-        closest = int(np.argmin(distance))
-        a, b = np.flatnonzero(part != trunk)[closest], np.flatnonzero(part == trunk)[nearest[closest]]
-        graph = csr_matrix(graph + coo_matrix(([distance[closest]], ([a], [b])), graph.shape))
+        largest = part == np.bincount(part).argmax()
+        inside, outside = np.flatnonzero(largest), np.flatnonzero(~largest)
+        distance, nearest = (np.asarray(each) for each in cKDTree(centers[inside]).query(centers[outside]))
+        by_distance = np.argsort(distance, kind="stable")
+        _, first = np.unique(part[outside][by_distance], return_index=True)  # of each part the nearest cell
+        ties = by_distance[first]
+        ties = ties[distance[ties] <= TOGETHER * distance[ties].min()]
+        pairs = (outside[ties], inside[nearest[ties]])
+        graph = csr_matrix(graph + coo_matrix((distance[ties], pairs), graph.shape))

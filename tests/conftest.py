@@ -35,7 +35,7 @@ def _compile_anew_where_something_changed() -> None:
 
 _compile_anew_where_something_changed()
 
-OPTIONAL = {"camera", "data", "freenect", "godot", "mono", "node", "openni"}
+OPTIONAL = {"assimp", "blender", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
 
@@ -151,6 +151,38 @@ def rendered_body() -> ModuleType:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(ROOT)
         return importlib.import_module("benchmarks.rendered_body")
+
+
+@pytest.fixture(scope="session")
+def players() -> ModuleType:
+    """The module benchmarks/players.py: programs that play a .glb."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT)
+        return importlib.import_module("benchmarks.players")
+
+
+NEEDED = {
+    "Blender": ("blender", "bpy is not here (make peers)"),
+    "three.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
+    "Babylon.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
+    "Godot": ("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)"),
+    "assimp": ("assimp", "assimp 5.1 or 5.2 is not here (Debian 12: libassimp5)"),
+}
+"""What each program's tests need, and why they are skipped without it."""
+
+
+@pytest.fixture(scope="session")
+def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Callable[..., Any]]:
+    """Return what lets a program play a .glb's first animation at n evenly spaced times, start and end included."""
+    commands, folder = players.commands(), tmp_path_factory.mktemp("shown")
+
+    def of(program: str) -> Callable[..., Any]:
+        command = commands[program]
+        if command is None:
+            missing(*NEEDED[program])
+        return lambda path, n, *more: players.play(command, path, n, folder / "shown", *more)
+
+    return of
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.gltf.animation import Take, add_channel, add_root, own_mesh, show_all
-from engine_bridge.gltf.character import TRIANGLES, Character
+from engine_bridge.gltf.character import TRIANGLES, Character, rest_weights
 from engine_bridge.gltf.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.gltf.scene import skinning as carried_by_skin
 from engine_bridge.gltf.scene import world_transforms
@@ -73,6 +73,11 @@ def animate_skin(
     for bone, joint in enumerate(joints):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
+    for node in nodes:
+        held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
+        if any(held):  # Godot forgets the weights that a mesh has at rest, but plays those of an animation
+            weights = np.tile(np.array(held, dtype=np.float32), len(take.times))
+            add_channel(document, animation, clock, weights, node, "weights")
     if take.root is not None:
         add_channel(document, animation, clock, take.root, add_root(document), "translation")
     gltf["animations"].insert(0, animation)  # the first is what viewers play

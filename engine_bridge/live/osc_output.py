@@ -197,7 +197,8 @@ def _joints(base: str, frame: Frame) -> Iterator[bytes]:
 def _handles(base: str, frame: Frame) -> Iterator[bytes]:
     names = part_names([handle.name for handle in frame.character.rig.puppet.handle])
     targets = frame.targets.astype(np.float32)
-    yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
+    if names:
+        yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
 
 
 def _vertices(base: str, frame: Frame) -> Iterator[bytes]:

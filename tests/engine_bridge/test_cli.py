@@ -260,9 +260,9 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run,
     made = run("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(
-        "made.toml: 5 handles, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
+        "made.toml: 6 limbs, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
     )
-    assert "hand_left + hand_right" in made.stdout
+    assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
     assert names(tmp_path) >= {"made.toml", "made.handles.png"}
     assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
     assert (tmp_path / "out.glb").stat().st_size > 10_000

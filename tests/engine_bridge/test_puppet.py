@@ -70,7 +70,12 @@ puppets = st.builds(
     ),
     handle=st.lists(handles, min_size=1, max_size=4, unique_by=lambda handle: handle.name),
     root=st.none() | st.builds(RootTable, joint=joints, axes=axes, turns=st.booleans()),
-    retarget=st.builds(RetargetTable, mirror=st.booleans(), scale=st.just("auto") | st.floats(1e-300, 1e9)),
+    retarget=st.builds(
+        RetargetTable,
+        mirror=st.booleans(),
+        scale=st.just("auto") | st.floats(1e-300, 1e9),
+        arm_space=st.floats(-90, 90),
+    ),
     smoothing=st.builds(
         SmoothingTable,
         alpha=st.floats(0, 1, exclude_min=True),
@@ -189,7 +194,7 @@ MISTAKES = {
         PUPPET + "[retarget]\nqqq = 1\n",
         "[retarget], qqq",
         "the unknown key 'qqq'",
-        "one of mirror, scale",
+        "one of mirror, scale, arm_space, hands_meet",
         "Remove it.",
     ),
     "an unknown joint": (

@@ -1,19 +1,27 @@
 // play.mjs FILE N OUTBASE: play a .glb's first animation in three.js and write what every vertex does.
 //
 // The N times are evenly spaced from 0 to the end, both included. OUTBASE.bin holds little-endian float32: for each mesh
-// (N, V, 3) world positions, then (N, V, 3) unit normals where the mesh has normals. OUTBASE.json tells the times and,
-// for each mesh in scene order, its name, its count V and where (in floats) its two blocks start.
+// (N, V, 3) world positions, then (N, V, 3) unit normals where the mesh has normals. OUTBASE.json holds the times, the
+// names of animations and nodes and, for each mesh in scene order, its name, the node and primitive of the file that it
+// shows, its count V, where (in floats) its two blocks start, its material and its morph targets.
 
 import { readFile, writeFile } from "node:fs/promises";
-import { AnimationMixer, LoopOnce, Matrix3, Vector3, Vector4 } from "three";
+import { AnimationMixer, LoopOnce, Matrix3, REVISION, Texture, Vector3, Vector4 } from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+
+function imageName(json, texture) {
+  return json.images[json.textures[texture].source].name ?? "";
+}
 
 async function load(file) {
   const loader = new GLTFLoader();
-  // Decoding an image needs a browser, and nothing here looks at one: every material goes without.
+  // Decoding an image needs a browser, and nothing here looks at one: every material gets an empty texture.
   loader.register((parser) => {
-    parser.assignTexture = async () => null;
-    return { name: "without_textures" };
+    parser.assignTexture = async (material, slot, { index }) => {
+      if (slot === "map") material.map = Object.assign(new Texture(), { name: imageName(parser.json, index) });
+      return null;
+    };
+    return { name: "empty_textures" };
   });
   const bytes = await readFile(file);
   return loader.parseAsync(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength), "");
@@ -54,7 +62,7 @@ function pose(scene, mixer, time) {
 }
 
 const [file, steps, outBase] = process.argv.slice(2);
-const { scene, animations } = await load(file);
+const { scene, animations, parser } = await load(file);
 if (animations.length === 0) throw new Error(`${file} holds no animation`);
 
 const clip = animations[0];
@@ -78,6 +86,23 @@ for (const time of times) {
   });
 }
 
+// a mesh of one primitive is its node's object, one of several is a child of it
+function source(mesh) {
+  const own = parser.associations.get(mesh);
+  return { node: own.nodes ?? parser.associations.get(mesh.parent).nodes, primitive: own.primitives };
+}
+
+function materialOf({ material }) {
+  return {
+    name: material.name,
+    base_color: [...material.color.toArray(), material.opacity],
+    images: material.map ? [{ name: material.map.name }] : [],
+  };
+}
+
+const objects = [];
+scene.traverse((object) => objects.push(object.userData.name ?? object.name));
+
 let floats = 0;
 const blocks = [];
 function append(arrays) {
@@ -90,9 +115,13 @@ function append(arrays) {
 }
 const description = meshes.map((mesh, m) => ({
   name: mesh.name,
+  ...source(mesh),
   count: mesh.geometry.attributes.position.count,
   positions: append(frames[m].positions),
   normals: frames[m].normals.length ? append(frames[m].normals) : null,
+  materials: [materialOf(mesh)],
+  targets: Object.keys(mesh.morphTargetDictionary ?? {}),
 }));
 await writeFile(`${outBase}.bin`, Buffer.concat(blocks));
-await writeFile(`${outBase}.json`, JSON.stringify({ times, meshes: description }));
+const report = { times, meshes: description, version: REVISION, animations: animations.map(({ name }) => name), objects };
+await writeFile(`${outBase}.json`, JSON.stringify(report));

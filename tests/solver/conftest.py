@@ -32,12 +32,23 @@ def march(capsules, low, high, step):
     return v, f
 
 
+@pytest.fixture(scope="session")
+def march_capsules():
+    return march
+
+
 def make_figure(step):
     """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
     capsules = [*TRUNK.values(), *LIMBS.values()]
     v, f = march(capsules, (0.0, -1.9, -0.6), (1.8, 2.3, 0.6), step)
     image = np.where(v[:, :1] == 0, v, v * [-1, 1, 1])
     return weld(np.concatenate([v, image]), np.concatenate([f, f[:, ::-1] + len(v)]))
+
+
+@pytest.fixture(scope="session")
+def march_capsules():
+    """Triangulate the union of capsules: march(capsules, low, high, step)."""
+    return march
 
 
 @pytest.fixture(scope="session")

@@ -73,7 +73,7 @@ def directions(motion, motions):
 
 
 def wanted(motion, pose):
-    """Where the performer's bones point (b, 3), in the order of the motion's."""
+    """Where the performer's bones point (b, 3), in the order of the motion's; both bodies have the same feet."""
     ends = np.array([pair for each in motion.limbs for pair in itertools.pairwise([j[0] for j in each.joints])])
     along = pose[ends[:, 1]] - pose[ends[:, 0]]
     return along / np.linalg.norm(along, axis=1)[:, None]
@@ -402,3 +402,24 @@ def test_the_spine_of_a_sensor_that_has_it_beside_the_hips_does_not_bend_the_bac
     low[AT["spine"]] = [0, 0.05, -0.04]  # as Kinect v1 has it
     motion = LimbMotion(character(T_POSE), SIDES, low)
     np.testing.assert_allclose(turns(motion.step(0.0, low, TRACKED))[:2], [np.eye(3)] * 2, atol=1e-12)
+
+
+def test_feet_are_level_where_the_performers_are_whatever_their_joints_are_at():
+    """The joint of this performer's foot is nearly below the ankle; it heads to the left and rises by 30°."""
+    low = HANGING.copy()
+    step = HANGING.copy()
+    for side in ("left", "right"):
+        low[AT[f"foot_{side}"]] = low[AT[f"ankle_{side}"]] + [0, -0.09, 0.09]
+        step[AT[f"foot_{side}"]] = step[AT[f"ankle_{side}"]] + 0.1 * np.array(
+            [np.cos(np.radians(15)), -np.sin(np.radians(15)), 0]
+        )
+    motion = LimbMotion(character(T_POSE), SIDES, low)
+    foot = [each.name for each in motion.limbs for _ in each.points[1:]].index("left leg") + 2
+    level = directions(motion, motion.step(0.0, low, TRACKED))[0][foot]
+    rest = motion.bones.tails[foot] - motion.bones.heads[foot]
+    at_rest = np.arctan2(rest[1], np.hypot(rest[0], rest[2]))
+    np.testing.assert_allclose(level, [0, np.sin(at_rest), np.cos(at_rest)], atol=1e-9)
+    up = at_rest + np.radians(30)
+    np.testing.assert_allclose(
+        directions(motion, motion.step(1.1, step, TRACKED))[0][foot], [np.cos(up), np.sin(up), 0], atol=1e-9
+    )

@@ -1,0 +1,175 @@
+"""Programs that open a .glb: run their players in tests/peers, and compare what they show with what was solved.
+
+Each player takes a file, a number of times and where to write, and leaves a table of (node, primitive) of the file with
+world positions at evenly spaced times, from the start of the animation to its end.
+"""
+
+import ctypes.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.clip import Clip
+from engine_bridge.gltf.document import Document
+from solver.reduced_model import position_matrix
+
+ROOT = Path(__file__).parents[1]
+PEERS = ROOT / "tests" / "peers"
+BLENDER = ROOT / ".venv-blender"
+"""An environment with bpy, where `make peers` finds the Python that bpy is for."""
+
+ASSIMP = {(5, 1), (5, 2)}
+"""Versions of assimp whose structures its player knows."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a program shows of a file.
+
+    Attributes
+    ----------
+    times : (n,) float64
+        Seconds.
+    meshes : dict
+        (node, primitive) of the file to (n, V, 3) world positions; NaN where the program dropped a vertex.
+    report : dict
+        All else that the player told, see its script.
+    """
+
+    times: Floats
+    meshes: dict[tuple[int, int], Floats]
+    report: dict[str, Any]
+
+
+def commands() -> dict[str, list[str | Path] | None]:
+    """Return how each program's player is called, None where the program is not here."""
+    node, godot = shutil.which("node"), shutil.which(os.environ.get("GODOT", "godot"))
+    modules = node is not None and (PEERS / "node_modules").is_dir()
+    bpy = any(BLENDER.glob("lib/*/site-packages/bpy"))
+    return {
+        "Blender": [BLENDER / "bin" / "python", PEERS / "play_blender.py"] if bpy else None,
+        "three.js": [node, PEERS / "play.mjs"] if modules else None,
+        "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
+        "assimp": [sys.executable, PEERS / "play_assimp.py"] if _assimp_is_known() else None,
+        "Godot": [godot, "--headless", "--path", PEERS / "godot", "--script", "play.gd", "--"] if godot else None,
+    }
+
+
+def _assimp_is_known() -> bool:
+    """Whether the C library of assimp is here, in a version whose structures the player knows."""
+    name = ctypes.util.find_library("assimp")
+    if name is None:
+        return False
+    library = ctypes.CDLL(name)
+    return (library.aiGetVersionMajor(), library.aiGetVersionMinor()) in ASSIMP
+
+
+def play(command: list[str | Path], file: Path, count: int, base: Path, *more: str) -> Shown:
+    """Play a file's first animation at `count` times, the start and the end included.
+
+    Raises
+    ------
+    RuntimeError
+        With what the program wrote, if it failed.
+    """
+    ran = subprocess.run(
+        [*map(str, command), str(file), str(count), str(base), *more], capture_output=True, text=True, check=False
+    )
+    told = base.with_name(f"{base.name}.json")
+    if ran.returncode or not told.exists():
+        raise RuntimeError(f"{command[0]} on {file}: exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
+    report = json.loads(told.read_text(encoding="utf-8"))
+    floats = np.fromfile(base.with_name(f"{base.name}.bin"), dtype="<f4")
+    document = Document.load(file)
+    used, numbers = (
+        vertices_used(document),
+        {node.get("name"): index for index, node in enumerate(document.gltf["nodes"])},
+    )
+    meshes = {}
+    for mesh in report["meshes"]:
+        if isinstance(mesh["node"], str):
+            mesh["node"] = numbers[mesh["node"]]
+        start = mesh["positions"]
+        block = floats[start : start + 3 * count * mesh["count"]].reshape(count, mesh["count"], 3).astype(np.float64)
+        if mesh["primitive"] is None:  # Blender: all primitives together, without the vertices that none of them uses
+            own = {key: vertices for key, vertices in used.items() if key[0] == mesh["node"]}
+            pieces = np.split(block, np.cumsum([len(vertices) for vertices in own.values()]), axis=1)
+            if len(pieces[-1][0]):
+                raise RuntimeError(f"{file}: {mesh['name']} has {len(pieces[-1][0])} vertices more than the file")
+            for (key, vertices), piece in zip(own.items(), pieces[:-1], strict=True):
+                meshes[key] = np.full((count, vertices[-1] + 1, 3), np.nan)
+                meshes[key][:, vertices] = piece
+        else:
+            meshes[mesh["node"], mesh["primitive"]] = block
+    return Shown(np.array(report["times"]), meshes, report)
+
+
+def vertices_used(document: Document) -> dict[tuple[int, int], NDArray[np.int64]]:
+    """Return the vertices of each (node, primitive) that its indices name, in ascending order."""
+    used = {}
+    for index, node in enumerate(document.gltf["nodes"]):
+        if "mesh" in node:
+            for number, primitive in enumerate(document.gltf["meshes"][node["mesh"]]["primitives"]):
+                if "indices" in primitive:
+                    used[index, number] = np.unique(document.array(primitive["indices"])).astype(np.int64)
+                else:
+                    count = document.gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
+                    used[index, number] = np.arange(count)
+    return used
+
+
+def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
+    """Return what gives each (node, primitive) its world positions at any times, straight lines between the keyframes.
+
+    Positions are float64 and come from the control variables themselves, not from what was exported; the clock is that
+    of the file, whose key times are float32.
+    """
+    model, mesh, character = clip.rig.model, clip.rig.mesh, clip.rig.character
+    W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
+    last = len(clip.frames) - 1
+    clock = clip.timeline.times.astype(np.float32)
+
+    def positions(times: Floats) -> dict[tuple[int, int], Floats]:
+        at = np.interp(times, clock, np.arange(last + 1))
+        before = np.minimum(np.floor(at).astype(int), last - 1)
+        share = (at - before)[:, None, None]
+        R = (1 - share) * clip.frames[before].astype(np.float64) + share * clip.frames[before + 1].astype(np.float64)
+        moved = np.array([W @ each for each in R]) * model.diagonal + model.center
+        if clip.rig.puppet.root is not None:
+            moved += (1 - share) * clip.root[before][:, None] + share * clip.root[before + 1][:, None]
+        return {
+            (part.node, part.primitive): moved[:, mesh.of_render[place]]
+            for part, place in zip(character.parts, character.places, strict=True)
+        }
+
+    return positions
+
+
+def farthest(shown: dict[tuple[int, int], Floats], expected: dict[tuple[int, int], Floats]) -> float:
+    """Return the largest distance of a vertex from where it should be, over all times and meshes.
+
+    Raises
+    ------
+    KeyError
+        A mesh that is not shown.
+    """
+    worst = 0.0
+    for key, positions in expected.items():
+        seen = shown[key]
+        positions = positions[:, : seen.shape[1]]
+        distances = np.linalg.norm(seen - positions, axis=2)
+        if np.isnan(distances).all():
+            raise KeyError(key)
+        worst = max(worst, float(np.nanmax(distances)))
+    return worst

@@ -1,0 +1,344 @@
+"""play_assimp.py FILE N OUTBASE: play what assimp imports of a .glb's first animation and write what every vertex does.
+
+Assimp reads files and plays none. Everything here is computed from what its C library gives: nodes, channels, morph
+weights and bones, by assimp's own conventions (an anim mesh holds whole positions; a bone's matrix is its node's world
+transform times its offset matrix), with straight lines between keys and quaternions turned along the shortest arc. The
+structures are those of versions 5.1 and 5.2; later ones have more fields and are refused. Output is that of play.mjs.
+"""
+
+import ctypes
+import ctypes.util
+import json
+import sys
+from ctypes import POINTER, Structure, c_char, c_char_p, c_double, c_float, c_uint, c_void_p
+from pathlib import Path
+
+import numpy as np
+
+VERSIONS = {(5, 1), (5, 2)}
+BASE_COLOR = 12
+"""Kind of a texture."""
+
+
+class Text(Structure):
+    _fields_ = [("length", c_uint), ("data", c_char * 1024)]
+
+    def __str__(self):
+        return self.data[: self.length].decode()
+
+
+class Node(Structure):
+    pass
+
+
+Node._fields_ = [
+    ("name", Text),
+    ("transformation", c_float * 16),
+    ("parent", POINTER(Node)),
+    ("children_count", c_uint),
+    ("children", POINTER(POINTER(Node))),
+    ("meshes_count", c_uint),
+    ("meshes", POINTER(c_uint)),
+    ("metadata", c_void_p),
+]
+
+
+class VertexWeight(Structure):
+    _fields_ = [("vertex", c_uint), ("weight", c_float)]
+
+
+class Bone(Structure):
+    _fields_ = [
+        ("name", Text),
+        ("weights_count", c_uint),
+        ("armature", POINTER(Node)),
+        ("node", POINTER(Node)),
+        ("weights", POINTER(VertexWeight)),
+        ("offset", c_float * 16),
+    ]
+
+
+class AnimMesh(Structure):
+    _fields_ = [
+        ("name", Text),
+        ("vertices", POINTER(c_float)),
+        ("others", c_void_p * 19),
+        ("vertices_count", c_uint),
+        ("weight", c_float),
+    ]
+
+
+class Mesh(Structure):
+    _fields_ = [
+        ("primitives", c_uint),
+        ("vertices_count", c_uint),
+        ("faces_count", c_uint),
+        ("vertices", POINTER(c_float)),
+        ("others", c_void_p * 19),
+        ("uv_components", c_uint * 8),
+        ("faces", c_void_p),
+        ("bones_count", c_uint),
+        ("bones", POINTER(POINTER(Bone))),
+        ("material", c_uint),
+        ("name", Text),
+        ("anim_meshes_count", c_uint),
+        ("anim_meshes", POINTER(POINTER(AnimMesh))),
+    ]
+
+
+VECTOR_KEY = np.dtype([("time", "f8"), ("value", "f4", 3)], align=True)
+QUATERNION_KEY = np.dtype([("time", "f8"), ("value", "f4", 4)], align=True)
+
+
+class NodeChannel(Structure):
+    _fields_ = [
+        ("name", Text),
+        ("positions_count", c_uint),
+        ("positions", c_void_p),
+        ("rotations_count", c_uint),
+        ("rotations", c_void_p),
+        ("scalings_count", c_uint),
+        ("scalings", c_void_p),
+        ("states", c_uint * 2),
+    ]
+
+
+class MorphKey(Structure):
+    _fields_ = [
+        ("time", c_double),
+        ("values", POINTER(c_uint)),
+        ("weights", POINTER(c_double)),
+        ("count", c_uint),
+    ]
+
+
+class MorphChannel(Structure):
+    _fields_ = [("name", Text), ("keys_count", c_uint), ("keys", POINTER(MorphKey))]
+
+
+class Animation(Structure):
+    _fields_ = [
+        ("name", Text),
+        ("duration", c_double),
+        ("ticks", c_double),
+        ("channels_count", c_uint),
+        ("channels", POINTER(POINTER(NodeChannel))),
+        ("mesh_channels_count", c_uint),
+        ("mesh_channels", c_void_p),
+        ("morph_channels_count", c_uint),
+        ("morph_channels", POINTER(POINTER(MorphChannel))),
+    ]
+
+
+class Scene(Structure):
+    _fields_ = [
+        ("flags", c_uint),
+        ("root", POINTER(Node)),
+        ("meshes_count", c_uint),
+        ("meshes", POINTER(POINTER(Mesh))),
+        ("materials_count", c_uint),
+        ("materials", POINTER(c_void_p)),
+        ("animations_count", c_uint),
+        ("animations", POINTER(POINTER(Animation))),
+        ("textures_count", c_uint),
+    ]
+
+
+def each(count, pointers):
+    return [pointers[index].contents for index in range(count)]
+
+
+def floats(pointer, count, width):
+    return np.ctypeslib.as_array(pointer, (count * width,)).reshape(count, width).astype(np.float64)
+
+
+def keys(count, address, kind):
+    """Return an array of (time, value) structures as (count,) times and (count, width) values."""
+    rows = np.frombuffer(ctypes.string_at(address, count * kind.itemsize), kind)
+    return rows["time"], rows["value"].astype(np.float64)
+
+
+def between(times, values, time, mix):
+    """Return the value at a time; before the first and after the last key it is held."""
+    after = int(np.searchsorted(times, time))
+    if after == 0 or after == len(times):
+        return values[min(after, len(times) - 1)]
+    return mix(values[after - 1], values[after], (time - times[after - 1]) / (times[after] - times[after - 1]))
+
+
+def straight(a, b, share):
+    return (1 - share) * a + share * b
+
+
+def arc(a, b, share):
+    cosine = float(a @ b)
+    b, cosine = (-b, -cosine) if cosine < 0 else (b, cosine)
+    angle = np.arccos(min(cosine, 1.0))
+    if angle < 1e-6:
+        return straight(a, b, share)
+    return (np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
+
+
+def rotation(quaternion):
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+class Player:
+    """One animation of a scene: where vertices are at a time."""
+
+    def __init__(self, scene, animation):
+        self.meshes = each(scene.meshes_count, scene.meshes)
+        self.nodes = []  # depth first: (name, parent, transform, meshes)
+        self._collect(scene.root.contents, -1)
+        self.number = {name: index for index, (name, *_) in enumerate(self.nodes)}
+        self.channels = {
+            str(channel.name): (
+                keys(channel.positions_count, channel.positions, VECTOR_KEY),
+                keys(channel.rotations_count, channel.rotations, QUATERNION_KEY),
+                keys(channel.scalings_count, channel.scalings, VECTOR_KEY),
+            )
+            for channel in each(animation.channels_count, animation.channels)
+        }
+        self.morphs = {}
+        for channel in each(animation.morph_channels_count, animation.morph_channels):
+            rows = channel.keys[: channel.keys_count]
+            times = np.array([row.time for row in rows])
+            weights = np.array([row.weights[: row.count] for row in rows])
+            targets = [list(row.values[: row.count]) for row in rows]
+            if any(target != list(range(len(target))) for target in targets):
+                raise SystemExit(f"{channel.name}: morph keys that leave targets out")
+            self.morphs[str(channel.name)] = times, weights
+        self.base = [floats(mesh.vertices, mesh.vertices_count, 3) for mesh in self.meshes]
+        self.moves = [
+            np.array(
+                [
+                    floats(anim.vertices, anim.vertices_count, 3) - base
+                    for anim in each(mesh.anim_meshes_count, mesh.anim_meshes)
+                ]
+            )
+            for mesh, base in zip(self.meshes, self.base, strict=True)
+        ]
+        self.bones = [self._bones(mesh) for mesh in self.meshes]
+
+    def _collect(self, node, parent):
+        own = len(self.nodes)
+        transform = np.array(node.transformation, dtype=np.float64).reshape(4, 4)
+        self.nodes.append((str(node.name), parent, transform, list(node.meshes[: node.meshes_count])))
+        for child in each(node.children_count, node.children):
+            self._collect(child, own)
+
+    def _bones(self, mesh):
+        """Return each bone's name, offset matrix, vertices and their weights."""
+        found = []
+        for bone in each(mesh.bones_count, mesh.bones):
+            weights = bone.weights[: bone.weights_count]
+            vertices = np.array([weight.vertex for weight in weights], dtype=int)
+            shares = np.array([weight.weight for weight in weights], dtype=np.float64)
+            found.append((str(bone.name), np.array(bone.offset, dtype=np.float64).reshape(4, 4), vertices, shares))
+        return found
+
+    def to_world(self, ticks):
+        matrices = []
+        for name, parent, transform, _ in self.nodes:
+            local = transform
+            if name in self.channels:
+                positions, rotations, scalings = self.channels[name]
+                local = np.eye(4)
+                local[:3, :3] = rotation(between(*rotations, ticks, arc)) * between(*scalings, ticks, straight)
+                local[:3, 3] = between(*positions, ticks, straight)
+            matrices.append(local if parent < 0 else matrices[parent] @ local)
+        return matrices
+
+    def positions(self, node, mesh, ticks, matrices):
+        name = self.nodes[node][0]
+        local = self.base[mesh]
+        if len(self.moves[mesh]):
+            if name in self.morphs:
+                weights = between(*self.morphs[name], ticks, straight)
+            else:
+                weights = [
+                    anim.weight for anim in each(self.meshes[mesh].anim_meshes_count, self.meshes[mesh].anim_meshes)
+                ]
+            local = local + np.tensordot(weights, self.moves[mesh], axes=1)
+        padded = np.column_stack([local, np.ones(len(local))])
+        if not self.bones[mesh]:
+            return (padded @ matrices[node].T)[:, :3]
+        shown = np.zeros_like(padded)
+        for name, offset, vertices, shares in self.bones[mesh]:
+            shown[vertices] += shares[:, None] * (padded[vertices] @ (matrices[self.number[name]] @ offset).T)
+        return shown[:, :3]
+
+
+def material(library, scene, index):
+    own = scene.materials[index]
+    color, name, path = (c_float * 4)(1, 1, 1, 1), Text(), Text()
+    library.aiGetMaterialColor(c_void_p(own), b"$clr.base", 0, 0, color)
+    library.aiGetMaterialString(c_void_p(own), b"?mat.name", 0, 0, ctypes.byref(name))
+    library.aiGetMaterialString(c_void_p(own), b"$tex.file", BASE_COLOR, 0, ctypes.byref(path))
+    return {"name": str(name), "base_color": list(color), "images": [{"name": str(path)}] if path.length else []}
+
+
+def main():
+    file, count, base = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+    library = ctypes.CDLL(ctypes.util.find_library("assimp") or "libassimp.so.5")
+    version = library.aiGetVersionMajor(), library.aiGetVersionMinor()
+    if version not in VERSIONS:
+        raise SystemExit(f"assimp {version[0]}.{version[1]} lays out its structures in ways that are not known here")
+    library.aiImportFile.restype, library.aiGetErrorString.restype = POINTER(Scene), c_char_p
+    library.aiGetMaterialColor.argtypes = [c_void_p, c_char_p, c_uint, c_uint, c_void_p]
+    library.aiGetMaterialString.argtypes = [c_void_p, c_char_p, c_uint, c_uint, c_void_p]
+    imported = library.aiImportFile(str(file).encode(), 0)
+    if not imported:
+        raise SystemExit(f"{file}: {library.aiGetErrorString().decode()}")
+    scene = imported.contents
+    animations = each(scene.animations_count, scene.animations)
+    player = Player(scene, animations[0])
+
+    shown = [(node, place, mesh) for node, (*_, meshes) in enumerate(player.nodes) for place, mesh in enumerate(meshes)]
+    end = animations[0].duration
+    blocks = [[] for _ in shown]
+    for ticks in np.linspace(0, end, count):
+        matrices = player.to_world(ticks)
+        for block, (node, _, mesh) in zip(blocks, shown, strict=True):
+            block.append(player.positions(node, mesh, ticks, matrices))
+    described, start = [], 0
+    with Path(f"{base}.bin").open("wb") as binary:
+        for block, (node, place, mesh) in zip(blocks, shown, strict=True):
+            own = player.meshes[mesh]
+            described.append(
+                {
+                    "name": player.nodes[node][0],
+                    "mesh": str(own.name),
+                    "node": player.nodes[node][0],
+                    "primitive": place,
+                    "count": own.vertices_count,
+                    "positions": start,
+                    "normals": None,
+                    "materials": [material(library, scene, own.material)],
+                    "targets": [str(anim.name) for anim in each(own.anim_meshes_count, own.anim_meshes)],
+                    "bones": len(player.bones[mesh]),
+                }
+            )
+            for positions in block:
+                binary.write(positions.astype("<f4").tobytes())
+                start += positions.size
+    report = {
+        "times": np.linspace(0, end / animations[0].ticks, count).tolist(),
+        "meshes": described,
+        "version": f"{version[0]}.{version[1]}.{library.aiGetVersionPatch()}",
+        "animations": [str(animation.name) for animation in animations],
+        "objects": [name for name, *_ in player.nodes],
+        "textures": scene.textures_count,
+        "morphed": sorted(player.morphs),
+    }
+    Path(f"{base}.json").write_text(json.dumps(report), encoding="utf-8")
+
+
+main()

@@ -174,8 +174,12 @@ def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, lim
     mesh = solver_mesh(limbs)
     image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
     swapped = {"left": "right", "right": "left"}
-    original = {(handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))}
-    mirrored = {(handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))}
+    original = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))
+    }
+    mirrored = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))
+    }
     assert {
         tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
         for key, (x, y, z) in original.items()
@@ -300,7 +304,7 @@ def test_what_has_no_limbs_gets_handles(make_shape, tmp_path):
     make_character("ball", ball.vertices.astype(float), ball.faces).document.save(tmp_path / "ball.glb")
     made = new_puppet(tmp_path / "ball.glb", tmp_path / "a.toml")
     assert made.puppet.limb == ()
-    assert {handle.name for handle in made.puppet.handle} == {"head", "base"}
+    assert {"head", "base"} <= {handle.name for handle in made.puppet.handle}
     assert [note.split(".")[0] for note in made.notes] == ["No legs were found", "No arms were found"]
 
 

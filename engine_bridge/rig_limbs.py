@@ -141,7 +141,10 @@ def rig_limbs(character: Character, up: NDArray[np.float64] = UP) -> Limbs | Non
         None where the file has no skeleton. No chains where its names say nothing; a note says so.
     """
     joints = _joints(character)
-    return limbs_of(joints, up) if joints else None
+    limbs = limbs_of(joints, up) if joints else None
+    if limbs is not None and not limbs.chains and not character.document.gltf["skins"]:
+        return None  # names of parts, which need not say anything
+    return limbs
 
 
 def limbs_of(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:

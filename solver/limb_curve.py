@@ -20,7 +20,7 @@ HIPS, SHOULDERS = 0.6, 2.3
 """A hip is where two legs' curves part: half their distance is this many times their distance to the surface. A
 shoulder is this many times as far from the trunk's curve as from the surface."""
 
-THIN, HELD, ROD = 0.5, 0.35, 0.8
+THIN, HELD, ROD = 0.5, 0.6, 0.8
 """What is thinner than this share of the arm over more than this share of its length is held in the hand; so much of it
 has to be as thin, for there are no thick parts in a sword."""
 

@@ -71,12 +71,12 @@ is at its beginning."""
 LONG_NECK = 0.3
 """A neck of at least this share of the trunk's length is a limb of its own."""
 
-HIDDEN = 1.5
+HIDDEN = 1.3
 """Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
 LONG_LEGS = 0.75
 """Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
-HIP_HEIGHT = 0.63
-"""Height of the hips as a share of that of the shoulders."""
+HIP_HEIGHT, HIP_WIDTH = 0.63, 0.5
+"""Height of the hips, and distance between them, as a share of those of the shoulders."""
 
 UPRIGHT = np.cos(np.radians(50))
 """Cosine between up and the way from trunk to head up to which the head stands on the trunk."""
@@ -435,7 +435,9 @@ class _Finder:
         if reach < HIDDEN * seen:
             return
         for side, leg in zip(("left", "right"), legs, strict=True):
-            hip = np.array([leg[2, 0], usual, leg[2, 2]])
+            shoulder = found[f"{side} arm"][0]
+            aside = HIP_WIDTH * (shoulder[0] - self.trunk.points[0, 0])
+            hip = np.array([self.trunk.points[0, 0] + aside, usual, leg[2, 2]])
             found[f"{side} leg"] = np.array([hip, (hip + leg[2]) / 2, leg[2], leg[3]])
         self.notes.append(
             "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If that is "

@@ -294,5 +294,5 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
                 further = away + lengths[entry]
                 if further < distance[u]:
                     distance[u] = further  # of the nearest so far; ties keep the first
-                    heapq.heappush(heap, (further, np.int64(u), np.int64(b)))
+                    heapq.heappush(heap, (further, u, b))
     return owner, distance

@@ -174,8 +174,12 @@ def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, lim
     mesh = solver_mesh(limbs)
     image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
     swapped = {"left": "right", "right": "left"}
-    original = {(handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))}
-    mirrored = {(handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))}
+    original = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))
+    }
+    mirrored = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))
+    }
     assert {
         tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
         for key, (x, y, z) in original.items()

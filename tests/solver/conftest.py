@@ -32,11 +32,6 @@ def march(capsules, low, high, step):
     return v, f
 
 
-@pytest.fixture(scope="session")
-def march_capsules():
-    return march
-
-
 def make_figure(step):
     """Two arms, two legs and a head on a trunk; the half x ≥ 0 and its mirror image, so symmetric to the last bit."""
     capsules = [*TRUNK.values(), *LIMBS.values()]

@@ -620,7 +620,8 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     at = [
         np.column_stack([creature.vertices[regions.of(b)], np.ones(len(regions.of(b)))]) @ motions[b] for b in range(6)
     ]
-    area = np.sqrt(regions.area[held])[:, None]
+    shares = [regions.area[regions.of(bone)] / regions.area[regions.of(bone)].sum() for bone in range(6)]
+    area = np.sqrt(np.concatenate(shares))[:, None]
     bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((area * W[held]) ** 2)) * area
     left = np.concatenate([bending, edges, handles * rows, bones * W[held]])
     right = np.concatenate(

@@ -192,9 +192,8 @@ def _solve(rest: _Rest, bones: RigBones, motions: NDArray[np.float64], root: NDA
         local = np.tile(rest.local[row], (len(motions), 1, 1))
         place = rest.world[row, :3, 3]
         aim = place + root
-        if bones.shares[row].any():
-            carried = np.append(place, 1) @ motions
-            aim = bones.shares[row] @ carried + root
+        if bones.shares[row].any():  # a joint stands on the first of its bones
+            aim = np.append(place, 1) @ motions[:, np.flatnonzero(bones.shares[row])[0]] + root
         if turning[row] and np.linalg.det(rest.above[row]) != 0:
             turned = _blend(turns, bones.shares[row]) @ rest.above[row, :3, :3] @ rest.rotations[row]
             own = polar.of_matrices(np.linalg.solve(above[:, :3, :3], turned))

@@ -29,14 +29,15 @@ from engine_bridge import puppet as puppet_file
 from engine_bridge import sheet
 from engine_bridge.clip import load_timeline, perform, resting_pose
 from engine_bridge.gltf.character import Character, load_character, make_character
-from engine_bridge.gltf.scene import influences, world_transforms
+from engine_bridge.gltf.scene import influences
 from engine_bridge.performance import Performance
 from engine_bridge.proposal import new_puppet
 from engine_bridge.rig import Rig, load_rig
+from engine_bridge.rig_bones import rig_bones
 from engine_bridge.rig_limbs import rig_limbs
 from engine_bridge.settings import Settings
 from solver.batch import BatchBinding
-from solver.limbs import bones_of
+from solver.limbs import TRUNK, Limb, bones_of, parents_first
 
 CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
 RECORDINGS = (
@@ -87,31 +88,20 @@ class Truth:
 
 def read_rig(character: Character) -> Truth:
     """Sort a skeleton's joints, and the vertices that follow them, by bones."""
-    gltf = character.document.gltf
-    limbs = rig_limbs(character)
-    assert limbs is not None
-    points = limbs.points
-    places = world_transforms(character.document)[:, :3, 3]
-    parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
-    heads = [((name, k), chain[k]) for name, chain in points.items() for k in range(len(chain) - 1)]
-
-    def owner(node: int) -> tuple[str, int]:
-        above: int | None = node
-        while above is not None:
-            for bone, head in heads:
-                if bone[0] != "trunk" and np.linalg.norm(places[above] - head) < 1e-4 * character_size:
-                    return bone
-            above = parents.get(above)
-        trunk = points["trunk"]
-        axis = trunk[-1] - trunk[0]
-        return "trunk", int((places[node] - trunk[1]) @ axis > -0.25 * axis @ axis)
-
-    character_size = float(np.linalg.norm(np.ptp(character.vertices, axis=0)))
+    found = rig_limbs(character)
+    assert found is not None
+    limbs = [
+        Limb(chain.name, chain.points, ((),) * len(chain.points), parent=None if chain.name == TRUNK else TRUNK)
+        for chain in found.chains
+    ]
+    names = [(limb.name, number) for limb in parents_first(limbs) for number in range(len(limb.points) - 1)]
+    heads = dict(zip(names, bones_of(limbs).heads, strict=True))
+    tails = dict(zip(names, bones_of(limbs).tails, strict=True))
+    owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
     which, share = followed(character)
-    owners = tuple(owner(node) for node in range(len(gltf["nodes"])))
     strongest = which[np.arange(len(which)), share.argmax(axis=1)]
-    of_bone = {bone: np.flatnonzero([owners[node] == bone for node in strongest]) for bone, _ in heads}
-    bones = {bone: (points[bone[0]][bone[1] + 1] - head, of_bone[bone]) for bone, head in heads}
+    of_bone = {bone: np.flatnonzero([owners[node] == bone for node in strongest]) for bone in names}
+    bones = {bone: (tails[bone] - heads[bone], of_bone[bone]) for bone in names}
     soles = {}
     for side in ("left", "right"):
         foot = of_bone[f"{side} leg", 2]

@@ -107,8 +107,9 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
     "form",
     default="morph",
     show_default=True,
-    type=click.Choice(["morph", "skin", "frames"]),
-    help="A few morph targets; bones that the mesh is bound to; or a morph target for each keyframe, for short clips.",
+    type=click.Choice(["morph", "skin", "frames", "rig"]),
+    help="A few morph targets; bones that the mesh is bound to; a morph target for each keyframe, for short clips; or "
+    "the joints of the skeleton that the character's file has.",
 )
 @click.option(
     "--tolerance",
@@ -148,13 +149,16 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 
 def _describe(summary: "Summary") -> str:
     """Put a conversion's summary into a few lines."""
-    apart = summary.parts_apart
+    stretch, apart = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99), summary.parts_apart
     return "\n".join(
         [
             f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
             _describe_form(summary),
-            f"  edge stretch   {summary.stretch_p1:.3f} / {summary.stretch_p50:.3f} / {summary.stretch_p99:.3f} "
-            "(1st, 50th, 99th percentile)",
+            *(
+                []
+                if None in stretch
+                else [f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)"]
+            ),
             *([] if apart is None else [f"  parts apart    {apart:.2g} of the diagonal at most"]),
             *([f"  to solve for   {'; '.join(summary.repairs)}"] if summary.repairs else []),
             *(f"  note: {note}" for note in summary.notes),
@@ -166,6 +170,11 @@ def _describe_form(summary: "Summary") -> str:
     """Say what the animation is made of, and how close it is."""
     if summary.form == "frames":
         return f"  morph targets  {summary.targets}, one for each keyframe, as solved"
+    if summary.form == "rig":
+        return (
+            f"  joints         {summary.bones} animated, {summary.following} follow; "
+            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+        )
     name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
     over = "" if summary.error <= summary.tolerance else f": as close as this number of {name.split()[-1]} comes"
     mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"

@@ -35,10 +35,13 @@ class Pose:
         Control variables, model units.
     root : (3,) float64
         Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+    motions : (b, 4, 3) float64
+        Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     """
 
     R: NDArray[np.float64]
     root: NDArray[np.float64]
+    motions: NDArray[np.float64]
 
 
 class Performance:
@@ -70,7 +73,7 @@ class Performance:
             Where the pose's R is written.
         """
         aim = self.retargeting.step(frame)
-        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root)
+        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:

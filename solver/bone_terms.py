@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 BONE_STIFFNESS = 40.0
-"""λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b): the limbs of a cartoon body are then off by 2 to 6°, at 10 by 8°."""
+"""λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b): limbs of a cartoon body are then off by 2 to 6°, at 10 by 8°."""
 
 PRIOR = 1.0
 """μ: what a bone's rotation counts against the surface's covariance; at 4 the result is the same."""

@@ -50,10 +50,21 @@ def world_transforms(document: Document) -> NDArray[np.float64]:
     """
     gltf = document.gltf
     transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
-    for index, parent in _walk(document, _roots(gltf)):
+    for index, parent in tree(document):
         above = np.eye(4) if parent is None else transforms[parent]
-        transforms[index] = above @ _local_transform(gltf["nodes"][index])
+        transforms[index] = above @ local_transform(gltf["nodes"][index])
     return transforms
+
+
+def tree(document: Document) -> list[tuple[int, int | None]]:
+    """Return all nodes, each with its parent and after it.
+
+    Raises
+    ------
+    MeshError
+        Nodes that are no tree.
+    """
+    return list(_walk(document, _roots(document.gltf)))
 
 
 def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | None]]:
@@ -79,19 +90,20 @@ def _no_tree(document: Document, node: int, found: str) -> MeshError:
     )
 
 
-def _local_transform(node: Node) -> NDArray[np.float64]:
+def local_transform(node: Node) -> NDArray[np.float64]:
+    """Return the (4, 4) transform of a node against its parent, column vectors."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     transform = np.eye(4)
     rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=np.float64)
     if rotation.any():
-        transform[:3, :3] = _rotation_matrix(rotation)
+        transform[:3, :3] = rotation_matrix(rotation)
     transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=np.float64)
     transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return transform
 
 
-def _rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn x, y, z, w (4,) of any length but 0 into a (3, 3) matrix (Rodrigues)."""
     scaled = quaternion / np.abs(quaternion).max()  # squares of what is huge or tiny are infinite or zero
     x, y, z, w = scaled / np.linalg.norm(scaled)

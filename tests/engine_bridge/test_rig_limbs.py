@@ -122,7 +122,10 @@ def test_left_is_what_the_names_say_and_the_front_follows():
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     joints = [
         Joint(
-            j.name, j.parent, j.place, j.place + [[0, -0.02, 0], [0.2, 0.02, 0]] if j.name == "hand_l" else j.vertices
+            j.name,
+            j.parent,
+            j.place,
+            j.place + np.array([[0, -0.02, 0], [0.2, 0.02, 0]]) if j.name == "hand_l" else j.vertices,
         )
         for j in skeleton(UNREAL)
     ]

@@ -4,6 +4,7 @@ import io
 import shutil
 import subprocess
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def program(request, player):
 class File:
     """An exported file, and what it was made of."""
 
-    form: str
+    raw: type
     clip: Clip
     summary: Summary
 
@@ -54,9 +55,14 @@ class File:
     def path(self):
         return Path(self.summary.output)
 
+    @cached_property
+    def reader(self):
+        """The file as it is, without the project's own reader."""
+        return self.raw(self.path)
+
     @property
     def gltf(self):
-        return gltf.GLTF2().load(self.path)
+        return self.reader.file
 
     @property
     def diagonal(self):
@@ -121,7 +127,7 @@ def add_texture(glb, uv):
 
 
 @pytest.fixture(scope="module")
-def file(character, second, write_puppet, tmp_path_factory):
+def file(character, second, write_puppet, raw, tmp_path_factory):
     """Export a character, once for all tests; the made ones are moved by a root as well."""
     folder, exported = tmp_path_factory.mktemp("exported"), {}
 
@@ -135,7 +141,7 @@ def file(character, second, write_puppet, tmp_path_factory):
             write_puppet(puppet, path, handles=tips(vertices), more=more)
         else:
             write_puppet(puppet, path)
-        return File(form, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
+        return File(raw, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
 
     def once(name, form):
         if form == "skin":
@@ -232,14 +238,14 @@ def allowed(program, made, expected):
 
 @pytest.mark.parametrize("name", [*MADE, *REAL])
 @pytest.mark.parametrize("form", FORMS)
-def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, players, raw):
+def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, players):
     made, shown = play(program, name, form)
     np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
     between = np.arange(TIMES) % 2 == 1
     expected = players.solved(made.clip)(shown.times)
     rounding = allowed(program, made, expected)
     if form == "skin":  # between two keyframes bones turn, and do not go in straight lines
-        exact = Skinned(raw(made.path))
+        exact = Skinned(made.reader)
         turned = {(p.node, p.primitive): exact.positions(p, shown.times) for p in made.clip.rig.character.parts}
         assert players.farthest(shown.meshes, turned) <= rounding
         expected = {key: np.where(between[:, None, None], turned[key], expected[key]) for key in expected}
@@ -284,33 +290,32 @@ def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(pr
         assert shown == targets(own, mesh["node"])
 
 
-def looks(made, raw, node, primitive):
+def looks(made, node, primitive):
     """Name, base colour, and the texture's name and size, or None, of a primitive's material."""
-    index = made.meshes[made.nodes[node].mesh].primitives[primitive].material
+    file = made.gltf
+    index = file.meshes[file.nodes[node].mesh].primitives[primitive].material
     if index is None:
         return None
-    material = made.materials[index]
+    material = file.materials[index]
     surface = material.pbrMetallicRoughness
     if surface.baseColorTexture is None:
         return material.name, surface.baseColorFactor, None
-    image = made.images[made.textures[surface.baseColorTexture.index].source]
-    with Image.open(io.BytesIO(raw.view(image.bufferView))) as picture:
+    image = file.images[file.textures[surface.baseColorTexture.index].source]
+    with Image.open(io.BytesIO(made.reader.view(image.bufferView))) as picture:
         return material.name, surface.baseColorFactor, (image.name, picture.size)
 
 
 @pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
 @pytest.mark.parametrize("form", ["morph", "skin"])
-def test_every_part_has_its_material(program, form, name, play, raw):
+def test_every_part_has_its_material(program, form, name, play):
     made, shown = play(program, name, form)
-    own, reader = made.gltf, raw(made.path)
+    own = made.gltf
     for mesh in shown.report["meshes"]:
         if program == "Blender":  # one mesh for all primitives of a node, with the materials that they have
             count = len(own.meshes[own.nodes[mesh["node"]].mesh].primitives)
-            expected = list(
-                {str(look): look for look in (looks(own, reader, mesh["node"], i) for i in range(count))}.values()
-            )
+            expected = list({str(look): look for look in (looks(made, mesh["node"], i) for i in range(count))}.values())
         else:
-            expected = [looks(own, reader, mesh["node"], mesh["primitive"])]
+            expected = [looks(made, mesh["node"], mesh["primitive"])]
         for look, seen in zip(filter(None, expected), mesh["materials"], strict=True):
             material, color, texture = look
             assert seen["name"] == material
@@ -397,7 +402,7 @@ def hour(file, tmp_path_factory):
     timeline = replace(made.clip.timeline, positions=made.clip.timeline.positions[there_and_back])
     clip = replace(made.clip, frames=store, root=made.clip.root[there_and_back], timeline=timeline)
     output = tmp_path_factory.mktemp("hour") / "hour.glb"
-    return File("morph", clip, write(clip, output, "hour", Settings(), lambda *_: None))
+    return File(made.raw, clip, write(clip, output, "hour", Settings(), lambda *_: None))
 
 
 MERGED = 1e-5

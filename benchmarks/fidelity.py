@@ -6,8 +6,9 @@ prints the table of docs/limbs.md: for each rigged humanoid and recording, with 
 both, the rig says which vertices to measure. Where it is read, its linear blend skinning by the same motions is
 the reference.
 
-- Directions: the rotation that fits the vertices of a bone best turns the bone's rest direction; its angle to the
-  direction from joint to joint in the recording, which may be turned as a whole by one rotation of at most 12°.
+- Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone) turns the bone's
+  rest direction; its angle to the direction from joint to joint in the recording, which may be turned as a whole by one
+  rotation of at most 12°.
 - Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
 - Distance: of vertices from where skinning has them, in % of the diagonal.
 - Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
@@ -61,6 +62,8 @@ LOW = 0.05
 """Metres above a foot's lowest that are near it."""
 LONG_ENOUGH = 10
 """Frames that a foot stands at least."""
+WHOLLY = 0.95
+"""Weight from which a vertex counts as one that its bone alone moves."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class Truth:
     Attributes
     ----------
     bones : dict
-        (limb, number of the bone) to the rest direction, and the vertices that follow it.
+        (limb, number of the bone) to the rest direction, and the vertices that follow it alone.
     which, share : (N, k)
         Rig joints that each vertex follows, and how much.
     owner : (joints,) tuple of (limb, number)
@@ -99,9 +102,12 @@ def read_rig(character: Character) -> Truth:
     tails = dict(zip(names, bones_of(limbs).tails, strict=True))
     owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
     which, share = followed(character)
-    strongest = which[np.arange(len(which)), share.argmax(axis=1)]
-    of_bone = {bone: np.flatnonzero([owners[node] == bone for node in strongest]) for bone in names}
-    bones = {bone: (tails[bone] - heads[bone], of_bone[bone]) for bone in names}
+    number = {bone: index for index, bone in enumerate(names)}
+    owner = np.array([number[bone] for bone in owners])[which]
+    shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])
+    of_bone = {bone: np.flatnonzero(shares.argmax(axis=0) == index) for bone, index in number.items()}
+    whole = {bone: np.flatnonzero(shares[index] > WHOLLY) for bone, index in number.items()}
+    bones = {bone: (tails[bone] - heads[bone], whole[bone]) for bone in names}
     soles = {}
     for side in ("left", "right"):
         foot = of_bone[f"{side} leg", 2]

@@ -61,10 +61,10 @@ def main() -> None:
 @click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for everything that is made.")
 @click.option("--live", is_flag=True, help="Stream them, over and over, instead of converting: puppetline serve.")
 def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
-    """Animate example characters: dinosaur and pegasus, or those named, or "all" five."""
+    """Animate example characters: human and pegasus, or those named, or "all" five."""
     from engine_bridge.demo import CASTING, play, prepare
 
-    chosen = CASTING if "all" in characters else characters or ("dinosaur", "pegasus")
+    chosen = CASTING if "all" in characters else characters or ("human", "pegasus")
     for name in chosen:
         if name not in CASTING:
             raise click.UsageError(f"{name!r} is none of the characters {', '.join(CASTING)}, or all.")

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-
 from puppetline.examples.characters import biped
+
 from solver.limb_chain import evenly
 from solver.limb_finding import find_limbs
 from solver.mesh import SolverMesh, weld

@@ -225,6 +225,7 @@ def new_puppet(
     front: Direction | None = None,
     scale: float | None = None,
     mirror: bool = False,
+    limbs: bool = True,
 ) -> Proposal:
     """Make a puppet for a mesh file, with the user's own handles and joints where they are given.
 
@@ -242,6 +243,8 @@ def new_puppet(
     up, front, scale
         As in the puppet file; what is None is proposed from the file's skeleton or the shape.
     mirror : bool
+    limbs : bool
+        False for handles at the ends of limbs instead of the limbs.
 
     Raises
     ------
@@ -269,7 +272,7 @@ def new_puppet(
     standing = check(values | {"handle": ANY_HANDLE}, where).character
     notes: list[str] = []
     if places or not handles:
-        found = _limbs(rig, surface, standing, places, notes)
+        found = _limbs(rig, surface, standing, places, notes) if limbs else []
         values["limb"] = [limb.model_dump(exclude_none=True) for limb in found]
         if not found and not handles:
             proposed = propose_handles(surface, standing)

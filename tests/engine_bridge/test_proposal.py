@@ -308,6 +308,12 @@ def test_what_has_no_limbs_gets_handles(make_shape, tmp_path):
     assert [note.split(".")[0] for note in made.notes] == ["No legs were found", "No arms were found"]
 
 
+def test_handles_can_be_had_instead_of_limbs(blob_file, tmp_path):
+    made = new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet
+    assert made.limb == ()
+    assert {handle.name: handle.joint for handle in made.handle} == HUMANOID
+
+
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed, for once
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet

@@ -120,15 +120,8 @@ def test_left_is_what_the_names_say_and_the_front_follows():
 
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
-    joints = [
-        Joint(
-            j.name,
-            j.parent,
-            j.place,
-            j.place + np.array([[0, -0.02, 0], [0.2, 0.02, 0]]) if j.name == "hand_l" else j.vertices,
-        )
-        for j in skeleton(UNREAL)
-    ]
+    held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
+    joints = [Joint(j.name, j.parent, j.place, held if j.name == "hand_l" else j.vertices) for j in skeleton(UNREAL)]
     end = limbs_of(joints).points["left arm"][-1]
     np.testing.assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 

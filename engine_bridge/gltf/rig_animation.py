@@ -76,43 +76,24 @@ def animate_rig(character: Character, take: Take, bones: RigBones, motions: Fram
         A joint whose matrix is sheared: glTF cannot animate that.
     """
     document = character.document.copy()
-    gltf = document.gltf
-    show_all(gltf)
-    moving = np.asarray([bool(each.any()) for each in bones.shares])
-    travels = bones.placed & (moving | (take.root is not None and bool(take.root.any())))
-    turning = bones.turning
-    for node in bones.nodes[turning | travels].tolist():
+    show_all(document.gltf)
+    moves = bones.shares.any(axis=1) | (take.root is not None and bool(take.root.any()))
+    shown = np.abs(np.linalg.det(_Rest.of(document, bones).above)) > 0  # a scale of 0 hides what is below it
+    turning, travelling = bones.turning & shown, bones.placed & moves & shown
+    for node in bones.nodes[turning | travelling].tolist():
         _unpack_matrix(document, node)
     rest = _Rest.of(document, bones)
-    count = len(take.times)
-    rotations = {row: np.empty((count, 4), dtype=np.float32) for row in np.flatnonzero(turning).tolist()}
-    translations = {row: np.empty((count, 3), dtype=np.float32) for row in np.flatnonzero(travels).tolist()}
-    error = 0.0
-    for start in range(0, count, AT_A_TIME):
-        chunk = slice(start, min(start + AT_A_TIME, count))
-        root = np.zeros((chunk.stop - start, 3)) if take.root is None else take.root[chunk].astype(np.float64)
-        solved = _solve(rest, bones, np.asarray(motions[chunk], dtype=np.float64), root)
-        for row, found in solved.rotations.items():
-            rotations[row][chunk] = _without_jumps(found, rotations[row][start - 1] if start else None)
-        for row, keys in translations.items():
-            keys[chunk] = solved.translations[row]
-        error = max(error, solved.error)
+    keys, error = _all_keys(rest, bones, motions, take, turning, travelling)
     animation: Animation = {"name": take.name, "channels": [], "samplers": []}
     clock = document.add(take.times, bounds=True)
-    for row, node in enumerate(bones.nodes.tolist()):
-        if row in rotations:
-            add_channel(document, animation, clock, rotations[row], node, "rotation")
-        if row in translations:
-            add_channel(document, animation, clock, translations[row], node, "translation")
+    for (row, path), values in keys.items():
+        add_channel(document, animation, clock, values, int(bones.nodes[row]), path)
     if animation["channels"]:
-        gltf["animations"].insert(0, animation)  # the first is what viewers play
-    animated = len(rotations.keys() | translations.keys())
-    uneven = tuple(
-        gltf["nodes"][node].get("name", f"node {node}")
-        for row, node in enumerate(bones.nodes.tolist())
-        if turning[row] and not _even(rest.above[row])
-    )
-    return document, RigAnimation(animated, len(bones.nodes) - animated, error, uneven)
+        document.gltf["animations"].insert(0, animation)  # the first is what viewers play
+    animated = int((turning | travelling).sum())
+    uneven = [int(bones.nodes[row]) for row in np.flatnonzero(turning) if not _even(rest.above[row])]
+    names = tuple(document.gltf["nodes"][node].get("name", f"node {node}") for node in uneven)
+    return document, RigAnimation(animated, len(bones.nodes) - animated, error, names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,26 +138,42 @@ class _Rest:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class _Solved:
-    """Some frames of a skeleton.
+def _all_keys(
+    rest: _Rest,
+    bones: RigBones,
+    motions: Frames,
+    take: Take,
+    turning: NDArray[np.bool_],
+    travelling: NDArray[np.bool_],
+) -> tuple[dict[tuple[int, str], NDArray[np.float32]], float]:
+    """Return the keys of joints that turn and travel, by row and path, and how far joints are from their bones."""
+    count, error = len(take.times), 0.0
+    paths = [
+        (row, path)
+        for row in range(len(bones.nodes))
+        for path, chosen in (("rotation", turning), ("translation", travelling))
+        if chosen[row]
+    ]
+    keys = {(row, path): np.empty((count, 4 if path == "rotation" else 3), dtype=np.float32) for row, path in paths}
+    for start in range(0, count, AT_A_TIME):
+        chunk = slice(start, min(start + AT_A_TIME, count))
+        root = np.zeros((chunk.stop - start, 3)) if take.root is None else take.root[chunk].astype(np.float64)
+        solved, away = _solve(rest, bones, motions[chunk].astype(np.float64), root, turning, travelling)
+        for (row, path), values in solved.items():
+            before = keys[row, path][start - 1] if start else None
+            keys[row, path][chunk] = _without_jumps(values, before) if path == "rotation" else values
+        error = max(error, away)
+    return keys, error
 
-    Attributes
-    ----------
-    rotations : dict
-        Row of each joint that turns to (f, 4) quaternions x, y, z, w.
-    translations : dict
-        Row of each joint that is placed to (f, 3).
-    error : float
-        Largest distance of a joint from where its bones take it.
-    """
 
-    rotations: dict[int, NDArray[np.float64]]
-    translations: dict[int, NDArray[np.float64]]
-    error: float
-
-
-def _solve(rest: _Rest, bones: RigBones, motions: NDArray[np.float64], root: NDArray[np.float64]) -> _Solved:
+def _solve(
+    rest: _Rest,
+    bones: RigBones,
+    motions: NDArray[np.float64],
+    root: NDArray[np.float64],
+    turning: NDArray[np.bool_],
+    travelling: NDArray[np.bool_],
+) -> tuple[dict[tuple[int, str], NDArray[np.float64]], float]:
     """Turn the joints of some frames, from the top down.
 
     A joint under the transform P, with R of its own at rest, gets the rotation P⁻¹ Q P₀ R: Q is that of its bones, P₀
@@ -184,8 +181,8 @@ def _solve(rest: _Rest, bones: RigBones, motions: NDArray[np.float64], root: NDA
     """
     turns = Rotation.from_matrix(motions[:, :, :3].swapaxes(2, 3).reshape(-1, 3, 3)).as_quat()
     turns = turns.reshape(*motions.shape[:2], 4)
-    rotations, translations, error = {}, {}, 0.0
-    turning, world = bones.turning, np.empty((len(rest.world), len(motions), 4, 4))
+    keys, error = {}, 0.0
+    world = np.empty((len(rest.world), len(motions), 4, 4))
     for row, parent in enumerate(bones.parents.tolist()):
         above = rest.between[row] if parent < 0 else world[parent] @ rest.between[row]
         above = np.broadcast_to(above, (len(motions), 4, 4))
@@ -194,17 +191,18 @@ def _solve(rest: _Rest, bones: RigBones, motions: NDArray[np.float64], root: NDA
         aim = place + root
         if bones.shares[row].any():  # a joint stands on the first of its bones
             aim = np.append(place, 1) @ motions[:, np.flatnonzero(bones.shares[row])[0]] + root
-        if turning[row] and np.linalg.det(rest.above[row]) != 0:
+        if turning[row]:
             turned = _blend(turns, bones.shares[row]) @ rest.above[row, :3, :3] @ rest.rotations[row]
             own = polar.of_matrices(np.linalg.solve(above[:, :3, :3], turned))
-            rotations[row] = Rotation.from_matrix(own).as_quat()
+            keys[row, "rotation"] = Rotation.from_matrix(own).as_quat()
             local[:, :3, :3] = own @ rest.scales[row]
-        if bones.placed[row]:
+        if travelling[row]:
             local[:, :3, 3] = np.linalg.solve(above[:, :3, :3], (aim - above[:, :3, 3])[..., None])[..., 0]
-            translations[row] = local[:, :3, 3]
+            keys[row, "translation"] = local[:, :3, 3]
         world[row] = above @ local
-        error = max(error, float(np.linalg.norm(world[row, :, :3, 3] - aim, axis=1).max()))
-    return _Solved(rotations, translations, error)
+        if np.linalg.det(rest.above[row]) != 0:
+            error = max(error, float(np.linalg.norm(world[row, :, :3, 3] - aim, axis=1).max()))
+    return keys, error
 
 
 def _blend(turns: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:

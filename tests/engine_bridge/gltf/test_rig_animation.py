@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pygltflib as gltf
 import pytest
+from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from engine_bridge import puppet as puppet_file
+from engine_bridge.cli import main
 from engine_bridge.convert import convert
 from engine_bridge.gltf import rig_animation
 from engine_bridge.gltf.animation import Take
@@ -395,6 +397,14 @@ def test_scales_of_the_joints_themselves_are_exact(build):
     assert_goes_with(character, document, bones, motions)
 
 
+def test_what_hangs_under_a_scale_of_zero_has_no_keys(build, glb, tmp_path):
+    build(arm_joints())
+    next(node for node in glb.file.nodes if node.name == "upper").scale = [1, 0, 1]
+    document, made, _ = animated(load_character(glb.save(tmp_path / "hidden.glb")), [ARM], wild([ARM]))
+    assert keys_of(document).keys() == {("upper", "rotation"), ("upper", "translation")}
+    assert made.error < 1e-5
+
+
 def test_a_sheared_joint_is_refused(glb, tmp_path):
     sheared = np.eye(4)
     sheared[0, 1] = 0.5
@@ -535,6 +545,15 @@ def test_a_performer_who_stands_as_the_character_does_leaves_it_as_it_is(real_da
     for frame in (0, 11):
         shown = from_document(posed(Document.load(Path(summary.output)), frame)).vertices
         assert np.abs(shown - character.vertices).max() < 1e-4 * clip.rig.mesh.diagonal
+
+
+def test_the_command_says_how_many_joints_move(real_data, take, tmp_path):
+    puppet = write_puppet_of(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb", tmp_path / "puppet.toml")
+    output = str(tmp_path / "out.glb")
+    result = CliRunner().invoke(main, ["convert", str(take), "--puppet", str(puppet), "-o", output, "--as", "rig"])
+    assert result.exit_code == 0
+    assert "\n  joints         15 animated, 34 follow; at most " in result.stdout
+    assert "edge stretch" not in result.stdout
 
 
 def test_other_forms_keep_no_motions(blob_puppet, take, tmp_path):

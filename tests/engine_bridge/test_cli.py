@@ -124,7 +124,7 @@ def columns(count, rows=5, value="0.5"):
 BAD_LOGS = {
     "a wrong number of columns": (columns(61) + "6 0.1 0.2\n", ["bad.log, line 6", "3 columns", "61 columns"]),
     "a number that is none": (columns(61) + columns(61, 1, "nan"), ["bad.log, line 6", "'nan'", "finite"]),
-    "cut off in mid-line": (columns(61)[:-100], ["bad.log, line 5", "end of the file", "61 columns"]),
+    "a line that is too short": (columns(61)[:-100] + "\n", ["bad.log, line 5", "columns", "61 columns"]),
     "nothing": ("", ["bad.log", "an empty file"]),
     "something else": ("Dear diary\n", ["bad.log", "no skeleton log that is known here"]),
 }

@@ -6,9 +6,9 @@ prints the table of docs/limbs.md: for each rigged humanoid and recording, with 
 both, the rig says which vertices to measure. Where it is read, its linear blend skinning by the same motions is
 the reference.
 
-- Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone) turns the bone's
-  rest direction; its angle to the direction from joint to joint in the recording, which may be turned as a whole by one
-  rotation of at most 12°.
+- Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
+  gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
+  may be turned as a whole by one rotation of at most 12°.
 - Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
 - Distance: of vertices from where skinning has them, in % of the diagonal.
 - Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
@@ -107,7 +107,9 @@ def read_rig(character: Character) -> Truth:
     shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])
     of_bone = {bone: np.flatnonzero(shares.argmax(axis=0) == index) for bone, index in number.items()}
     whole = {bone: np.flatnonzero(shares[index] > WHOLLY) for bone, index in number.items()}
-    bones = {bone: (tails[bone] - heads[bone], whole[bone]) for bone in names}
+    bones = {
+        bone: (tails[bone] - heads[bone], whole[bone] if len(whole[bone]) >= 4 else of_bone[bone]) for bone in names
+    }
     soles = {}
     for side in ("left", "right"):
         foot = of_bone[f"{side} leg", 2]
@@ -168,7 +170,7 @@ def directions(
     """Return each bone's direction (F, 3) by the rotations that fit its vertices best."""
     found = {}
     for bone, (direction, members) in truth.bones.items():
-        if len(members) >= 4:
+        if len(members) >= 4:  # enough for a rotation
             before = rest[members] - rest[members].mean(axis=0)
             after = vertices[:, members] - vertices[:, members].mean(axis=1, keepdims=True)
             turned = [Rotation.align_vectors(pose, before)[0].apply(direction) for pose in after.astype(np.float64)]

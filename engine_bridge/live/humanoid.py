@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from engine_bridge.puppet import Puppet
 from solver.bones import Bones
@@ -132,7 +132,7 @@ class Humanoid:
         to_parent = np.concatenate([turned, np.eye(3)[None]])[self.parents].swapaxes(1, 2)
         beside = places - np.concatenate([places, np.zeros((1, 3))])[self.parents]
         positions = np.einsum("nij,nj->ni", to_parent, beside)
-        return positions, Rotation.from_matrix(to_parent @ turned).as_quat(canonical=True)
+        return positions, scipy.spatial.transform.Rotation.from_matrix(to_parent @ turned).as_quat(canonical=True)
 
 
 def is_humanoid(puppet: Puppet) -> bool:

@@ -47,9 +47,8 @@ LIMB_GAINS = {"neck": 0.5, "tail": -0.7}
 ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
 """Limbs whose ends a user may give."""
 
-UPRIGHT, STRAIGHT = np.cos(np.radians(40)), 0.85
-"""A body is a person's where its trunk is within 40° of up; the same for its head. Legs are straight where the distance
-from hip to ankle is at least this share of their length."""
+UPRIGHT = np.cos(np.radians(40))
+"""A body is a person's where its trunk is within 40° of up; the same for its head."""
 
 AXES = "up", "front"
 
@@ -95,7 +94,7 @@ def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
     """Choose the joints that drive each limb, and how.
 
     People's limbs point where the performer's do. Those of a body that is built otherwise turn as the performer's have
-    turned: four legs, tails, necks and wings, whatever does not stand upright, and legs that are bent at rest.
+    turned: four legs, tails, necks and wings, and whatever does not stand upright.
 
     Parameters
     ----------
@@ -124,10 +123,6 @@ def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np
         return "turn"
     if name == "head":
         return "direction" if stands("head") else "turn"
-    if name.endswith("leg"):
-        bones = [np.linalg.norm(np.diff(points[f"{side} leg"][:3], axis=0), axis=1) for side in ("left", "right")]
-        ways = [np.linalg.norm(points[f"{side} leg"][2] - points[f"{side} leg"][0]) for side in ("left", "right")]
-        return "direction" if sum(ways) > STRAIGHT * np.sum(bones) else "turn"
     return "direction"
 
 

@@ -24,7 +24,7 @@ TOGETHER = 900
 WAVES = 3
 """Sine waves that are added up for each coordinate of a handle then, and for each axis of a bone."""
 
-TURN, TRUNK_TURN = 1.3, 0.5
+TURN, TRUNK_TURN = 1.8, 0.7
 """Radians by which a bone of a limb, and one of the trunk, is turned against the bone that it hangs on."""
 
 FAR = 1.2

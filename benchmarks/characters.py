@@ -32,8 +32,8 @@ from solver.deformer import to_file_units
 VALIDATOR = Path(__file__).parents[1] / "tests" / "peers" / "validate.mjs"
 MOMENTS = 4
 TILE_SIZE = (200, 200)
-HEADER = """| character | vertices | parts | repaired | pre-computation, s | handles | targets | largest error | \
-stretch p99 | parts apart, worst | validator before → after |
+HEADER = """| character | vertices | parts | repaired | pre-computation, s | limbs / handles | targets \
+| largest error | stretch p99 | parts apart, worst | validator before → after |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 
 
@@ -76,7 +76,7 @@ def _play(file: Path, log: Path, output: Path) -> tuple[str, list[np.ndarray]]:
         mesh.parts,
         ", ".join(f"{count:,} {name}" for name, count in asdict(mesh.repairs).items() if count) or "–",
         f"{seconds:.2f}",
-        len(rig.puppet.handle),
+        f"{len(rig.puppet.limb)} / {len(rig.puppet.handle)}",
         found.targets,
         f"{found.error:.2g}",
         f"{found.stretch_p99:.3f}",

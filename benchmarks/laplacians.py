@@ -24,7 +24,7 @@ from capture.skeleton import SkeletonFrame
 from engine_bridge.clip import REST_SECONDS, load_timeline
 from engine_bridge.gltf.character import CHARACTER_FILES, load_character
 from engine_bridge.performance import Performance
-from engine_bridge.proposal import propose
+from engine_bridge.proposal import propose_handles
 from engine_bridge.puppet import CharacterTable, Puppet, check
 from engine_bridge.settings import Settings
 from puppetline.errors import PuppetlineError
@@ -188,7 +188,7 @@ def main() -> None:
             character = load_character(file)
             mesh = character.solver_mesh()
             table = CharacterTable(mesh=file.name)
-            handles = [handle.model_dump(exclude_none=True) for handle in propose(mesh, table)]
+            handles = [handle.model_dump(exclude_none=True) for handle in propose_handles(mesh, table)]
             puppet = check({"character": table.model_dump(), "handle": handles, "root": {}}, file)
         except PuppetlineError as error:
             print(f"| {file.name} | refused: {error.found} | | | | |", flush=True)

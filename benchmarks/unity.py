@@ -40,7 +40,7 @@ def main() -> None:
 def write_messages(mesh: Path, folder: Path) -> None:
     """Write a scene and a frame of controls."""
     puppet = folder / "puppet.toml"
-    puppet_file.dump(new_puppet(mesh, puppet).puppet, puppet)
+    puppet_file.dump(new_puppet(mesh, puppet, limbs=False).puppet, puppet)
     rig = load_rig(puppet)
     deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
     pose = deformer.solve(deformer.handles + 0.1 * rig.model.diagonal)

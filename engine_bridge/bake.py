@@ -181,9 +181,9 @@ def _play(
     notes: list[str] = []
     for number, (name, timeline, about) in enumerate(takes):
         roots = []
-        for R, root in solve(rig, timeline, settings, CHUNK):
-            frames.append(R)
-            roots.append(root)
+        for solved in solve(rig, timeline, settings, CHUNK):
+            frames.append(solved.R)
+            roots.append(solved.root)
         if not shown:
             seen = timeline.times <= SHOWN
             shown.append((name, timeline.times[seen], np.concatenate(roots)[seen]))

@@ -179,7 +179,7 @@ def write_log(folder: Path, frames: Iterable[SkeletonFrame]) -> None:
 
 
 def _propose(mesh: Path, output: Path) -> None:
-    proposed = new_puppet(mesh, mesh.with_suffix(output.suffix)).puppet
+    proposed = new_puppet(mesh, mesh.with_suffix(output.suffix), limbs=False).puppet
     table = proposed.character.model_copy(update={"mesh": str(mesh)})
     puppet_file.dump(proposed.model_copy(update={"character": table}), output)
 

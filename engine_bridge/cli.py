@@ -61,10 +61,10 @@ def main() -> None:
 @click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for everything that is made.")
 @click.option("--live", is_flag=True, help="Stream them, over and over, instead of converting: puppetline serve.")
 def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
-    """Animate example characters: dinosaur and pegasus, or those named, or "all" five."""
+    """Animate example characters: human and pegasus, or those named, or "all" five."""
     from engine_bridge.demo import CASTING, play, prepare
 
-    chosen = CASTING if "all" in characters else characters or ("dinosaur", "pegasus")
+    chosen = CASTING if "all" in characters else characters or ("human", "pegasus")
     for name in chosen:
         if name not in CASTING:
             raise click.UsageError(f"{name!r} is none of the characters {', '.join(CASTING)}, or all.")
@@ -107,8 +107,9 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
     "form",
     default="morph",
     show_default=True,
-    type=click.Choice(["morph", "skin", "frames"]),
-    help="A few morph targets; bones that the mesh is bound to; or a morph target for each keyframe, for short clips.",
+    type=click.Choice(["morph", "skin", "frames", "rig"]),
+    help="A few morph targets; bones that the mesh is bound to; a morph target for each keyframe, for short clips; or "
+    "the joints of the skeleton that the character's file has.",
 )
 @click.option(
     "--tolerance",
@@ -148,13 +149,16 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
 
 def _describe(summary: "Summary") -> str:
     """Put a conversion's summary into a few lines."""
-    apart = summary.parts_apart
+    stretch, apart = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99), summary.parts_apart
     return "\n".join(
         [
             f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
             _describe_form(summary),
-            f"  edge stretch   {summary.stretch_p1:.3f} / {summary.stretch_p50:.3f} / {summary.stretch_p99:.3f} "
-            "(1st, 50th, 99th percentile)",
+            *(
+                []
+                if None in stretch
+                else [f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)"]
+            ),
             *([] if apart is None else [f"  parts apart    {apart:.2g} of the diagonal at most"]),
             *([f"  to solve for   {'; '.join(summary.repairs)}"] if summary.repairs else []),
             *(f"  note: {note}" for note in summary.notes),
@@ -166,6 +170,11 @@ def _describe_form(summary: "Summary") -> str:
     """Say what the animation is made of, and how close it is."""
     if summary.form == "frames":
         return f"  morph targets  {summary.targets}, one for each keyframe, as solved"
+    if summary.form == "rig":
+        return (
+            f"  joints         {summary.bones} animated, {summary.following} follow; "
+            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+        )
     name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
     over = "" if summary.error <= summary.tolerance else f": as close as this number of {name.split()[-1]} comes"
     mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"
@@ -189,11 +198,18 @@ def _describe_form(summary: "Summary") -> str:
     "--map",
     "maps",
     multiple=True,
-    metavar="HANDLE=JOINT[,JOINT]",
-    help="The joint that moves a handle, or several to average; can be repeated.",
+    metavar="NAME=JOINT[,JOINT]",
+    help="The joint that moves a handle, or several to average; for a limb one for each point; can be repeated.",
 )
-@click.option("--up", type=AXIS, help="The mesh's own axis that points up.  [default: by its shape]")
-@click.option("--front", type=AXIS, help="The axis that it faces along.  [default: by its shape]")
+@click.option(
+    "--limb",
+    "ends",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="Where a limb ends that was not found, or named wrongly; can be repeated.",
+)
+@click.option("--up", type=AXIS, help="The mesh's own axis that points up.  [default: by its skeleton or shape]")
+@click.option("--front", type=AXIS, help="The axis that it faces along.  [default: by its skeleton or shape]")
 @click.option(
     "--scale",
     type=Finite(0, min_open=True),
@@ -208,6 +224,7 @@ def new(
     output: Path,
     handles: tuple[str, ...],
     maps: tuple[str, ...],
+    ends: tuple[str, ...],
     up: "Direction | None",
     front: "Direction | None",
     scale: float | None,
@@ -215,7 +232,7 @@ def new(
     preview: Path | None,
     force: bool,
 ) -> None:
-    """Propose a puppet file for a MESH: handles at its extremities, and joints to move them."""
+    """Propose a puppet file for a MESH: its limbs, or handles where it has none, and joints to move them."""
     from engine_bridge import portrait, proposal, puppet
     from engine_bridge.files import check_writable
 
@@ -230,6 +247,7 @@ def new(
         output,
         handles=_pairs("--handle", handles),
         maps=_pairs("--map", maps),
+        ends=_pairs("--limb", ends),
         up=up,
         front=front,
         scale=scale,
@@ -238,9 +256,17 @@ def new(
     made = proposed.puppet
     puppet.dump(made, output)
     portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
-    click.echo(f"{output}: {len(made.handle)} handles, shown in {picture}")
+    counts = {"limbs": len(made.limb), "handles": len(made.handle)}
+    listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+    click.echo(f"{output}: {listed}, shown in {picture}")
     for reason in proposed.assumed:
         click.echo(f"  assumed: {reason}")
+    for note in proposed.notes:
+        click.echo(f"  unclear: {note}")
+    for limb in made.limb:
+        gain = f" × {limb.gain:g}" if limb.gain != 1 else ""
+        joints = ", ".join(" + ".join(dict.fromkeys(joints)) for joints in limb.driven_by)
+        click.echo(f"  {limb.name:16} ({limb.follow})  ←  {joints}{gain}")
     for handle in made.handle:
         place = ", ".join(f"{value:.4g}" for value in handle.position)
         gain = f" × {handle.gain:g}" if handle.gain != 1 else ""

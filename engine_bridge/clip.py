@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,11 @@ from capture.skeleton import JOINTS, SkeletonFrame
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.frame_store import FrameStore
 from engine_bridge.performance import Performance
-from engine_bridge.puppet import Puppet
 from engine_bridge.rig import Rig
 from engine_bridge.settings import Settings
 from puppetline.errors import SkeletonLogError, at
 from solver.batch import BatchBinding
+from solver.limbs import bones_of
 from solver.parts import PartSeparation
 from solver.stretch import EdgeStretch
 
@@ -43,6 +44,9 @@ class Clip:
         (F, 4m, 3) float32: control variables, model units.
     root : (F, 3) float32
         Translation, mesh file's coordinates.
+    motions : FrameStore
+        (F, b, 4, 3) float32: motions of the bones for row vectors, mesh file's coordinates, without the root's. Empty
+        for the forms that are not made of them.
     stretch : tuple of float
         Edge stretch over the clip: 1st, 50th and 99th percentile.
     parts_apart : float or None
@@ -55,6 +59,7 @@ class Clip:
     timeline: Timeline
     frames: FrameStore
     root: NDArray[np.float32]
+    motions: FrameStore
     stretch: tuple[float, ...]
     parts_apart: float | None
     notes: tuple[str, ...]
@@ -108,29 +113,45 @@ def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
     )
 
 
-def solve(
-    rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int
-) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+class Solved(NamedTuple):
+    """Some frames of a performance.
+
+    Attributes
+    ----------
+    R : (f, 4m, 3) float32
+        Control variables, model units.
+    root : (f, 3) float32
+        Translation, mesh file's coordinates.
+    motions : (f, b, 4, 3) float32
+        Of the bones for row vectors, mesh file's coordinates, without the root's.
+    """
+
+    R: NDArray[np.float32]
+    root: NDArray[np.float32]
+    motions: NDArray[np.float32]
+
+
+def solve(rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int) -> Iterator[Solved]:
     """Run the performance over a whole timeline.
 
     Yields
     ------
-    R : (f, 4m, 3) float32
-        Control variables of the next frames, at most `at_a_time`; model units.
-    root : (f, 3) float32
-        Translation, mesh file's coordinates.
+    Solved
+        The next frames, at most `at_a_time`.
     """
     performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
     times, count = timeline.times, len(timeline.positions)
+    bones = len(performance.deformer.bones)
     for start in range(0, count, at_a_time):
         numbers = range(start, min(start + at_a_time, count))
         R = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
         root = np.empty((len(numbers), 3), dtype=np.float32)
+        motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
         for row, number in enumerate(numbers):
             joints, confidence = timeline.positions[number], timeline.confidence[number]
             pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
-            R[row], root[row] = pose.R, pose.root
-        yield R, root
+            R[row], root[row], motions[row] = pose.R, pose.root, pose.motions
+        yield Solved(R, root, motions)
 
 
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
@@ -138,6 +159,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
     frames = FrameStore(rig.model.rest_controls.shape)
+    motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
     root = np.empty((len(timeline.positions), 3), dtype=np.float32)
 
     def look_at(vertices: NDArray[np.float32]) -> None:
@@ -145,21 +167,16 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         if separation is not None:
             separation.add(vertices)
 
-    for solved, moved in solve(rig, timeline, settings, surface.at_a_time):
-        root[len(frames) : len(frames) + len(solved)] = moved
-        frames.append(solved)
-        look_at(surface.displacements(solved))  # from the middle: lengths of edges are precise anywhere
+    for solved in solve(rig, timeline, settings, surface.at_a_time):
+        root[len(frames) : len(frames) + len(solved.R)] = solved.root
+        frames.append(solved.R)
+        if settings.form == "rig":
+            motions.append(solved.motions)
+        look_at(surface.displacements(solved.R))  # from the middle: lengths of edges are precise anywhere
         progress("Performing", len(frames) / len(root))
     rest = resting_pose(timeline, settings)
-    unknown = [joint for joint in _joints_used(rig.puppet) if np.isnan(rest[JOINTS.index(joint)]).any()]
+    unknown = [joint for joint in rig.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
         notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")
     parts_apart = None if separation is None else separation.worst
-    return Clip(rig, timeline, frames, root, stretch.percentiles(1, 50, 99), parts_apart, notes)
-
-
-def _joints_used(puppet: Puppet) -> list[str]:
-    used = {joint for handle in puppet.handle for joint in handle.driven_by}
-    if puppet.root is not None:
-        used.add(puppet.root.joint)
-    return [joint for joint in JOINTS if joint in used]
+    return Clip(rig, timeline, frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes)

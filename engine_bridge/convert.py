@@ -9,6 +9,7 @@ from engine_bridge.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.files import check_writable
 from engine_bridge.gltf import frames_animation
 from engine_bridge.rig import load_rig
+from engine_bridge.rig_bones import require_joints
 from engine_bridge.settings import Form, Settings
 
 
@@ -17,7 +18,11 @@ class Summary:
     """What `convert` has to say about its result.
 
     `error` and `rms` are distances of vertices from where the solver puts them, over all vertices and keyframes, as
-    fractions of the diagonal.
+    fractions of the diagonal. Where the file's own skeleton is animated, `error` is the largest distance of a joint
+    from where its bone takes it, and nothing is said of the surface: `stretch_p1`, `stretch_p50`, `stretch_p99` and
+    `parts_apart` are None.
+
+    `bones` are those of a skin, or the joints that have keys; `following` joints turn with the ones above them.
     """
 
     output: str
@@ -26,12 +31,13 @@ class Summary:
     seconds: float
     targets: int
     bones: int
+    following: int
     error: float
     rms: float | None
     tolerance: float
-    stretch_p1: float
-    stretch_p50: float
-    stretch_p99: float
+    stretch_p1: float | None
+    stretch_p50: float | None
+    stretch_p99: float | None
     parts_apart: float | None
     bytes: int
     repairs: tuple[str, ...]
@@ -51,7 +57,8 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     """
     document, made = forms.make(clip, name, settings, progress)
     document.save(output)
-    p1, p50, p99 = clip.stretch
+    of_solver = settings.form != "rig"
+    p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
     return Summary(
         output=str(output),
         form=settings.form,
@@ -59,15 +66,16 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         seconds=float(clip.timeline.times[-1]),
         targets=made.targets,
         bones=made.bones,
+        following=made.following,
         error=made.error,
         rms=made.rms,
         tolerance=settings.allowed,
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
-        parts_apart=clip.parts_apart,
+        parts_apart=clip.parts_apart if of_solver else None,
         bytes=output.stat().st_size,
-        repairs=tuple(clip.rig.mesh.repairs.describe()),
+        repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
         notes=(*clip.rig.character.document.notes, *made.notes, *clip.notes),
     )
 
@@ -100,6 +108,8 @@ def convert(
     timeline, notes = load_timeline(log, settings)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
+    if settings.form == "rig":
+        require_joints(rig.character, rig.puppet.limbs, puppet)
     if settings.form == "frames":
         frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))

@@ -19,9 +19,9 @@ from puppetline.errors import OutputError
 CASTING: dict[str, str] = {
     "dinosaur": "lean",
     "pegasus": "bow",
-    "biped": "kung_fu",
+    "biped": "walk",
     "dog": "bark",
-    "human": "walk",
+    "human": "kung_fu",
 }
 """Which performance each character plays: the poses of the paper's user study, and a walk."""
 

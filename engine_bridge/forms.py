@@ -1,4 +1,4 @@
-"""What an animation can be made of: a few morph targets, bones, or a morph target for each keyframe."""
+"""What an animation can be made of: morph targets, few or one for each keyframe, bones, or the file's own skeleton."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,9 @@ from engine_bridge.clip import Clip, Progress
 from engine_bridge.gltf import frames_animation, morph_basis
 from engine_bridge.gltf.animation import Take, animate
 from engine_bridge.gltf.document import Document
+from engine_bridge.gltf.rig_animation import animate_rig
 from engine_bridge.gltf.skin_animation import animate_skin
+from engine_bridge.rig_bones import rig_bones
 from engine_bridge.settings import Form, Settings
 from solver.batch import BatchBinding
 
@@ -24,6 +26,7 @@ class Made:
     rms: float | None = None
     targets: int = 0
     bones: int = 0
+    following: int = 0
     notes: tuple[str, ...] = ()
 
 
@@ -90,8 +93,31 @@ def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -
     return document, Made(error=0.0, targets=count)
 
 
+def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig = clip.rig
+    bones = rig_bones(rig.character, rig.puppet.limbs)
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, moved = animate_rig(rig.character, _take(clip, name, no_weights), bones, clip.motions)
+    progress("Turning joints", 1.0)
+    notes = []
+    if bones.missing:
+        notes.append(
+            f"The skeleton has no joint for {', '.join(bones.missing)}: what moves only with them stays still."
+        )
+    if bones.loose:
+        notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
+    if moved.uneven:
+        notes.append(
+            f"The scale above {', '.join(moved.uneven)} differs by axis: these joints are turned as nearly as they can "
+            "be. Use --as morph for the exact motion."
+        )
+    error = moved.error / float(rig.model.diagonal)
+    return document, Made(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+
+
 _FORMS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, Made]]] = {
     "morph": _as_morph,
     "skin": _as_skin,
     "frames": _as_frames,
+    "rig": _as_rig,
 }

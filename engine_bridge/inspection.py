@@ -50,6 +50,16 @@ def _puppet(path: Path) -> dict[str, Any]:
     return {
         "kind": "puppet",
         "character": puppet.character.mesh,
+        "limbs": {
+            limb.name: {
+                "points": [list(point) for point in limb.points],
+                "joints": [list(joints) for joints in limb.driven_by],
+                "follow": limb.follow,
+                "gain": limb.gain,
+                "parent": puppet.limb_parents[limb.name],
+            }
+            for limb in puppet.limb
+        },
         "handles": {
             handle.name: {
                 "position": list(handle.position),

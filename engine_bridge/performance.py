@@ -4,19 +4,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.puppet import HandleTable, Puppet
+from engine_bridge.puppet import HandleTable, LimbTable, Puppet
 from engine_bridge.retargeting import Retargeting
 from puppetline.errors import PuppetError, at
 from solver.deformer import Deformer
+from solver.limbs import bones_of
 from solver.mesh import SolverMesh, snap
 from solver.reduced_model import ReducedModel
 
 OFF_THE_MESH = 0.1
-"""A handle farther than this from the surface, as a fraction of the diagonal, is taken for a mistake."""
+"""Distance from the surface, as a share of the diagonal, beyond which a handle is a mistake, and a limb's point that is
+outside the character."""
+
+INSIDE = 0.5
+"""Absolute value of the winding number from which a point is inside."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +35,13 @@ class Pose:
         Control variables, model units.
     root : (3,) float64
         Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+    motions : (b, 4, 3) float64
+        Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     """
 
     R: NDArray[np.float64]
     root: NDArray[np.float64]
+    motions: NDArray[np.float64]
 
 
 class Performance:
@@ -64,15 +73,16 @@ class Performance:
             Where the pose's R is written.
         """
         aim = self.retargeting.step(frame)
-        return Pose(self.deformer.solve(aim.targets, out), aim.root)
+        return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:
-    """Bind a character's model to a puppet's handles."""
+    """Bind a character's model to a puppet's handles and bones."""
     return Deformer(
         model,
         mesh,
         puppet.handle_positions,
+        bones=bones_of(puppet.limbs),
         iterations=puppet.solver.iterations,
         mode=puppet.solver.rotations,
     )
@@ -85,22 +95,51 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str |
     ------
     PuppetError
     """
-    allowed = OFF_THE_MESH * mesh.diagonal
     for number, handle in enumerate(handles, 1):
-        away = mesh.vertices - handle.position
-        if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
-            continue  # the surface is no farther away than its nearest vertex
-        corners, blend = snap(mesh, np.array(handle.position))
-        nearest = blend[0] @ mesh.vertices[corners[0]]
-        distance = np.linalg.norm(nearest - handle.position)
-        if distance > allowed:
-            low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-            raise PuppetError(
-                at(where, field=f"[[handle]] {number} {handle.name!r}, position"),
-                found=f"{_numbers(np.array(handle.position))}, which is {distance:.4g} away from the surface",
-                expected=f"a point on the mesh, which spans {_numbers(low)} to {_numbers(high)}",
-                fix=f"The nearest surface point is {_numbers(nearest)}.",
-            )
+        point = np.array(handle.position)
+        nearest = _if_far(point, mesh)
+        if nearest is not None:
+            field = f"[[handle]] {number} {handle.name!r}, position"
+            raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "on")
+
+
+def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path) -> None:
+    """Refuse limbs with points that are outside the character and too far from it to have been meant.
+
+    Raises
+    ------
+    PuppetError
+    """
+    for number, limb in enumerate(limbs, 1):
+        for place, position in enumerate(limb.points, 1):
+            point = np.array(position)
+            nearest = _if_far(point, mesh)
+            if nearest is not None and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE:
+                field = f"[[limb]] {number} {limb.name!r}, points, {place}"
+                raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "inside")
+
+
+def _if_far(point: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.float64] | None:
+    """Return the nearest surface point (3,) if that is too far from a point; else None."""
+    allowed = OFF_THE_MESH * mesh.diagonal
+    away = mesh.vertices - point
+    if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
+        return None  # the surface is no farther away than its nearest vertex
+    corners, blend = snap(mesh, point)
+    nearest: NDArray[np.float64] = blend[0] @ mesh.vertices[corners[0]]
+    return nearest if np.linalg.norm(nearest - point) > allowed else None
+
+
+def _off_the_mesh(
+    point: NDArray[np.float64], nearest: NDArray[np.float64], mesh: SolverMesh, where: str, place: str
+) -> PuppetError:
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return PuppetError(
+        where,
+        found=f"{_numbers(point)}, which is {np.linalg.norm(nearest - point):.4g} away from the surface",
+        expected=f"a point {place} the mesh, which spans {_numbers(low)} to {_numbers(high)}",
+        fix=f"The nearest surface point is {_numbers(nearest)}.",
+    )
 
 
 def _numbers(point: NDArray[np.float64]) -> str:

@@ -1,6 +1,7 @@
-"""A picture of a puppet: the character from the front and from its side, with its handles and what moves them."""
+"""A picture of a puppet: the character from the front and its side, its limbs' bones, its handles and their joints."""
 
 import colorsys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +10,30 @@ from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.gltf.character import Character
 from engine_bridge.preview import View, contact_sheet, project, render
-from engine_bridge.puppet import HandleTable, Puppet
+from engine_bridge.puppet import HandleTable, LimbTable, Puppet
 
 VIEWS = {"from the front": (25.0, 12.0), "from its left": (100.0, 8.0)}
 """Title of each picture, and the camera's azimuth and elevation in degrees."""
 SIZE = (840, 560)
 """Pixels of each picture; the space beside the character is for labels."""
-DOT, LINE = 8, 40
-"""Pixels: radius of a handle's dot, and height of a label."""
+DOT, JOINT, BONE, LINE = 8, 5, 5, 40
+"""Pixels: radius of a handle's dot and of a joint's, width of a bone, and height of a label."""
+SEEN_THROUGH = 0.6
+"""How much of a character with limbs is faded towards white, so that the bones inside are seen."""
 MARGIN = 8
 
 
+@dataclass(frozen=True, eq=False)
+class _Mark:
+    """A limb or a handle in the picture: what it is called, what moves it, and its points (k, 3)."""
+
+    name: str
+    moved_by: str
+    points: NDArray[np.float64]
+
+
 def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
-    """Draw a puppet's handles onto its character into a PNG.
+    """Draw a puppet's limbs and handles onto its character into a PNG.
 
     Parameters
     ----------
@@ -36,35 +48,51 @@ def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
     OutputError
     """
     basis = puppet.character.basis
-    vertices, handles = character.vertices @ basis.T, puppet.handle_positions @ basis.T
+    vertices = character.vertices @ basis.T
+    marks = [*map(_limb_mark, puppet.limb), *map(_handle_mark, puppet.handle)]
     images = []
     for angles in VIEWS.values():
         view = View.around(vertices, *angles)
-        image = Image.fromarray(render(vertices, character.triangles, view, SIZE, character.colors))
-        _label(image, project(handles, view, SIZE)[:, :2], puppet.handle)
+        picture = render(vertices, character.triangles, view, SIZE, character.colors)
+        if puppet.limb:
+            picture = np.round(picture + SEEN_THROUGH * (255.0 - picture)).astype(np.uint8)
+        image = Image.fromarray(picture)
+        _label(image, [project(mark.points @ basis.T, view, SIZE)[:, :2] for mark in marks], marks)
         images.append(np.asarray(image))
     contact_sheet(images, list(VIEWS), len(images), path, title)
 
 
-def _label(image: Image.Image, dots: NDArray[np.float64], handles: tuple[HandleTable, ...]) -> None:
-    """Draw a dot for each handle, seen through the surface, and a line from it to its label at the nearer side."""
+def _limb_mark(limb: LimbTable) -> _Mark:
+    first, last = (" + ".join(dict.fromkeys(limb.driven_by[end])) for end in (0, -1))
+    return _Mark(limb.name, f"{first} … {last}", np.array(limb.points, dtype=np.float64))
+
+
+def _handle_mark(handle: HandleTable) -> _Mark:
+    return _Mark(handle.name, " + ".join(handle.driven_by) or "stays", np.array([handle.position], dtype=np.float64))
+
+
+def _label(image: Image.Image, places: list[NDArray[np.float64]], marks: list[_Mark]) -> None:
+    """Draw each mark, seen through the surface, and a line from its end to its label at the nearer side."""
     pen = ImageDraw.Draw(image)
     large, small = ImageFont.load_default(19), ImageFont.load_default(14)
-    on_the_right = dots[:, 0] > SIZE[0] / 2
+    ends = np.array([place[-1] for place in places])
+    on_the_right = ends[:, 0] > SIZE[0] / 2
     for side in (False, True):
-        chosen = [index for index in np.argsort(dots[:, 1], kind="stable").tolist() if on_the_right[index] == side]
+        chosen = [index for index in np.argsort(ends[:, 1], kind="stable").tolist() if on_the_right[index] == side]
         edge, anchor = (SIZE[0] - MARGIN, "r") if side else (MARGIN, "l")
-        for index, y in zip(chosen, _apart(dots[chosen, 1]), strict=True):
-            handle, color = handles[index], _color(index, len(handles))
-            x = float(dots[index, 0])
-            moved_by = " + ".join(handle.driven_by) or "stays"
-            reach = max(pen.textlength(handle.name, large), pen.textlength(moved_by, small)) + MARGIN
-            pen.line([(edge + (-reach if side else reach), y), (x, float(dots[index, 1]))], color, 2)
-            pen.text((edge, y), handle.name, color, large, anchor=f"{anchor}b")
-            pen.text((edge, y + 1), moved_by, (70, 72, 78), small, anchor=f"{anchor}t")
-    for index, (x, y) in enumerate(dots.tolist()):
-        box = (x - DOT, y - DOT, x + DOT, y + DOT)
-        pen.ellipse(box, _color(index, len(handles)), (255, 255, 255), 2)
+        for index, y in zip(chosen, _apart(ends[chosen, 1]), strict=True):
+            mark, color = marks[index], _color(index, len(marks))
+            x = float(ends[index, 0])
+            reach = max(pen.textlength(mark.name, large), pen.textlength(mark.moved_by, small)) + MARGIN
+            pen.line([(edge + (-reach if side else reach), y), (x, float(ends[index, 1]))], color, 2)
+            pen.text((edge, y), mark.name, color, large, anchor=f"{anchor}b")
+            pen.text((edge, y + 1), mark.moved_by, (70, 72, 78), small, anchor=f"{anchor}t")
+    for index, place in enumerate(places):
+        color = _color(index, len(marks))
+        pen.line([(x, y) for x, y in place.tolist()], color, BONE)
+        radius = JOINT if len(place) > 1 else DOT
+        for x, y in place.tolist():
+            pen.ellipse((x - radius, y - radius, x + radius, y + radius), color, (255, 255, 255), 2)
 
 
 def _apart(heights: NDArray[np.float64]) -> list[float]:

@@ -1,4 +1,4 @@
-"""A first puppet for any mesh: handles at its extremities, and joints that suit where they are."""
+"""A first puppet for any mesh: its limbs, or handles where it has none, and joints that suit where they are."""
 
 import math
 import os
@@ -14,11 +14,43 @@ from scipy.optimize import linear_sum_assignment
 
 from engine_bridge.gltf.character import Character, load_character
 from engine_bridge.performance import check_handles
-from engine_bridge.puppet import CharacterTable, Direction, HandleTable, Puppet, check
+from engine_bridge.puppet import CharacterTable, Direction, HandleTable, LimbTable, Puppet, check
+from engine_bridge.rig_limbs import axes_of, rig_limbs
 from puppetline.errors import PuppetError, at
 from solver import orientation
 from solver.extremities import distances, extremities, surface_graph
+from solver.limb_chain import LimbChain, Limbs
+from solver.limb_finding import find_limbs
 from solver.mesh import SolverMesh
+
+ARM, LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
+LIMB_JOINTS: dict[str, tuple[str, ...]] = {
+    "arm": ARM,
+    "leg": LEG,
+    "front leg": ARM,
+    "hind leg": LEG,
+    "wing": ARM,
+}
+"""What drives a limb of either side: front legs and wings are arms."""
+
+MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {
+    "trunk": ("hip_center", "spine", "shoulder_center"),
+    "neck": ("shoulder_center", ("shoulder_center", "head"), "head"),
+    "head": ("shoulder_center", "head"),
+    "tail": ("hip_center", "shoulder_center", ("shoulder_center", "head"), "head"),
+}
+"""What drives a limb of the middle. A tail swings with the head from its second bone on."""
+
+LIMB_GAINS = {"neck": 0.5, "tail": -0.7}
+"""A neck does half of what the head does; a tail swings against the head, and less."""
+
+ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
+"""Limbs whose ends a user may give."""
+
+UPRIGHT = np.cos(np.radians(40))
+"""A body is a person's where its trunk is within 40° of up; the same for its head."""
+
+AXES = "up", "front"
 
 GROUND = -0.6
 """Tips below this, from −1 at the soles to 1 at the crown, stand on the ground."""
@@ -58,8 +90,64 @@ class _Tip:
     prominence: float
 
 
-def propose(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
-    """Choose handles and joints that play at once.
+def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
+    """Choose the joints that drive each limb, and how.
+
+    People's limbs point where the performer's do. Those of a body that is built otherwise turn as the performer's have
+    turned: four legs, tails, necks and wings, and whatever does not stand upright.
+
+    Parameters
+    ----------
+    limbs : Limbs
+    character : CharacterTable
+        Which way it stands and faces.
+
+    Returns
+    -------
+    list of LimbTable
+        Empty for what has a trunk and a head only.
+    """
+    points = limbs.points
+    if not set(points) - {"trunk", "neck", "head"}:
+        return []
+    return [_limb(chain, _follow(chain.name, points, character.basis[1]), points) for chain in limbs.chains]
+
+
+def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> str:
+    def stands(limb: str) -> bool:
+        way = points[limb][-1] - points[limb][0]
+        return bool(way @ up > UPRIGHT * np.linalg.norm(way))
+
+    person = {"trunk", "left arm", "right arm", "left leg", "right leg"} <= points.keys() and stands("trunk")
+    if not person or name in ("tail", "neck", "left wing", "right wing"):
+        return "turn"
+    if name == "head":
+        return "direction" if stands("head") else "turn"
+    return "direction"
+
+
+def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64]]) -> LimbTable:
+    side, _, limb = chain.name.partition(" ")
+    joints = MIDDLE_JOINTS.get(chain.name) or tuple(f"{joint}_{side}" for joint in LIMB_JOINTS[limb])
+    size = max(float(np.ptp(np.concatenate(list(points.values())), axis=0).max()), 1e-12)
+    table = {
+        "name": chain.name,
+        "points": [_rounded(point, size) for point in chain.points],
+        "joints": joints,
+        "follow": follow,
+        "gain": LIMB_GAINS.get(chain.name, 1.0),
+        "parent": "neck" if chain.name == "head" and "neck" in points else None,
+    }
+    return LimbTable.model_validate(table)
+
+
+def _rounded(point: NDArray[np.float64], size: float) -> tuple[float, ...]:
+    decimals = 5 - math.floor(math.log10(size))
+    return tuple(round(float(value), decimals) for value in point)
+
+
+def propose_handles(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
+    """Choose handles and joints for a character without limbs.
 
     Ends of limbs on the ground are feet, and where some are far behind the others there are front and hind feet. The
     head is the front-most and upper-most of the middle; a limb that ends in the middle far behind is a tail, a
@@ -113,11 +201,12 @@ def propose(mesh: SolverMesh, character: CharacterTable) -> list[HandleTable]:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A first puppet, the character that it is for, and what was assumed about how that stands."""
+    """A first puppet, the character that it is for, what was assumed about how that stands, and what is unclear."""
 
     puppet: Puppet
     character: Character
     assumed: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def new_puppet(
@@ -126,10 +215,12 @@ def new_puppet(
     *,
     handles: Mapping[str, str] = MappingProxyType({}),
     maps: Mapping[str, str] = MappingProxyType({}),
+    ends: Mapping[str, str] = MappingProxyType({}),
     up: Direction | None = None,
     front: Direction | None = None,
     scale: float | None = None,
     mirror: bool = False,
+    limbs: bool = True,
 ) -> Proposal:
     """Make a puppet for a mesh file, with the user's own handles and joints where they are given.
 
@@ -139,12 +230,16 @@ def new_puppet(
     output : Path
         Where the puppet will be written: its path to the mesh is relative to that.
     handles : mapping of str
-        Name to "X,Y,Z"; instead of those that would be proposed.
+        Name to "X,Y,Z"; instead of limbs that would be proposed, or beside them where ends of limbs are given as well.
     maps : mapping of str
-        Handle name to "JOINT" or "JOINT,JOINT".
+        Name of a handle or limb to "JOINT" or "JOINT,JOINT"; a limb has as many as points.
+    ends : mapping of str
+        Name of a limb to "X,Y,Z", where it ends; the file's skeleton then counts for nothing.
     up, front, scale
-        As in the puppet file; what is None is proposed from the shape.
+        As in the puppet file; what is None is proposed from the file's skeleton or the shape.
     mirror : bool
+    limbs : bool
+        False for handles at the ends of limbs instead of the limbs.
 
     Raises
     ------
@@ -153,49 +248,115 @@ def new_puppet(
     character = load_character(mesh)
     surface = character.solver_mesh()
     where = "the command line"
+    places = {name: np.array(_numbers("--limb", name, text)) for name, text in ends.items()}
+    _check_ends(ends, where)
+    rig = None if ends else rig_limbs(character)
+    skeleton = _axes(rig, up, front)
     table: dict[str, Any] = {"mesh": Path(os.path.relpath(mesh, output.parent)).as_posix()}
     given = {"up": up, "front": front, "scale": scale}
     values: dict[str, Any] = {
         "character": table | {key: value for key, value in given.items() if value is not None},
-        "handle": [{"name": name, "position": _numbers(name, text)} for name, text in handles.items()],
+        "handle": [{"name": name, "position": _numbers("--handle", name, text)} for name, text in handles.items()],
         "root": {},
         "retarget": {"mirror": mirror},
     }
     if up is not None and front is not None:
         check(values | {"handle": ANY_HANDLE}, where)  # axes that do not go together leave nothing to propose
-    stands = orientation.propose(surface, up, front)
+    stands = orientation.propose(surface, *(skeleton if skeleton else (up, front)))
     values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
-    if not handles:
-        standing = check(values | {"handle": ANY_HANDLE}, where).character
-        values["handle"] = [handle.model_dump(exclude_none=True) for handle in propose(surface, standing)]
-    names = [handle["name"] for handle in values["handle"]]
-    for name, joints in maps.items():
-        if name not in names:
-            raise PuppetError(
-                at(where, field=f"--map {name}={joints}"),
-                found=f"no handle {name!r}",
-                expected=f"one of {', '.join(names)}",
-                fix="Name one of these handles, or add it with --handle.",
-            )
-        handle = values["handle"][names.index(name)]
-        handle.pop("joint", None)
-        several = joints.split(",")
-        handle.update({"joints": several} if len(several) > 1 else {"joint": joints})
+    standing = check(values | {"handle": ANY_HANDLE}, where).character
+    notes: list[str] = []
+    if places or not handles:
+        found = _limbs(rig, surface, standing, places, notes) if limbs else []
+        values["limb"] = [limb.model_dump(exclude_none=True) for limb in found]
+        if not found and not handles:
+            proposed = propose_handles(surface, standing)
+            values["handle"] = [handle.model_dump(exclude_none=True) for handle in proposed]
+    _map(values, maps, where)
     puppet = check(values, where)
     check_handles(puppet.handle, surface, where)
-    reasons = zip(given.values(), stands.reasons, strict=True)
-    return Proposal(puppet, character, tuple(reason for value, reason in reasons if value is None))
+    reasons = list(stands.reasons)
+    if skeleton:
+        reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
+    assumed = tuple(reason for value, reason in zip(given.values(), reasons, strict=True) if value is None)
+    return Proposal(puppet, character, assumed, tuple(notes))
 
 
-def _numbers(name: str, text: str) -> list[float]:
+def _axes(rig: Limbs | None, up: Direction | None, front: Direction | None) -> tuple[Direction, Direction] | None:
+    """Return the axes of the file's skeleton, those that the user gives first; None where they do not go together."""
+    axes = None if rig is None else axes_of(rig)
+    if axes is None:
+        return None
+    chosen = up or axes[0], front or axes[1]
+    return chosen if chosen[0][-1] != chosen[1][-1] else None
+
+
+def _limbs(
+    rig: Limbs | None,
+    surface: SolverMesh,
+    standing: CharacterTable,
+    ends: Mapping[str, NDArray[np.float64]],
+    notes: list[str],
+) -> list[LimbTable]:
+    """Return the limbs of the file's skeleton if it says where they are, or those of the shape; add what is unclear."""
+    if rig is not None:
+        notes += rig.notes
+        tables = limb_tables(rig, standing)
+        if tables:
+            return tables
+    shape = find_limbs(surface, standing.basis, ends)
+    notes += shape.notes
+    return limb_tables(shape, standing)
+
+
+def _check_ends(ends: Mapping[str, str], where: str) -> None:
+    """Refuse names that no limb has, and one limb of a pair without the other."""
+    for name, text in ends.items():
+        if name not in ENDS:
+            raise PuppetError(
+                at(where, field=f"--limb {name}={text}"),
+                found=repr(name),
+                expected=f"one of {', '.join(ENDS)}",
+                fix="Correct the name of the limb.",
+            )
+        side, _, limb = name.partition(" ")
+        other = f"{'right' if side == 'left' else 'left'} {limb}"
+        if limb and other not in ends:
+            raise PuppetError(
+                at(where, field=f"--limb {name}={text}"),
+                found=f"no --limb for the {other}",
+                expected="the ends of both",
+                fix=f"Add --limb '{other}=X,Y,Z'.",
+            )
+
+
+def _map(values: dict[str, Any], maps: Mapping[str, str], where: str) -> None:
+    """Give handles and limbs the joints that the user wants."""
+    tables = {table["name"]: table for kind in ("handle", "limb") for table in values.get(kind, [])}
+    handles = {handle["name"] for handle in values["handle"]}
+    for name, joints in maps.items():
+        if name not in tables:
+            what = "handle" if handles else "limb"
+            raise PuppetError(
+                at(where, field=f"--map {name}={joints}"),
+                found=f"no {what} {name!r}",
+                expected=f"one of {', '.join(tables)}",
+                fix=f"Name one of these {what}s, or add it with --handle.",
+            )
+        table, several = tables[name], joints.split(",")
+        table.pop("joint", None)
+        table.update({"joints": several} if len(several) > 1 or name not in handles else {"joint": joints})
+
+
+def _numbers(option: str, name: str, text: str) -> list[float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError as error:
         raise PuppetError(
-            at("the command line", field=f"--handle {name}={text}"),
+            at("the command line", field=f"{option} {name}={text}"),
             found=repr(text),
             expected="three numbers with commas between them",
-            fix=f"Write it like --handle {name}=0.1,1.5,0.2",
+            fix=f"Write it like {option} {name}=0.1,1.5,0.2",
         ) from error
     return [x, y, z]
 

@@ -11,12 +11,15 @@ from tomlkit.items import AbstractTable, InlineTable
 
 from engine_bridge import puppet as puppet_file
 from engine_bridge.files import written_whole
-from engine_bridge.puppet import Puppet
+from engine_bridge.puppet import Puppet, root_values
 from engine_bridge.tables import Table
 from puppetline.errors import PuppetError
 
 HANDLE_KEYS = "joint", "joints", "axes", "gain"
 """Of a handle, what belongs to the mapping."""
+
+ROOT_KEYS = "joint", "axes", "turns", "feet"
+"""The same of the root."""
 
 
 class PuppetDocument:
@@ -89,14 +92,14 @@ def with_mapping(text: str, before: Puppet, after: Puppet) -> str:
         What it says, and what it shall say.
     """
     document = tomlkit.parse(text)
-    for table, was, becomes in zip(document["handle"], before.handle, after.handle, strict=True):
+    for table, was, becomes in zip(document.get("handle", ()), before.handle, after.handle, strict=True):
         _update(table, was, becomes, HANDLE_KEYS)
     if after.root is None:
         document.pop("root", None)
     elif before.root is None:
-        document["root"] = tomlkit.item(after.root.model_dump())
+        document["root"] = tomlkit.item(root_values(after.root))
     else:
-        _update(document["root"], before.root, after.root, ("joint", "axes"))
+        _update(document["root"], before.root, after.root, ROOT_KEYS)
     if before.retarget.scale != after.retarget.scale:
         if "retarget" not in document:
             document["retarget"] = tomlkit.table()

@@ -7,7 +7,7 @@ import platformdirs
 
 from engine_bridge import puppet as puppet_file
 from engine_bridge.gltf.character import Character, load_character
-from engine_bridge.performance import check_handles
+from engine_bridge.performance import check_handles, check_limbs
 from engine_bridge.puppet import Puppet
 from puppetline.errors import PuppetError, at
 from solver.mesh import SolverMesh
@@ -56,6 +56,7 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
             fix="Correct the path, or put the mesh there.",
         )
     rig = make_rig(puppet, load_character(file, cache_folder()))
+    check_limbs(puppet.limb, rig.mesh, path)
     check_handles(puppet.handle, rig.mesh, path)
     return rig
 

@@ -5,9 +5,9 @@ from typing import Literal
 
 from capture.formats.options import ReadOptions
 
-Form = Literal["morph", "skin", "frames"]
+Form = Literal["morph", "skin", "frames", "rig"]
 
-TOLERANCE: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0}
+TOLERANCE: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
 """Largest error as a fraction of the diagonal where the user does not say: a few rigid bones follow less closely."""
 
 
@@ -25,8 +25,9 @@ class Settings:
         Seconds without a joint that are bridged; over longer gaps it is held.
     rest_at : float
         Second of the log at which the performer stands as the character does at rest.
-    form : {"morph", "skin", "frames"}
-        What the animation is made of: a few morph targets, bones, or a morph target for each keyframe.
+    form : {"morph", "skin", "frames", "rig"}
+        What the animation is made of: a few morph targets, bones, a morph target for each keyframe, or the joints of
+        the file's own skeleton.
     tolerance : float or None
         Largest error of the animation against the solver, as a fraction of the diagonal; None for that of `TOLERANCE`.
     targets : int or None

@@ -56,15 +56,15 @@ def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
 
 
 def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
-    """Draw the character; the camera follows the root, or a performer who walks about would make it small."""
+    """Draw the character on its floor; the camera follows the root's way over it, or the character would be small."""
     rig, basis = clip.rig, clip.rig.puppet.character.basis
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
     solved = [binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index] for index in chosen]
     poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
-    roots = clip.root[chosen] @ basis.T
-    view = View.around(poses - roots[:, None])
+    ways = clip.root[chosen] @ basis.T * [1, 0, 1]
+    view = View.around(poses - ways[:, None])
     images = []
-    for pose, root in zip(poses, roots, strict=True):
-        along = replace(view, center=tuple(view.center + root), ground=view.ground + root[1])
+    for pose, way in zip(poses, ways, strict=True):
+        along = replace(view, center=tuple(view.center + way))
         images.append(render(pose, rig.character.triangles, along, TILE_SIZE, rig.character.colors))
     return images

@@ -125,6 +125,10 @@ def _explained(
     # an unknown table first: it is likely the one that is said to be missing
     error = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
     location = _location(error, values)
+    # a value that may be a name or a list of names has an error as each: the one inside the list says more
+    inside = [each for each in errors if _location(each, values)[: len(location)] == location]
+    error = max(inside, key=lambda each: len(_location(each, values)))
+    location = _location(error, values)
     if error["type"] == "mistake":
         told = error["ctx"]
         location = [*location, *told["place"]]
@@ -153,7 +157,7 @@ def _location(error: ErrorDetails, values: dict[str, Any]) -> list[int | str]:
     here: Any = values
     for step in error["loc"]:
         if not isinstance(here, dict if isinstance(step, str) else list):
-            break
+            continue
         place.append(step)
         here = _inside(here, step)
     return place

@@ -1,10 +1,11 @@
 """Products of the tall sparse matrices of a reduced model, a chunk of rows at a time.
 
-Rows are taken in an order that brings vertices together which lie between the same isolines. Few columns are then not
-zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
+Rows are taken cluster by cluster, which brings vertices together that lie between the same isolines. Few columns are
+then not zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numba
 import numpy as np
@@ -16,22 +17,51 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 CHUNK = 384
-"""Rows at a time: with more of them more columns are not zero, with less there is more to do in between."""
+"""Rows at a time at most: with more of them more columns are not zero, with less there is more to do in between."""
+
+
+class Products(NamedTuple):
+    """What is left of the tall matrices.
+
+    Attributes
+    ----------
+    A : (4m, 4m) float64
+        (KW)ᵀ(KW).
+    B : (4m, 3m) float64
+        (KW)ᵀ M^(−1/2) W_δ.
+    gram : (4m, 4m) float64
+        WᵀW.
+    dirichlet : (4m, 4m) float64
+        −WᵀLW of the surface, without ties.
+    B_clusters : (4m, 3r) float64
+        In the columns of each cluster (KW)ᵀ M^(−1/2) δ, over its vertices alone.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    gram: NDArray[np.float64]
+    dirichlet: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
 
 
 def products(
     L: "csr_matrix",
+    surface: "csr_matrix",
     mass: NDArray[np.float64],
     rest: NDArray[np.float64],
     ladder: NDArray[np.float64],
     weights: NDArray[np.float64],
     isolines: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and WᵀW, with K = M^(−1/2) L and W_δ = w_i φ_ik(v) (L rest)(v).
+    cluster: NDArray[np.int32],
+) -> Products:
+    """Multiply W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with K = M^(−1/2) L, δ = L rest and W_δ = w_i φ_ik(v) δ(v).
 
     Parameters
     ----------
     L : (n, n) sparse float64
+        Of the energy, with ties between parts.
+    surface : (n, n) sparse float64
+        Without them; the same as L where there is but one part.
     mass : (n,) float64
         Diagonal of M.
     rest : (n, 3) float64
@@ -39,33 +69,37 @@ def products(
     weights : (n_e,) float64
     isolines : int
         n_iso; there are m = n_e · n_iso in all.
-
-    Returns
-    -------
-    A : (4m, 4m) float64
-    B : (4m, 3m) float64
-    gram : (4m, 4m) float64
+    cluster : (n,) int32
+        Rotation cluster of each vertex, from 0 to r − 1.
     """
     m = len(weights) * isolines
-    A, B, gram = np.zeros((4 * m, 4 * m)), np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 4 * m))
+    A, gram, dirichlet = np.zeros((3, 4 * m, 4 * m))
+    B, B_clusters = np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 3 * (int(cluster.max()) + 1)))
     below, upper = blends(ladder, isolines)
     levels = np.arange(isolines)
-    order = np.lexsort(below.T[::-1])
-    for start in range(0, len(order), CHUNK):
-        rows = order[start : start + CHUNK]
+    order = np.lexsort((*below.T[::-1], cluster))
+    for rows in _chunks(order, cluster):
         lowest, highest = _span(rows, L.indptr, L.indices, below)
-        W, KW, W_delta = _rows(
-            rows, L.indptr, L.indices, L.data, mass, rest, below, upper, weights, lowest, highest - lowest + 1
-        )
+        others = (rest, below, upper, weights, lowest, highest - lowest + 1)
+        W, KW, W_delta, delta = _rows(rows, L.indptr, L.indices, L.data, mass, *others)
+        untied = KW if surface is L else _rows(rows, surface.indptr, surface.indices, surface.data, mass, *others)[1]
         there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
         four, three = _columns(there, 4), _columns(there, 3)
         gram[np.ix_(four, four)] += W.T @ W
         A[np.ix_(four, four)] += KW.T @ KW
         B[np.ix_(four, three)] += KW.T @ W_delta
-    return A, B, gram
+        dirichlet[np.ix_(four, four)] -= W.T @ (np.sqrt(mass[rows])[:, None] * untied)
+        B_clusters[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
+    return Products(A, B, gram, (dirichlet + dirichlet.T) / 2, B_clusters)
 
 
-def _columns(isolines: NDArray[np.int64], each: int) -> NDArray[np.int64]:
+def _chunks(order: NDArray[np.int64], cluster: NDArray[np.int32]) -> Iterator[NDArray[np.int64]]:
+    """Take vertices in order, no more than `CHUNK` at a time and of one cluster."""
+    for members in np.split(order, np.flatnonzero(np.diff(cluster[order])) + 1):
+        yield from np.array_split(members, -(-len(members) // CHUNK))
+
+
+def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:
     return (each * isolines[:, None] + np.arange(each)).ravel()
 
 
@@ -85,20 +119,20 @@ def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # n
 
 @numba.njit(cache=True, nogil=True)
 def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return some rows of W, K W and M^(−1/2) W_δ, without the columns of isolines outside a span of each field."""
+    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside a field's span."""
     count = len(weights)
     first = np.cumsum(width) - width - lowest
     total = width.sum()
-    W, KW, W_delta = (
+    W, KW, W_delta, deltas = (
         np.zeros((len(rows), 4 * total)),
         np.zeros((len(rows), 4 * total)),
         np.zeros((len(rows), 3 * total)),
+        np.zeros((len(rows), 3)),
     )
-    h, delta = np.ones(4), np.empty(3)
+    h = np.ones(4)
     for r in range(len(rows)):
         v = rows[r]
-        per_area = 1 / np.sqrt(mass[v])
-        delta[:] = 0
+        per_area, delta = 1 / np.sqrt(mass[v]), deltas[r]
         for entry in range(starts[v], starts[v + 1]):
             u, factor = neighbours[entry], entries[entry] * per_area
             for c in range(3):
@@ -123,4 +157,4 @@ def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, 
             for c in range(3):
                 W_delta[r, 3 * here + c] = a * delta[c]
                 W_delta[r, 3 * here + 3 + c] = b * delta[c]
-    return W, KW, W_delta
+    return W, KW, W_delta, deltas

@@ -1,7 +1,7 @@
 """Stacks of 3 × 3 matrices, and products with them, laid out so that a processor's vector registers are full.
 
-Sixteen isolines make a block. A block holds column after column, in each column row after row, and in each row the
-sixteen isolines side by side: entry (row, column) of isoline 16 b + lane is at 144 b + 48 column + 16 row + lane. The
+Sixteen matrices make a block. A block holds column after column, in each column row after row, and in each row the
+sixteen matrices side by side: entry (row, column) of matrix 16 b + lane is at 144 b + 48 column + 16 row + lane. The
 last block is filled up with zeros. A stack of three columns that is not made of matrices has 48 rows a block.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LANES = 16
-"""Isolines side by side: a whole number of the registers of every processor in use."""
+"""Matrices side by side: a whole number of the registers of every processor in use."""
 
 ROWS = 3 * LANES
 """Rows of a block."""
@@ -105,3 +105,31 @@ def add_product(M, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
                 out[i] += a * a0 + b * b0 + c * c0 + d * d0
                 out[ROWS + i] += a * a1 + b * b1 + c * c1 + d * d1
                 out[2 * ROWS + i] += a * a2 + b * b2 + c * c2 + d * d2
+
+
+@numba.njit(cache=True, nogil=True)
+def turn_on(turns, before, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Multiply each rotation by what turns another one on: T becomes T Bᵀ N.
+
+    Parameters
+    ----------
+    turns, before, now : (blocks · 144,) float64
+        Stacks of 3 × 3 matrices; the first is written to.
+    """
+    for block in range(0, len(turns), BLOCK):
+        t, b, n = turns[block : block + BLOCK], before[block : block + BLOCK], now[block : block + BLOCK]
+        for row in range(0, ROWS, LANES):
+            for lane in range(LANES):
+                here = t[row + lane], t[row + lane + ROWS], t[row + lane + 2 * ROWS]
+                x, y, z = _dot(here, b, lane), _dot(here, b, lane + LANES), _dot(here, b, lane + 2 * LANES)
+                t[row + lane] = x * n[lane] + y * n[lane + LANES] + z * n[lane + 2 * LANES]
+                t[row + lane + ROWS] = x * n[lane + ROWS] + y * n[lane + LANES + ROWS] + z * n[lane + 2 * LANES + ROWS]
+                t[row + lane + 2 * ROWS] = (
+                    x * n[lane + 2 * ROWS] + y * n[lane + LANES + 2 * ROWS] + z * n[lane + 2 * LANES + 2 * ROWS]
+                )
+
+
+@numba.njit(inline="always")
+def _dot(t, matrices, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the product of a row with that row of a matrix which begins at a place."""
+    return t[0] * matrices[place] + t[1] * matrices[place + ROWS] + t[2] * matrices[place + 2 * ROWS]

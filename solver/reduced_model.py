@@ -15,8 +15,8 @@ import scipy
 from numpy.typing import NDArray
 
 from puppetline.errors import MeshError
+from solver import clusters, gram, rotations
 from solver import fields as propagation
-from solver import gram, rotations
 from solver.mesh import SolverMesh, snap
 from solver.parts import contacts
 
@@ -70,6 +70,12 @@ class ReducedModel:
         Q of `rotations.covariance_map`.
     edges : (2 · m · 10, 4m) float64
         T of `rotations.edge_map`.
+    cluster : (n,) int32
+        Rotation cluster of each solver vertex, from 0 to r − 1.
+    A_clusters : (4m, 4m) float64
+        Energy where vertices of a cluster turn together, from `clusters.energy`.
+    B_clusters : (4m, 3r) float64
+        That energy against the stacked rotations of the clusters; its transpose reads them off the surface.
     """
 
     center: NDArray[np.float64]
@@ -82,6 +88,9 @@ class ReducedModel:
     null_space: NDArray[np.float64]
     covariance: NDArray[np.float64]
     edges: NDArray[np.float64]
+    cluster: NDArray[np.int32]
+    A_clusters: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
 
     @property
     def isolines(self) -> int:
@@ -190,7 +199,10 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
     L = propagation.for_energy(surface, ties, mass, unit.diagonal)
-    A, B, WtW = gram.products(L, mass, rest, ladder, weights, parameters.isolines)
+    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    reduced = gram.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
+    covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
+    A_clusters, B_clusters = clusters.energy(reduced, covariance)
     strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)
     sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
     return ReducedModel(
@@ -198,12 +210,15 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
         diagonal=diagonal,
         weights=weights,
         ladder=ladder.astype(np.float32),
-        A=A,
-        B=B,
-        gram=WtW,
-        null_space=_null_projector(WtW),
+        A=reduced.A,
+        B=reduced.B,
+        gram=reduced.gram,
+        null_space=_null_projector(reduced.gram),
         covariance=rotations.covariance_map(unit, strips, ladder, weights),
         edges=rotations.edge_map(position_matrix(rest[sampled], ladder[sampled], weights, parameters.isolines)),
+        cluster=cluster,
+        A_clusters=A_clusters,
+        B_clusters=B_clusters,
     )
 
 

@@ -218,11 +218,8 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     (..., h, 3) float64
     """
     out = np.empty(moved.shape)
-    _limit(
-        np.ascontiguousarray(moved, dtype=np.float64).reshape(-1, *reach.shape[:2]),
-        reach,
-        out.reshape(-1, *reach.shape[:2]),
-    )
+    frames = math.prod(moved.shape[:-2]), *moved.shape[-2:]
+    _limit(np.ascontiguousarray(moved, dtype=np.float64).reshape(frames), reach, out.reshape(frames))
     return out
 
 

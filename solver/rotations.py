@@ -17,7 +17,7 @@ from solver.mesh import SolverMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-RotationMode = Literal["covariance", "triangles"]
+RotationMode = Literal["clusters", "covariance", "triangles"]
 
 SAMPLED_TRIANGLES = 10
 """Triangles an isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""

@@ -50,10 +50,21 @@ def world_transforms(document: Document) -> NDArray[np.float64]:
     """
     gltf = document.gltf
     transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
-    for index, parent in _walk(document, _roots(gltf)):
+    for index, parent in tree(document):
         above = np.eye(4) if parent is None else transforms[parent]
-        transforms[index] = above @ _local_transform(gltf["nodes"][index])
+        transforms[index] = above @ local_transform(gltf["nodes"][index])
     return transforms
+
+
+def tree(document: Document) -> list[tuple[int, int | None]]:
+    """Return all nodes, each with its parent and after it.
+
+    Raises
+    ------
+    MeshError
+        Nodes that are no tree.
+    """
+    return list(_walk(document, _roots(document.gltf)))
 
 
 def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | None]]:
@@ -79,19 +90,20 @@ def _no_tree(document: Document, node: int, found: str) -> MeshError:
     )
 
 
-def _local_transform(node: Node) -> NDArray[np.float64]:
+def local_transform(node: Node) -> NDArray[np.float64]:
+    """Return the (4, 4) transform of a node against its parent, column vectors."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     transform = np.eye(4)
     rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=np.float64)
     if rotation.any():
-        transform[:3, :3] = _rotation_matrix(rotation)
+        transform[:3, :3] = rotation_matrix(rotation)
     transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=np.float64)
     transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return transform
 
 
-def _rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Turn x, y, z, w (4,) of any length but 0 into a (3, 3) matrix (Rodrigues)."""
     scaled = quaternion / np.abs(quaternion).max()  # squares of what is huge or tiny are infinite or zero
     x, y, z, w = scaled / np.linalg.norm(scaled)
@@ -134,6 +146,29 @@ def skinning(
         if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < len(joints):
             raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
         joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    which, share = influences(document, primitive, skin, count)
+    blended = np.zeros((count, 4, 4))
+    for column in range(which.shape[1]):
+        blended += share[:, column, None, None] * joints[which[:, column]]
+    return blended
+
+
+def influences(
+    document: Document, primitive: Primitive, skin: int, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which joints of a skin each vertex of a primitive follows, and how much.
+
+    Returns
+    -------
+    (count, k) int64, (count, k) float64
+        Indices into the skin's joints, and weights whose sum is 1 at each vertex.
+
+    Raises
+    ------
+    MeshError
+        Joints that the skin does not have.
+    """
+    where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
     if len(sets) > MOST_SETS:
         raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
@@ -147,10 +182,7 @@ def skinning(
     share = np.where(np.isfinite(share), np.maximum(share, 0), 0)
     share[share.sum(axis=1) == 0] = np.eye(1, share.shape[1])
     share /= share.sum(axis=1, keepdims=True)
-    blended = np.zeros((count, 4, 4))
-    for column in range(which.shape[1]):
-        blended += share[:, column, None, None] * joints[which[:, column]]
-    return blended
+    return which, share
 
 
 def _columns(document: Document, primitive: Primitive, names: list[str], count: int) -> NDArray[Any]:

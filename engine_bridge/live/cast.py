@@ -7,11 +7,14 @@ from pathlib import Path
 from weakref import WeakKeyDictionary
 
 from engine_bridge.live.frame import StreamedCharacter
+from engine_bridge.live.humanoid import LIMBS, UPRIGHT, is_humanoid
 from engine_bridge.live.live_basis import LiveBasis
 from engine_bridge.live.role import Role
 from engine_bridge.live.service_file import CharacterTable, ServiceFile, StageTable, character_names
 from engine_bridge.puppet_document import PuppetDocument
 from engine_bridge.rig import rig_of
+from puppetline.errors import PuppetError, at
+from solver.limbs import TRUNK
 
 
 class Cast:
@@ -29,6 +32,9 @@ class Cast:
     def __init__(self, settings: ServiceFile, folder: Path, executor: Executor) -> None:
         self._settings, self._folder, self._executor = settings, folder, executor
         self._documents: WeakKeyDictionary[Role, PuppetDocument] = WeakKeyDictionary()
+        self._sent_as_vmc = {
+            name for target in settings.osc if "vmc" in target.send for name in settings.receives(target)
+        }
 
     def load(self) -> list[list[Role]]:
         """Return the roles of each stage.
@@ -52,6 +58,8 @@ class Cast:
 
     def _role(self, stage: StageTable, table: CharacterTable, name: str) -> Role:
         document = PuppetDocument(self._folder / table.puppet)
+        if name in self._sent_as_vmc and not is_humanoid(document.puppet):
+            raise _no_humanoid(document)
         rig = rig_of(document.puppet, document.path)
         basis = None if table.morphs is None else LiveBasis.load(self._folder / table.morphs, rig)
         character = StreamedCharacter(name, rig, 0, basis)
@@ -61,6 +69,17 @@ class Cast:
         role = Role(character, stage.manner, self._executor, idle)
         self._documents[role] = document
         return role
+
+
+def _no_humanoid(document: PuppetDocument) -> PuppetError:
+    names = [limb.name for limb in document.puppet.limb]
+    sided = ", ".join(name for name in LIMBS if name not in UPRIGHT)
+    return PuppetError(
+        at(document.path, field="[[limb]]"),
+        found=f"the limbs {', '.join(names)}" if names else "no limb",
+        expected=f"a limb {TRUNK} and one or more of {sided}, to send VMC",
+        fix='Name its limbs so, as puppetline new does, or take "vmc" out of send.',
+    )
 
 
 def _revision(character: StreamedCharacter) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.gltf.character import Character
+from engine_bridge.live.humanoid import Humanoid, humanoid_of, is_humanoid
 from engine_bridge.live.quantisation import quantised
 from engine_bridge.live.scene import encode_scene, with_description
 from engine_bridge.puppet import Puppet
@@ -65,6 +66,11 @@ class StreamedCharacter:
         return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
 
     @cached_property
+    def humanoid(self) -> Humanoid | None:
+        """Its limbs as bones of a humanoid; None where they are none."""
+        return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
+
+    @cached_property
     def scene(self) -> bytes:
         """The payload of its scene message."""
         return encode_scene(self)
@@ -83,7 +89,7 @@ class StreamedCharacter:
         """Make all that a frame or a client would have to wait for at its first time, compiled code as well."""
         controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
         quantised(*self.binding.vertices_and_normals(controls))
-        self.scene  # noqa: B018
+        self.scene, self.humanoid  # noqa: B018
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,6 +118,8 @@ class Frame:
     joints : (20, 3) float64 or None
         The performer's, filtered and levelled: metres, sensor frame, NaN where never known; None without a performer.
     confidence : (20,) float32 or None
+    motions : (b, 4, 3) float64 or None
+        Motions of the bones for row vectors, without the root, mesh file's coordinates.
     """
 
     character: StreamedCharacter
@@ -125,6 +133,7 @@ class Frame:
     targets: NDArray[np.float64]
     joints: NDArray[np.float64] | None = None
     confidence: NDArray[np.float32] | None = None
+    motions: NDArray[np.float64] | None = None
 
     @cached_property
     def controls(self) -> Controls:

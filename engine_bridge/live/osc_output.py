@@ -15,11 +15,12 @@ import numpy as np
 
 from capture.network.osc import bundle, encode
 from capture.skeleton import JOINTS
+from engine_bridge.live import vmc_output
 from engine_bridge.live.frame import Frame
 from engine_bridge.live.wire import NOBODY
 from puppetline.errors import ServiceError
 
-KINDS = ("controls", "morphs", "joints", "handles", "vertices", "performer")
+KINDS = ("controls", "morphs", "joints", "handles", "vertices", "performer", "vmc")
 """What can be sent."""
 
 CHUNK = 250
@@ -100,7 +101,7 @@ class OscOutput:
     """
 
     def __init__(self, targets: Sequence[OscTarget], clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+        self._clock, self._began = clock, clock()
         self._lines = [_Line(target, *_resolved(target)) for target in targets]
         self._sockets = {family: _socket(family) for family in {line.family for line in self._lines}}
 
@@ -149,7 +150,11 @@ class OscOutput:
                 if performer == turn.performer and now < turn.performer_sent + AGAIN:
                     continue
                 turn.performer, turn.performer_sent = performer, now
-            for datagram in _DATAGRAMS[kind](f"/puppetline/{frame.character.name}", frame):
+            if kind == "vmc":  # addresses and a clock of its own
+                datagrams = vmc_output.datagrams(frame, now - self._began)
+            else:
+                datagrams = _DATAGRAMS[kind](f"/puppetline/{frame.character.name}", frame)
+            for datagram in datagrams:
                 try:
                     self._sockets[line.family].sendto(datagram, line.address)
                     line.sent += 1
@@ -192,7 +197,8 @@ def _joints(base: str, frame: Frame) -> Iterator[bytes]:
 def _handles(base: str, frame: Frame) -> Iterator[bytes]:
     names = part_names([handle.name for handle in frame.character.rig.puppet.handle])
     targets = frame.targets.astype(np.float32)
-    yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
+    if names:
+        yield bundle(*(encode(f"{base}/handle/{name}", target) for name, target in zip(names, targets, strict=True)))
 
 
 def _vertices(base: str, frame: Frame) -> Iterator[bytes]:

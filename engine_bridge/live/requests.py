@@ -10,7 +10,7 @@ from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 import msgpack
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet import AxisSet, JointName, Number, Scale
@@ -95,11 +95,13 @@ class SetHandle(Table):
 
 
 class SetRoot(Table):
-    """Have another joint carry the character, or none; axes that are left out stay."""
+    """Have another joint carry the character, or none; what is left out stays."""
 
     character: Name
     joint: JointName | None
     axes: AxisSet = "xz"
+    turns: StrictBool = True
+    feet: Literal["lock", "free"] = "lock"
 
 
 class SetScale(Table):

@@ -1,7 +1,7 @@
 """One character on stage: who plays it, since when, and how it comes to rest when they leave.
 
-Every change (a performer found, lost, calibrated anew, mirrored) is a change of what the handles follow. They ease from
-where they were shown last to what they follow now, so that nothing ever jumps.
+Every change (a performer found, lost, calibrated anew, mirrored) is a change of what handles and bones follow. They
+ease from where they were shown last to what they follow now, so that nothing ever jumps.
 """
 
 import hashlib
@@ -22,12 +22,15 @@ from capture.smoothing import JointFilter
 from engine_bridge import puppet as puppet_file
 from engine_bridge.live.calibration import NOW, LastSecond, same_body
 from engine_bridge.live.frame import Frame, StreamedCharacter
-from engine_bridge.live.idle import Idle
+from engine_bridge.live.idle import Idle, Places
 from engine_bridge.live.memory import restore
 from engine_bridge.performance import make_deformer
 from engine_bridge.puppet import Puppet
-from engine_bridge.retargeting import Retargeting
+from engine_bridge.retargeting import PERFORMER, Retargeting, legs_of
 from puppetline.errors import ServiceError
+from solver.feet import Feet
+from solver.limb_motion import LimbMotion
+from solver.motion_blend import difference, moved_by
 from solver.retarget import SmoothReturn, soft_limit
 
 Calibrate = Literal["still", "at_once", "command"]
@@ -142,10 +145,6 @@ class Part:
         return [self.calibration.memory, self.mirror, self.asked]
 
 
-_Places = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Where the handles go (h, 3), without the root's motion, and the root's translation (3,)."""
-
-
 class Role:
     """A character and whoever plays it.
 
@@ -182,16 +181,21 @@ class Role:
         self._idle = self.make_idle()
         self.next_part: Part | None = None
         self._part: Part | None = None
-        self._held: _Places | None = None
+        self._held: Places | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # of who is not calibrated yet
         self._last_second = LastSecond()
         self._look_again = False  # somebody who came back may be somebody else
+        self._in_passing = False  # calibrated before they stood still
         self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
         self._floor: Level | None = None  # how the sensor stands by the floor that it sees
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
         self._shown_at = self._idle_since = self._eased_since = -math.inf
-        self._shown = self._eased_from = self._deformer.handles, np.zeros(3)
+        self._rest = Places(
+            self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
+        )
+        self._shown = self._eased_from = self._rest
+        self._apart: NDArray[np.float64] | None = None  # from what bones follow to where they eased from
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -200,6 +204,13 @@ class Role:
         self._watched.reset()
         SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
         soft_limit(np.zeros((1, 3)), np.ones((1, 3, 2)))
+        unknown, lost = np.full((len(JOINTS), 3), np.nan), np.zeros(len(JOINTS), dtype=np.float32)
+        puppet = self.character.rig.puppet
+        motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
+        if legs := legs_of(puppet):
+            Feet(self._deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
+        self._eased(self._rest, 0.5)
+        self._apart = None
         self._deformer.solve(self._deformer.handles)
         self._deformer.reset()
 
@@ -219,12 +230,12 @@ class Role:
         rig = self.character.rig
         digest = hashlib.sha256(puppet_file.dumps(rig.puppet).encode() + rig.model.rest_controls.tobytes())
         if self._idle is not None:
-            digest.update(self._idle.targets.tobytes())
+            digest.update(self._idle.targets.tobytes() + self._idle.motions.tobytes())
         return digest.hexdigest()
 
     def enter(self, user: int, time: float) -> None:
         """Give the character to somebody."""
-        self.user, self.state = user, "calibrating"
+        self.user, self.state, self._in_passing = user, "calibrating", False
         self._last_second.forget()
         self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
@@ -344,7 +355,8 @@ class Role:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._by_itself(frame.time), seen)
         aim = self._part.retargeting.step(levelled)
-        return self._show(frame.time, received, (aim.targets, aim.root), replace(levelled, positions=aim.joints))
+        places = Places(aim.targets, aim.motions, aim.root)
+        return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Let time pass without a performer; None while there is one, or if it is too early for another frame."""
@@ -355,17 +367,31 @@ class Role:
         return self._show(time, received, self._by_itself(time), None)
 
     def _calibrate_when_due(self, time: float) -> None:
-        """Calibrate a new performer by themselves, and one who came back as somebody else."""
+        """Calibrate a new performer by themselves, and one who came back as somebody else.
+
+        A limb that follows directions needs no rest pose: with such limbs a performer is the character after a moment,
+        and is calibrated again when they first stand still, for everything else.
+        """
         manner, last = self._manner.calibrate, self._last_second
-        if self._part is not None:
+        if self._part is not None and self._in_passing:
+            if last.still():
+                self._in_passing = False
+                self._calibrate(last.pose(), time)
+        elif self._part is not None:
             if self._look_again and last.still():
                 self._look_again = False
                 if not same_body(last.pose(), self._part.calibration.rest):
                     self._calibrate(last.pose(), time)
         elif manner == "still" and last.still():
             self._calibrate(last.pose(), time)
-        elif manner == "at_once" and last.enough(NOW):
+        elif (manner == "at_once" or (manner == "still" and self._directs)) and last.enough(NOW):
+            self._in_passing = manner == "still"
             self._calibrate(last.pose(NOW), time)
+
+    @property
+    def _directs(self) -> bool:
+        """Whether limbs follow directions, which need no rest pose."""
+        return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
         found = self._floor or level_of(rest) or self._level
@@ -397,30 +423,42 @@ class Role:
         puppet = puppet.model_copy(update={"retarget": retarget})
         return Retargeting(puppet, self.character.rig.mesh, self._deformer, calibration.level(calibration.rest))
 
-    def _by_itself(self, time: float) -> _Places:
+    def _by_itself(self, time: float) -> Places:
         """Return what the character does while nobody plays it."""
         if self._held is not None:
             return self._held
         if self._idle is None:
-            return self._deformer.handles, np.zeros(3)
+            return self._rest
         if math.isinf(self._idle_since):
             self._idle_since = time
         return self._idle.at(time - self._idle_since)
 
     def _ease(self, time: float) -> None:
-        """Go over from where the handles are shown to what they follow from now on."""
-        self._eased_from, self._eased_since = self._shown, time
+        """Go over from where handles and bones are shown to what they follow from now on."""
+        self._eased_from, self._eased_since, self._apart = self._shown, time, None
 
-    def _show(self, time: float, received: int, places: _Places, seen: SkeletonFrame | None) -> Frame:
+    def _eased(self, places: Places, share: float) -> Places:
+        """Return where handles and bones are after a share of the way to what they follow.
+
+        What is left of the way is a rotation against what a bone follows that was worked out when it began: a bone
+        that follows on the other side of a half turn would jump otherwise.
+        """
+        start, bones = self._eased_from, self._deformer.bones
+        if self._apart is None:
+            self._apart = difference(bones, places.motions, start.motions)
+        return Places(
+            start.targets + share * (places.targets - start.targets),
+            moved_by(bones, places.motions, self._apart, 1.0 - share),
+            start.root + share * (places.root - start.root),
+        )
+
+    def _show(self, time: float, received: int, places: Places, seen: SkeletonFrame | None) -> Frame:
         if math.isfinite(self._eased_since):
             self._eased_since += max(0.0, time - max(self._shown_at, self._eased_since) - HELD_UP)
         share = min((time - self._eased_since) / self._manner.ease, 1.0) if self._manner.ease > 0 else 1.0
         if share < 1.0:
-            share = share * share * (3.0 - 2.0 * share)
-            (targets, root), (to_targets, to_root) = self._eased_from, places
-            places = targets + share * (to_targets - targets), root + share * (to_root - root)
+            places = self._eased(places, share * share * (3.0 - 2.0 * share))
         self._shown, self._shown_at = places, time
-        targets, root = places
         self._sequence += 1
         return Frame(
             character=self.character,
@@ -429,9 +467,10 @@ class Role:
             received=received,
             state=self.state,
             user=self.user,
-            R=self._deformer.solve(targets),
-            root=root,
-            targets=targets + root,
+            R=self._deformer.solve(places.targets, places.motions),
+            root=places.root,
+            targets=places.targets + places.root,
+            motions=places.motions,
             joints=None if seen is None else seen.positions,
             confidence=None if seen is None else seen.confidence,
         )
@@ -455,19 +494,26 @@ class Role:
         self._level, self._floor, self._sequence = other._level, other._floor, other._sequence
         self._shown_at, self._idle_since = other._shown_at, other._idle_since
         self._shown = self._places_of(other)
-        self._eased_from, self._eased_since = self._shown, self._shown_at
+        self._eased_from, self._eased_since, self._apart = self._shown, self._shown_at, None
         self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
             playing = other._part is not None
             self.enter(other.user, other._shown_at)
             self._held = self._shown if playing and self.next_part is not None else None
 
-    def _places_of(self, other: "Role") -> _Places:
-        """Return where another role's handles are shown, by name; a new one is where it rests."""
+    def _places_of(self, other: "Role") -> Places:
+        """Return where another role's handles and limbs are shown, by name; a new one is where it rests."""
         names = [handle.name for handle in other.character.rig.puppet.handle]
-        moved = dict(zip(names, other._shown[0] - other._deformer.handles, strict=True))
+        moved = dict(zip(names, other._shown.targets - other._deformer.handles, strict=True))
         ours = [handle.name for handle in self.character.rig.puppet.handle]
-        return self._deformer.handles + [moved.get(name, np.zeros(3)) for name in ours], other._shown[1]
+        targets = self._rest.targets + np.reshape([moved.get(name, np.zeros(3)) for name in ours], (-1, 3))
+        motions, theirs = self._rest.motions, other.character.rig.puppet.limbs
+        if [(limb.name, len(limb.points)) for limb in self.character.rig.puppet.limbs] == [
+            (limb.name, len(limb.points)) for limb in theirs
+        ]:
+            apart = difference(other._deformer.bones, other._rest.motions, other._shown.motions)
+            motions = moved_by(self._deformer.bones, motions, apart, 1.0)
+        return Places(targets, motions, other._shown.root)
 
     @property
     def memory(self) -> dict[str, Any]:
@@ -478,6 +524,7 @@ class Role:
             "state": self.state,
             "mirror": self.mirror,
             "look_again": self._look_again,
+            "in_passing": self._in_passing,
             "level": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
             "part": None if self._part is None else self._part.memory,
@@ -486,6 +533,7 @@ class Role:
             "times": [self._shown_at, self._idle_since, self._eased_since],
             "shown": list(self._shown),
             "eased_from": list(self._eased_from),
+            "apart": self._apart,
             "held": None if self._held is None else list(self._held),
             "watched": self._watched.memory,
             "last_second": self._last_second.memory,
@@ -497,7 +545,7 @@ class Role:
     def memory(self, memory: dict[str, Any]) -> None:
         self._manner = Manner(**memory["manner"])
         self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
-        self._look_again = bool(memory["look_again"])
+        self._look_again, self._in_passing = bool(memory["look_again"]), bool(memory["in_passing"])
         self._level = Level.of_json(memory["level"])
         self._floor = None if memory["floor"] is None else Level.of_json(memory["floor"])
         self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
@@ -507,16 +555,19 @@ class Role:
         self._shown = self._checked(memory["shown"])
         self._eased_from = self._checked(memory["eased_from"])
         self._held = None if memory["held"] is None else self._checked(memory["held"])
+        self._apart = memory["apart"]
+        if self._apart is not None and self._apart.shape != (len(self._deformer.bones), 6):
+            raise ValueError(f"differences {self._apart.shape}")
         restore(self._watched, memory["watched"])
         self._last_second.memory = memory["last_second"]
         restore(self._deformer, memory["deformer"])
         self._remembered = {user: (Calibration.of_memory(known), left) for user, known, left in memory["remembered"]}
 
-    def _checked(self, places: list[NDArray[np.float64]]) -> _Places:
-        targets, root = places
-        if targets.shape != self._deformer.handles.shape or root.shape != (3,):
-            raise ValueError(f"places {targets.shape} and {root.shape}")
-        return targets, root
+    def _checked(self, places: list[NDArray[np.float64]]) -> Places:
+        expected = [each.shape for each in self._rest]
+        if [each.shape for each in places] != expected:
+            raise ValueError(f"places {[each.shape for each in places]}, expected {expected}")
+        return Places(*places)
 
     def _part_of(self, memory: list[Any] | None) -> Part | None:
         if memory is None:

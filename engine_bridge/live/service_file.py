@@ -23,7 +23,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Seconds = Annotated[FiniteFloat, Field(strict=True, ge=0, le=86400)]
-OscKind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer"]
+OscKind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer", "vmc"]
 
 RESERVED = "service"
 """No character's name: what the service says of itself is published under it."""
@@ -156,6 +156,25 @@ class ServiceFile(Table):
                     fix="Make the file with puppetline bake, or send something else.",
                 )
         return self
+
+    @model_validator(mode="after")
+    def _vmc_is_of_one_character(self) -> Self:
+        for t, target in enumerate(self.osc):
+            if "vmc" in target.send and len(receives := self.receives(target)) > 1:
+                raise mistake(
+                    "osc",
+                    t,
+                    "characters",
+                    found=f"VMC of {len(receives)} characters ({', '.join(receives)})",
+                    expected="one character: VMC has no names for several",
+                    fix="Name one of them, and make an [[osc]] of another port for each of the others.",
+                )
+        return self
+
+    def receives(self, target: OscTable) -> list[str]:
+        """Return the names of the characters that a receiver is sent."""
+        names = [name for stage in self.stage for name in character_names(stage)]
+        return [name for name in names if not target.characters or name in target.characters]
 
 
 def stage_names(service: ServiceFile) -> list[str]:

@@ -21,7 +21,7 @@ from engine_bridge.live.memory import pack, unpack
 from engine_bridge.live.role import Role
 from puppetline.errors import ServiceError
 
-VERSION = 2
+VERSION = 3
 """Of the memory."""
 
 BLIND = 5 * TICK

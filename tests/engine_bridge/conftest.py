@@ -71,6 +71,46 @@ position = [0.55, -1.65, 0.1]
 name = "right foot"
 position = [-0.6, -1.6, 0.0]
 """
+LIMB_TABLES = """
+[[limb]]
+name = "trunk"
+points = [[0.0, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 1.2, 0.0]]
+joints = ["hip_center", "spine", "shoulder_center"]
+
+[[limb]]
+name = "head"
+points = [[0.0, 1.25, 0.0], [0.0, 1.9, 0.25]]
+joints = ["shoulder_center", "head"]
+
+[[limb]]
+name = "left arm"
+points = [[0.2, 1.12, 0.01], [0.8, 1.21, 0.055], [1.4, 1.3, 0.1]]
+joints = ["shoulder_left", "elbow_left", "wrist_left"]
+
+[[limb]]
+name = "right arm"
+points = [[-0.2, 1.11, -0.005], [-0.78, 1.155, -0.03], [-1.35, 1.2, -0.05]]
+joints = ["shoulder_right", "elbow_right", "wrist_right"]
+
+[[limb]]
+name = "left leg"
+points = [[0.095, -0.15, 0.01], [0.3, -0.825, 0.055], [0.5, -1.5, 0.1]]
+joints = ["hip_left", "knee_left", "ankle_left"]
+
+[[limb]]
+name = "right leg"
+points = [[-0.1, -0.15, 0.0], [-0.325, -0.8, 0.0], [-0.55, -1.45, 0.0]]
+joints = ["hip_right", "knee_right", "ankle_right"]
+"""
+"""The figure's limbs; its back has a handle that follows the head."""
+
+HUMP = """
+[[handle]]
+name = "hump"
+position = [0.0, 0.6, -0.3]
+joint = "head"
+"""
+
 SMALL = "[retarget]\nscale = 1.3\n\n[solver]\nfields = 5\nisolines = 6\n"
 """A quick model, and no search for how far the handles may go."""
 
@@ -290,3 +330,15 @@ def blob_puppet(blob_file, write_puppet):
 def blob_rig(blob_puppet):
     """The figure's puppet, mesh and reduced model."""
     return load_rig(blob_puppet)
+
+
+@pytest.fixture(scope="session")
+def limbed_puppet(blob_file, write_puppet):
+    """A puppet file for the figure with limbs and one handle."""
+    return write_puppet(blob_file.with_name("limbed.toml"), blob_file.name, handles=LIMB_TABLES + HUMP)
+
+
+@pytest.fixture(scope="session")
+def limbed_rig(limbed_puppet):
+    """The same, with its mesh and reduced model."""
+    return load_rig(limbed_puppet)

@@ -48,7 +48,7 @@ def names_in(path):
 def performed(rig, timeline):
     """The solver's frames (F, 4m, 3) float32 and roots (F, 3) of a timeline."""
     chunks = list(solve(rig, timeline, Settings(), 64))
-    return np.concatenate([R for R, _ in chunks]), np.concatenate([root for _, root in chunks])
+    return np.concatenate([each.R for each in chunks]), np.concatenate([each.root for each in chunks])
 
 
 def shown_places(rig, frames):

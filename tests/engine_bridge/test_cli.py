@@ -124,7 +124,7 @@ def columns(count, rows=5, value="0.5"):
 BAD_LOGS = {
     "a wrong number of columns": (columns(61) + "6 0.1 0.2\n", ["bad.log, line 6", "3 columns", "61 columns"]),
     "a number that is none": (columns(61) + columns(61, 1, "nan"), ["bad.log, line 6", "'nan'", "finite"]),
-    "cut off in mid-line": (columns(61)[:-100], ["bad.log, line 5", "end of the file", "61 columns"]),
+    "a line that is too short": (columns(61)[:-100] + "\n", ["bad.log, line 5", "columns", "61 columns"]),
     "nothing": ("", ["bad.log", "an empty file"]),
     "something else": ("Dear diary\n", ["bad.log", "no skeleton log that is known here"]),
 }
@@ -260,9 +260,9 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run,
     made = run("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout.startswith(
-        "made.toml: 5 handles, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
+        "made.toml: 6 limbs, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
     )
-    assert "hand_left + hand_right" in made.stdout
+    assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
     assert names(tmp_path) >= {"made.toml", "made.handles.png"}
     assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
     assert (tmp_path / "out.glb").stat().st_size > 10_000

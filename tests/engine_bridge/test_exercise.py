@@ -71,3 +71,25 @@ def test_a_puppet_whose_handles_no_joint_moves_stays_at_rest(blob_rig, standing)
     still = tuple(handle.model_copy(update={"joint": None, "joints": None}) for handle in blob_rig.puppet.handle)
     rig = replace(blob_rig, puppet=blob_rig.puppet.model_copy(update={"handle": still}))
     assert np.abs(handles_of(rig, standing)).max() < 1e-6 * rig.mesh.diagonal
+
+
+def test_bones_are_turned_alone_and_all_at_once(limbed_rig, standing):
+    rest = limbed_rig.model.rest_controls
+    R = np.concatenate(list(exercise(limbed_rig, standing, 64)))
+    bones = make_deformer(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model).bones
+    tips = bones.tails[[3, 5]] * 0.98 + bones.heads[[3, 5]] * 0.02  # of the forearms, within the surface
+    rows = limbed_rig.model.rows(limbed_rig.mesh, tips)
+    moved = np.linalg.norm(np.einsum("hj,fjx->fhx", rows, R - rest), axis=2)
+    assert {tuple(row) for row in (moved > 0.02).tolist()} >= {
+        (False, False),
+        (True, False),
+        (False, True),
+        (True, True),
+    }
+    assert moved.max() > 0.2
+
+
+def test_a_puppet_of_limbs_alone_is_exercised(limbed_rig, standing):
+    puppet = limbed_rig.puppet.model_copy(update={"handle": ()})
+    R = np.concatenate(list(exercise(replace(limbed_rig, puppet=puppet), standing, 500)))
+    assert np.abs(R - limbed_rig.model.rest_controls).max() > 0.3

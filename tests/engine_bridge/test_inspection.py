@@ -18,10 +18,24 @@ def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet)
     assert facts["handles"]["head"] == {"position": [0.0, 2.1, 0.3], "joints": ["head"], "axes": "xz", "gain": 0.8}
     assert facts["handles"]["right hand"]["joints"] == ["hand_right", "wrist_right"]
     assert facts["handles"]["left foot"]["joints"] == []
-    assert facts["root"] == {"joint": "hip_center", "axes": "xz"}
-    assert facts["retarget"] == {"mirror": False, "scale": 1.3}
-    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": "covariance"}
+    assert facts["limbs"] == {}
+    assert facts["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"}
+    assert facts["retarget"] == {"mirror": False, "scale": 1.3, "arm_space": 0.0, "hands_meet": True}
+    assert facts["solver"] == {"fields": 5, "isolines": 6, "iterations": 4, "rotations": None}
     assert json.loads(json.dumps(facts)) == facts
+
+
+def test_a_puppet_is_told_with_its_limbs(limbed_puppet):
+    limbs = inspect(limbed_puppet)["limbs"]
+    assert list(limbs) == ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
+    assert limbs["trunk"]["parent"] is None
+    assert limbs["head"] == {
+        "points": [[0.0, 1.25, 0.0], [0.0, 1.9, 0.25]],
+        "joints": [["shoulder_center"], ["head"]],
+        "follow": "direction",
+        "gain": 1.0,
+        "parent": "trunk",
+    }
 
 
 def test_a_log_is_told_with_its_performers_rates_gaps_and_losses(record, dance, tmp_path):

@@ -4,7 +4,7 @@ import pytest
 from capture.skeleton import JOINT_INDEX, mirrored
 from engine_bridge import puppet as puppet_file
 from engine_bridge.gltf.character import make_character
-from engine_bridge.performance import Performance, check_handles
+from engine_bridge.performance import Performance, check_handles, check_limbs
 from engine_bridge.puppet import CharacterTable, RetargetTable, RootTable, SmoothingTable
 from engine_bridge.rig import make_rig
 from puppetline.errors import PuppetError
@@ -225,6 +225,39 @@ def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(rig, pupp
     assert nearest[0] > 1.4
 
 
+def test_a_limb_outside_the_mesh_is_refused_and_one_deep_inside_is_not(rig, limbed_rig):
+    limb = limbed_rig.puppet.limb[2]
+    check_limbs(limbed_rig.puppet.limb, limbed_rig.mesh, "figure.toml")
+    out = limb.model_copy(update={"points": (*limb.points[:2], (1.4, 5.0, 0.1))})
+    with pytest.raises(PuppetError) as error:
+        check_limbs([limbed_rig.puppet.limb[0], out], rig.mesh, "figure.toml")
+    told = error.value
+    assert told.where == "figure.toml, [[limb]] 2 'left arm', points, 3"
+    assert told.found.startswith("[1.4, 5, 0.1], which is 3.")
+    assert told.expected.startswith("a point inside the mesh, which spans")
+
+
+def test_a_limb_in_the_middle_of_a_fat_character_is_inside_it(limbed_rig):
+    ball = make_rig(limbed_rig.puppet, make_character("ball", *sphere()))
+    core = limbed_rig.puppet.limb[0].model_copy(update={"points": ((0.0, -0.1, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1, 0.0))})
+    check_limbs([core], ball.mesh, "ball.toml")
+    beside = core.model_copy(update={"points": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), (0.0, 1.9, 0.0))})
+    with pytest.raises(PuppetError, match="points, 3"):
+        check_limbs([beside], ball.mesh, "ball.toml")
+
+
+def sphere(count=16):
+    """Vertices and triangles of a unit sphere that face outwards."""
+    polar, around = np.meshgrid(np.linspace(0.01, np.pi - 0.01, count), np.arange(2 * count) * np.pi / count)
+    points = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), -np.sin(polar) * np.sin(around)], axis=-1)
+    quads = []
+    for i in range(2 * count):
+        for j in range(count - 1):
+            a, b = i * count + j, (i + 1) % (2 * count) * count + j
+            quads += [(a, a + 1, b + 1), (a, b + 1, b)]
+    return points.reshape(-1, 3), np.array(quads)
+
+
 def walk_without_hips(frames, standing):
     """A walk of 2 cm a frame in which the hips are lost from frame 20 to 39."""
     takes = np.tile(standing, (90, 1, 1))
@@ -252,3 +285,38 @@ def test_a_body_that_is_lost_and_found_carries_the_character_on_without_a_jump(r
     np.testing.assert_allclose(root[20:40], np.tile(root[19], (20, 1)), atol=1e-12)
     assert np.abs(np.diff(root[39:, 0])).max() < 0.12  # it is 0.42 m behind when it returns
     np.testing.assert_allclose(root[-1, 0], -0.02 * 89, atol=0.02)
+
+
+def test_a_turn_of_the_performer_is_a_rigid_turn_of_a_character_with_limbs(limbed_rig, frames, standing):
+    puppet = changed(limbed_rig.puppet, smoothing=RAW)
+    hips, count = standing[JOINT_INDEX["hip_center"]], 40
+    angles = np.linspace(0, 2 * np.pi, count)
+    turns = np.array([[[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]] for a in angles])
+    takes = np.einsum("txy,jy->tjx", turns, standing - hips) + hips
+    vertices, _ = play(limbed_rig, puppet, frames(takes), standing)
+    axis = limbed_rig.puppet.limbs[0].points[0]
+    flip = np.array([-1.0, 1, -1])
+    for now, turn in zip(vertices, turns, strict=True):
+        expected = (vertices[0] - axis) @ (flip[:, None] * turn * flip).T + axis
+        np.testing.assert_allclose(now, expected, atol=5e-3 * limbed_rig.mesh.diagonal)
+
+
+def test_a_character_with_limbs_crosses_its_arms(limbed_rig, frames, standing):
+    """The surface around each bone goes where the bone goes."""
+    puppet = changed(limbed_rig.puppet, smoothing=RAW, handle=())
+    crossed = standing.copy()
+    for side, sign in (("left", 1), ("right", -1)):
+        shoulder = standing[JOINT_INDEX[f"shoulder_{side}"]]
+        elbow = shoulder + 0.26 * np.array([0.2 * -sign, -0.95, -0.25])
+        wrist = elbow + 0.25 * np.array([0.9 * sign, 0.2, -0.38])
+        crossed[[JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist")]] = elbow, wrist
+    vertices, _ = play(limbed_rig, puppet, frames(np.tile(crossed, (20, 1, 1))), standing)
+    performance = Performance(puppet, limbed_rig.mesh, limbed_rig.model, standing)
+    motions = performance.retargeting.step(frames(crossed[None])[0]).motions
+    bones = performance.deformer.bones
+    for bone in (3, 5):  # the upper arms
+        middle = (bones.heads[bone] + bones.tails[bone]) / 2
+        near = np.linalg.norm(limbed_rig.mesh.vertices - middle, axis=1) < 0.2
+        expected = limbed_rig.mesh.vertices[near] @ motions[bone, :3] + motions[bone, 3]
+        away = np.linalg.norm(vertices[-1][near] - expected, axis=1)
+        assert np.median(away) < 0.02 * limbed_rig.mesh.diagonal

@@ -5,11 +5,12 @@ import pytest
 
 from engine_bridge import puppet as puppet_file
 from engine_bridge.gltf.character import make_character
-from engine_bridge.proposal import new_puppet, propose
+from engine_bridge.proposal import limb_tables, new_puppet, propose_handles
 from engine_bridge.puppet import CharacterTable
 from engine_bridge.rig import load_rig
 from puppetline.errors import MeshError, PuppetError
 from solver import orientation
+from solver.limb_chain import LimbChain, Limbs
 from solver.mesh import SolverMesh
 
 HUMANOID = {
@@ -50,23 +51,43 @@ MOUSE = [
     ((0.0, 0.8, -0.1), (0.0, 0.6, -1.6), 0.12),
 ]
 """Ears as long as its arms, and a tail."""
-REAL = {
-    "armadillo.obj": {**HUMANOID, "tail": "head"},
-    "beast_32k_quads.obj": HUMANOID,
-    "cheburashka.off": HUMANOID,
-    "dinosaur_14k.obj": {**HUMANOID, "tail": "head"},
-    "makehuman_base.obj": HUMANOID,
-    "dog_10k.off": QUADRUPED,
-    "cat_7k.obj": QUADRUPED,
-    "spot_cow_uv.obj": QUADRUPED,
-    "gltf/khronos_Fox.glb": QUADRUPED,
-    "gltf/quaternius_Stegosaurus.glb": QUADRUPED,
-    "gltf/quaternius_Frog.glb": {**{name: joint for name, joint in QUADRUPED.items() if name != "tail"}, "rump": None},
-    "gltf/quaternius_Trex.glb": {**HUMANOID, "tail": "head"},
-    "gltf/quaternius_George.glb": HUMANOID,
-    "gltf/quaternius_Adventurer.glb": HUMANOID,
-    "gltf/kaykit_Knight.glb": HUMANOID,
+PERSON = {
+    "trunk": "direction",
+    "head": "direction",
+    "left arm": "direction",
+    "right arm": "direction",
+    "left leg": "direction",
+    "right leg": "direction",
 }
+TURNING = dict.fromkeys(PERSON, "turn")
+FOUR_LEGGED = dict.fromkeys(
+    ["trunk", "head", "left front leg", "right front leg", "left hind leg", "right hind leg"], "turn"
+)
+TAIL, NECK, WINGS = {"tail": "turn"}, {"neck": "turn"}, {"left wing": "turn", "right wing": "turn"}
+REAL = {
+    "beast_32k_quads.obj": {**PERSON, "head": "turn"},
+    "cheburashka.off": PERSON,
+    "homer_6k.obj": PERSON,
+    "human_crane_10k.obj": PERSON,
+    "makehuman_base.obj": PERSON,
+    "armadillo.obj": {**PERSON, "head": "turn", **TAIL},
+    "dinosaur_14k.obj": {**TURNING, **TAIL},
+    "dog_10k.off": {**FOUR_LEGGED, **NECK, **TAIL},
+    "cat_7k.obj": {**FOUR_LEGGED, **NECK, **TAIL},
+    "spot_cow_uv.obj": {**FOUR_LEGGED, **NECK},
+    "feline_winged_genus2.obj": {**FOUR_LEGGED, **NECK, **WINGS},
+    "gltf/kenney/character.glb": PERSON,
+    "gltf/khronos_Fox.glb": {**FOUR_LEGGED, **TAIL},
+    "gltf/quaternius_Fox.glb": {**FOUR_LEGGED, **NECK, **TAIL},
+    "gltf/quaternius_Stegosaurus.glb": {**FOUR_LEGGED, **NECK, **TAIL},
+    "gltf/quaternius_Frog.glb": FOUR_LEGGED,
+    "gltf/quaternius_Trex.glb": {**TURNING, **TAIL},
+    "gltf/quaternius_George.glb": PERSON,
+    "gltf/quaternius_Adventurer.glb": PERSON,
+    "gltf/quaternius_Witch.glb": PERSON,
+    "gltf/kaykit_Knight.glb": PERSON,
+}
+"""How each limb of a real character follows."""
 
 
 def places(handles):
@@ -84,7 +105,7 @@ def assert_on_the_right_sides(named, basis):
 def test_a_figure_gets_head_hands_and_feet_on_its_own_sides(blob, up, front):
     table = CharacterTable(mesh="blob.glb", up=up, front=front)
     mesh = make_character("blob", blob.vertices.astype(float) @ table.basis, blob.faces).solver_mesh()
-    handles = propose(mesh, table)
+    handles = propose_handles(mesh, table)
     assert {handle.name: handle.joint for handle in handles} == HUMANOID
     assert {handle.gain for handle in handles} == {1.0}
     named = places(handles)
@@ -99,7 +120,7 @@ def test_a_figure_gets_head_hands_and_feet_on_its_own_sides(blob, up, front):
 def test_a_quadruped_gets_four_feet_a_head_and_a_tail_that_swings_against_it(make_shape):
     shape = make_shape(DOG, 0.09)
     table = CharacterTable(mesh="dog.glb")
-    handles = propose(make_character("dog", shape.vertices.astype(float), shape.faces).solver_mesh(), table)
+    handles = propose_handles(make_character("dog", shape.vertices.astype(float), shape.faces).solver_mesh(), table)
     assert {handle.name: handle.joint for handle in handles} == QUADRUPED
     named = places(handles)
     assert_on_the_right_sides(named, table.basis)
@@ -120,7 +141,7 @@ def solver_mesh(make_shape):
 
 
 def test_wings_follow_the_elbows(solver_mesh):
-    handles = propose(solver_mesh(WINGED), CharacterTable(mesh="a"))
+    handles = propose_handles(solver_mesh(WINGED), CharacterTable(mesh="a"))
     assert {handle.name: handle.joint for handle in handles} == {
         **QUADRUPED,
         "left wing": "elbow_left",
@@ -133,14 +154,14 @@ def test_wings_follow_the_elbows(solver_mesh):
 
 def test_without_a_tail_the_rump_is_held(solver_mesh):
     round_behind = [((0.0, 1.0, -0.8), (0.0, 1.0, 1.0), 0.30), *DOG[1:-1]]
-    handles = propose(solver_mesh(round_behind), CharacterTable(mesh="a"))
+    handles = propose_handles(solver_mesh(round_behind), CharacterTable(mesh="a"))
     expected = {name: joint for name, joint in QUADRUPED.items() if name != "tail"}
     assert {handle.name: handle.joint for handle in handles} == {**expected, "rump": None}
     np.testing.assert_allclose(places(handles)["rump"], [0, 1, -1.1], atol=0.15)
 
 
 def test_ears_are_no_arms_however_long(solver_mesh):
-    handles = propose(solver_mesh(MOUSE), CharacterTable(mesh="a"))
+    handles = propose_handles(solver_mesh(MOUSE), CharacterTable(mesh="a"))
     assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
     named = places(handles)
     assert max(named["left hand"][1], named["right hand"][1]) < 1.3
@@ -153,8 +174,12 @@ def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, lim
     mesh = solver_mesh(limbs)
     image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
     swapped = {"left": "right", "right": "left"}
-    original = {(handle.name, handle.joint): handle.position for handle in propose(mesh, CharacterTable(mesh="a"))}
-    mirrored = {(handle.name, handle.joint): handle.position for handle in propose(image, CharacterTable(mesh="a"))}
+    original = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))
+    }
+    mirrored = {
+        (handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))
+    }
     assert {
         tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
         for key, (x, y, z) in original.items()
@@ -166,8 +191,8 @@ def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, lim
 def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, limbs, up, front):
     mesh, table = solver_mesh(limbs), CharacterTable(mesh="a", up=up, front=front)
     turned = SolverMesh(mesh.vertices @ table.basis, mesh.faces, mesh.of_render)
-    expected = places(propose(mesh, CharacterTable(mesh="a")))
-    found = places(propose(turned, table))
+    expected = places(propose_handles(mesh, CharacterTable(mesh="a")))
+    found = places(propose_handles(turned, table))
     assert list(found) == list(expected)
     for name, place in expected.items():
         np.testing.assert_allclose(found[name], place @ table.basis, atol=1e-5)
@@ -183,30 +208,122 @@ def test_parts_of_their_own_are_limbs_as_well(make_shape):
     faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
     mesh = make_character("dog", np.concatenate(shrunk).astype(float), faces).solver_mesh()
     assert mesh.components.max() == 6
-    handles = propose(mesh, CharacterTable(mesh="a"))
+    handles = propose_handles(mesh, CharacterTable(mesh="a"))
     assert {handle.name: handle.joint for handle in handles} == QUADRUPED
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", REAL)
-def test_real_characters_get_the_handles_that_they_need(real_data, tmp_path, file):
+def test_real_characters_get_the_limbs_that_they_have(real_data, tmp_path, file):
     made = new_puppet(real_data / "mesh" / file, tmp_path / "a.toml").puppet
-    assert {handle.name: handle.joint for handle in made.handle} == REAL[file]
+    assert {limb.name: limb.follow for limb in made.limb} == REAL[file]
+    assert made.handle == ()
     basis = made.character.basis
-    named = places(made.handle)
-    assert_on_the_right_sides(named, basis)
-    upright = {name: place @ basis.T for name, place in named.items()}
+    upright = {limb.name: np.array(limb.points) @ basis.T for limb in made.limb}
+    assert_on_the_right_sides({name: points.mean(axis=0) @ basis for name, points in upright.items()}, basis)
+    feet = [points[-1, 1] for name, points in upright.items() if "leg" in name]
+    assert max(feet) < min(points[0, 1] for name, points in upright.items() if name != "tail")
     if "tail" in upright:
-        assert upright["tail"][2] < upright["head"][2]
-    feet = [place[1] for name, place in upright.items() if "foot" in name]
-    others = [place[1] for name, place in upright.items() if "foot" not in name and name != "tail"]
-    assert max(feet) < min(others)
+        assert upright["tail"][-1, 2] < upright["tail"][0, 2] < upright["head"][-1, 2]
+
+
+ARM = tuple((f"{joint}_left",) for joint in ("shoulder", "elbow", "wrist", "hand"))
+LEG = tuple((f"{joint}_left",) for joint in ("hip", "knee", "ankle", "foot"))
+
+
+def chains(**named):
+    points = {name.replace("_", " "): np.array(points, dtype=float) for name, points in named.items()}
+    return Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
+
+
+UPRIGHT = {
+    "trunk": [(0, 1, 0), (0, 1.2, 0), (0, 1.4, 0)],
+    "head": [(0, 1.4, 0), (0, 1.7, 0)],
+    "left_arm": [(0.2, 1.4, 0), (0.5, 1.4, 0), (0.8, 1.4, 0), (0.9, 1.4, 0)],
+    "right_arm": [(-0.2, 1.4, 0), (-0.5, 1.4, 0), (-0.8, 1.4, 0), (-0.9, 1.4, 0)],
+    "left_leg": [(0.1, 1, 0), (0.1, 0.5, 0), (0.1, 0.1, 0), (0.1, 0, 0.2)],
+    "right_leg": [(-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.1, 0, 0.2)],
+}
+
+
+def test_a_persons_limbs_point_where_the_performers_do():
+    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT), CharacterTable(mesh="a"))}
+    assert {name: limb.follow for name, limb in tables.items()} == PERSON
+    assert tables["left arm"].driven_by == ARM
+    assert tables["left leg"].driven_by == LEG
+    assert tables["trunk"].driven_by == (("hip_center",), ("spine",), ("shoulder_center",))
+    assert tables["head"].driven_by == (("shoulder_center",), ("head",))
+    assert tables["right arm"].points == tuple(map(tuple, UPRIGHT["right_arm"]))
+    assert {limb.gain for limb in tables.values()} == {1.0}
+    assert {limb.parent for limb in tables.values()} == {None}
+
+
+@pytest.mark.parametrize(
+    ("changed", "turning"),
+    [
+        ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
+        ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
+        ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
+    ],
+    ids=["lying", "looking forward", "crouching"],
+)
+def test_what_is_built_otherwise_turns(changed, turning):
+    tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))
+    assert {limb.name for limb in tables if limb.follow == "turn"} == turning
+
+
+def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
+    limbs = chains(
+        trunk=[(0, 1, -1), (0, 1, 0), (0, 1, 1)],
+        neck=[(0, 1, 1), (0, 1.2, 1.2), (0, 1.4, 1.4)],
+        head=[(0, 1.4, 1.4), (0, 1.4, 1.8)],
+        left_front_leg=[(0.2, 1, 1), (0.2, 0.5, 1), (0.2, 0.1, 1), (0.2, 0, 1.1)],
+        left_hind_leg=[(0.2, 1, -1), (0.2, 0.5, -1), (0.2, 0.1, -1), (0.2, 0, -0.9)],
+        left_wing=[(0.2, 1.2, 0), (0.5, 1.5, 0), (0.8, 1.8, 0), (1, 2, 0)],
+        tail=[(0, 1, -1), (0, 1, -1.2), (0, 1, -1.4), (0, 1, -1.6)],
+    )
+    tables = {limb.name: limb for limb in limb_tables(limbs, CharacterTable(mesh="a"))}
+    assert {limb.follow for limb in tables.values()} == {"turn"}
+    assert tables["left front leg"].driven_by == tables["left wing"].driven_by == ARM
+    assert tables["left hind leg"].driven_by == LEG
+    assert {name: limb.gain for name, limb in tables.items() if limb.gain != 1} == {"neck": 0.5, "tail": -0.7}
+    assert {name: limb.parent for name, limb in tables.items() if limb.parent} == {"head": "neck"}
+    assert tables["neck"].driven_by == (("shoulder_center",), ("shoulder_center", "head"), ("head",))
+    assert tables["tail"].driven_by == (("hip_center",), ("shoulder_center",), ("shoulder_center", "head"), ("head",))
+
+
+def test_a_trunk_and_a_head_alone_are_no_limbs():
+    alone = chains(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"])
+    assert limb_tables(alone, CharacterTable(mesh="a")) == []
+
+
+def test_what_has_no_limbs_gets_handles(make_shape, tmp_path):
+    ball = make_shape([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2)
+    make_character("ball", ball.vertices.astype(float), ball.faces).document.save(tmp_path / "ball.glb")
+    made = new_puppet(tmp_path / "ball.glb", tmp_path / "a.toml")
+    assert made.puppet.limb == ()
+    assert {"head", "base"} <= {handle.name for handle in made.puppet.handle}
+    assert [note.split(".")[0] for note in made.notes] == ["No legs were found", "No arms were found"]
+
+
+def test_handles_can_be_had_instead_of_limbs(blob_file, tmp_path):
+    made = new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet
+    assert made.limb == ()
+    assert {handle.name: handle.joint for handle in made.handle} == HUMANOID
+
+
+def test_the_user_says_where_limbs_end(blob_file, tmp_path):
+    ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed, for once
+    made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
+    points = {limb.name: limb.points for limb in made.limb}
+    np.testing.assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)
+    np.testing.assert_allclose(points["right arm"][-1], (1.55, 1.32, 0.1), atol=0.15)
 
 
 def test_what_has_no_feet_gets_a_base_that_stays(solver_mesh):
-    ball = propose(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), CharacterTable(mesh="a"))
+    ball = propose_handles(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), CharacterTable(mesh="a"))
     np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
-    snowman = propose(
+    snowman = propose_handles(
         solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),
         CharacterTable(mesh="a"),
     )
@@ -235,18 +352,27 @@ def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file
     assert (tmp_path / "sub" / made.character.mesh).resolve() == blob_file.resolve()
 
 
-def test_a_map_changes_a_proposed_handle_and_leaves_the_others(blob_file, tmp_path):
+def test_a_map_changes_a_proposed_limb_and_leaves_the_others(blob_file, tmp_path):
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", maps={"head": "hand_left,hand_right"}).puppet
-    assert {handle.name: handle.driven_by for handle in made.handle} == {
-        **{name: (joint,) for name, joint in HUMANOID.items()},
-        "head": ("hand_left", "hand_right"),
+    assert {limb.name: limb.driven_by for limb in made.limb} == {
+        "trunk": (("hip_center",), ("spine",), ("shoulder_center",)),
+        "head": (("hand_left",), ("hand_right",)),
+        "left arm": ARM,
+        "left leg": LEG,
+        **{
+            f"right {limb}": tuple((joints[0].replace("left", "right"),) for joints in chain)
+            for limb, chain in (("arm", ARM), ("leg", LEG))
+        },
     }
 
 
 def test_what_is_proposed_loads_and_lies_on_the_mesh(blob_file, tmp_path):
     path = tmp_path / "made.toml"
-    puppet_file.dump(new_puppet(blob_file, path).puppet, path)
+    made = new_puppet(blob_file, path).puppet
+    puppet_file.dump(made, path)
     rig = load_rig(path)
+    assert rig.puppet == made
+    assert len(made.limb) == 6
     for handle in rig.puppet.handle:
         assert np.linalg.norm(rig.mesh.vertices - handle.position, axis=1).min() < 1e-5
 
@@ -288,13 +414,13 @@ def test_what_is_given_is_neither_proposed_nor_said(blob_file, tmp_path):
             {},
             {"nose": "head"},
             "the command line, --map nose=head",
-            "no handle 'nose'",
-            "Name one of these handles, or add it with --handle.",
+            "no limb 'nose'",
+            "Name one of these limbs, or add it with --handle.",
         ),
         (
-            {},
-            {"head": "heat"},
-            "the command line, [[handle]] 1 'head', joint",
+            {"crown": "0,2.1,0.3"},
+            {"crown": "heat"},
+            "the command line, [[handle]] 1 'crown', joint",
             "'heat'",
             "Did you mean 'head'?",
         ),
@@ -311,6 +437,25 @@ def test_a_mistake_on_the_command_line_is_named(blob_file, tmp_path, handles, ma
     with pytest.raises(PuppetError) as error:
         new_puppet(blob_file, tmp_path / "a.toml", handles=handles, maps=maps)
     assert (error.value.where, error.value.found, error.value.fix) == (where, found, fix)
+
+
+@pytest.mark.parametrize(
+    ("ends", "where", "found", "fix"),
+    [
+        ({"paw": "1,2,3"}, "--limb paw=1,2,3", "'paw'", "Correct the name of the limb."),
+        ({"head": "1,2"}, "--limb head=1,2", "'1,2'", "Write it like --limb head=0.1,1.5,0.2"),
+        (
+            {"left arm": "1,2,3"},
+            "--limb left arm=1,2,3",
+            "no --limb for the right arm",
+            "Add --limb 'right arm=X,Y,Z'.",
+        ),
+    ],
+)
+def test_a_mistake_in_where_a_limb_ends_is_named(blob_file, tmp_path, ends, where, found, fix):
+    with pytest.raises(PuppetError) as error:
+        new_puppet(blob_file, tmp_path / "a.toml", ends=ends)
+    assert (error.value.where, error.value.found, error.value.fix) == (f"the command line, {where}", found, fix)
 
 
 def test_a_handle_off_the_mesh_and_a_mesh_that_is_not_there_are_refused(blob_file, tmp_path):

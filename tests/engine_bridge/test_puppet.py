@@ -10,6 +10,7 @@ from engine_bridge import puppet
 from engine_bridge.puppet import (
     CharacterTable,
     HandleTable,
+    LimbTable,
     Puppet,
     RetargetTable,
     RootTable,
@@ -21,6 +22,13 @@ from puppetline.errors import PuppetError
 CHARACTER = '[character]\nmesh = "dog.glb"\n'
 HANDLE = '[[handle]]\nname = "tail"\nposition = [0, 1, 2.5]\n'
 PUPPET = CHARACTER + HANDLE
+
+
+def limb(name, points, joints):
+    return f"[[limb]]\nname = {name!r}\npoints = {points}\njoints = {joints}\n"
+
+
+ARM = limb("arm", [[0, 0, 0], [1, 0, 0], [2, 0, 0]], ["shoulder_left", "elbow_left", ["wrist_left", "hand_left"]])
 
 finite = st.floats(-1e9, 1e9)
 text = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12)
@@ -38,8 +46,22 @@ handles = st.builds(
     axes=axes,
     gain=finite,
 )
+chains = st.integers(2, 4).flatmap(
+    lambda k: st.tuples(
+        st.lists(st.tuples(finite, finite, finite), min_size=k, max_size=k, unique=True),
+        st.lists(joints | st.lists(joints, min_size=1, max_size=3), min_size=k, max_size=k),
+    )
+)
+limbs = st.builds(
+    lambda chain, **rest: LimbTable(points=chain[0], joints=chain[1], **rest),
+    chain=chains,
+    name=text,
+    follow=st.sampled_from(["direction", "turn"]),
+    gain=finite,
+)
 puppets = st.builds(
     Puppet,
+    limb=st.lists(limbs, max_size=1),
     character=st.builds(
         lambda mesh, directions, scale: CharacterTable(mesh=mesh, up=directions[0], front=directions[1], scale=scale),
         text,
@@ -47,8 +69,13 @@ puppets = st.builds(
         st.floats(1e-300, 1e9),
     ),
     handle=st.lists(handles, min_size=1, max_size=4, unique_by=lambda handle: handle.name),
-    root=st.none() | st.builds(RootTable, joint=joints, axes=axes),
-    retarget=st.builds(RetargetTable, mirror=st.booleans(), scale=st.just("auto") | st.floats(1e-300, 1e9)),
+    root=st.none() | st.builds(RootTable, joint=joints, axes=axes, turns=st.booleans()),
+    retarget=st.builds(
+        RetargetTable,
+        mirror=st.booleans(),
+        scale=st.just("auto") | st.floats(1e-300, 1e9),
+        arm_space=st.floats(-90, 90),
+    ),
     smoothing=st.builds(
         SmoothingTable,
         alpha=st.floats(0, 1, exclude_min=True),
@@ -62,7 +89,7 @@ puppets = st.builds(
         fields=st.integers(1, 64),
         isolines=st.integers(2, 10),
         iterations=st.integers(1, 1000),
-        rotations=st.sampled_from(["covariance", "triangles"]),
+        rotations=st.sampled_from(["clusters", "covariance", "triangles", None]),
     ),
 )
 
@@ -112,6 +139,22 @@ def test_mapping_averages_a_handles_joints_and_keeps_its_axes_and_gain():
     np.testing.assert_array_equal(made.handle_positions, [[1, 2, 3], [4, 5, 6], [7, 8, 9]])
 
 
+def test_limbs_hang_on_the_trunk_unless_they_say_otherwise():
+    spine = limb("trunk", [[0, 0, 0], [0, 1, 0]], ["hip_center", "shoulder_center"])
+    arm = limb("arm", [[0, 1, 0], [1, 1, 0]], ["shoulder_left", ["wrist_left", "hand_left"]])
+    ring = (
+        limb("ring", [[1, 1, 0], [2, 1, 0]], ["wrist_left", "hand_left"])
+        + 'parent = "arm"\nfollow = "turn"\ngain = 2\n'
+    )
+    made = puppet.loads(CHARACTER + ring + arm + spine, "a")
+    assert {each.name: each.parent for each in made.limbs} == {"ring": "arm", "arm": "trunk", "trunk": None}
+    assert made.limbs[1].joints == ((4,), (6, 7))
+    np.testing.assert_array_equal(made.limbs[0].points, [[1, 1, 0], [2, 1, 0]])
+    assert (made.limbs[0].follow, made.limbs[0].gain, made.limbs[1].follow) == ("turn", 2.0, "direction")
+    assert puppet.loads(CHARACTER + arm + HANDLE, "a").limbs[0].parent is None
+    assert made.driven_by == ("hip_center", "shoulder_center", "shoulder_left", "wrist_left", "hand_left")
+
+
 @pytest.mark.parametrize(("scale", "unit", "expected"), [("auto", 0.01, None), (1.5, 1.0, 1.5), (1.5, 0.01, 150.0)])
 def test_a_scale_in_metres_becomes_mesh_units(scale, unit, expected):
     made = Puppet(
@@ -137,7 +180,7 @@ MISTAKES = {
         PUPPET + "[smothing]\nalpha = 1\n",
         "smothing",
         "the unknown key 'smothing'",
-        "one of character, handle, root, retarget, smoothing, solver",
+        "one of character, limb, handle, root, retarget, smoothing, solver",
         "Did you mean 'smoothing'?",
     ),
     "an unknown key": (
@@ -151,7 +194,7 @@ MISTAKES = {
         PUPPET + "[retarget]\nqqq = 1\n",
         "[retarget], qqq",
         "the unknown key 'qqq'",
-        "one of mirror, scale",
+        "one of mirror, scale, arm_space, hands_meet",
         "Remove it.",
     ),
     "an unknown joint": (
@@ -196,14 +239,20 @@ MISTAKES = {
         "a list that is not empty",
         "Change the value of that key.",
     ),
+    "no limb and no handle": (
+        CHARACTER,
+        "the whole file",
+        "neither a limb nor a handle",
+        "at least one of them",
+        "Add a table [[limb]] or [[handle]].",
+    ),
     "an empty list of handles": (
         "handle = []\n" + CHARACTER,
-        "handle",
-        "[]",
-        "a list that is not empty",
-        "Change the value of that key.",
+        "the whole file",
+        "neither a limb nor a handle",
+        "at least one of them",
+        "Add a table [[limb]] or [[handle]].",
     ),
-    "no handle": (CHARACTER, "handle", "nothing", "a value", "Add a table [[handle]] there."),
     "no character": (HANDLE, "character", "nothing", "a value", "Add the table [character] there."),
     "no mesh": ("[character]\n" + HANDLE, "[character], mesh", "nothing", "a value", "Add the key 'mesh' there."),
     "no position": (
@@ -345,6 +394,90 @@ MISTAKES = {
         "7.5",
         "a whole number",
         "Change the value of that key.",
+    ),
+    "a limb with one point": (
+        CHARACTER + limb("arm", [[0, 0, 0]], ["head"]),
+        "[[limb]] 1 'arm', points",
+        "one point",
+        "at least two points, from root to tip",
+        "Add the point at the other end of the limb.",
+    ),
+    "points and joints of different length": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head"]),
+        "[[limb]] 1 'arm', joints",
+        "1 joint for 2 points",
+        "one joint for each point",
+        "Give both lists the same length; several joints in brackets of their own are averaged.",
+    ),
+    "a bone without length": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0], [1, 0, 0]], ["head", "spine", "hand_left"]),
+        "[[limb]] 1 'arm', points, 3",
+        "[1, 0, 0], as the point before",
+        "points apart from each other",
+        "Remove one of the two, and its joint.",
+    ),
+    "an unknown joint of a limb": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "hand_lft"]),
+        "[[limb]] 1 'arm', joints, 2",
+        "'hand_lft'",
+        "the name of a Kinect joint",
+        "Did you mean 'hand_left'?",
+    ),
+    "an unknown joint among several of a limb": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", ["hand_left", "hip"]]),
+        "[[limb]] 1 'arm', joints, 2, 2",
+        "'hip'",
+        "the name of a Kinect joint",
+        f"Choose one of them: {', '.join(JOINTS)}.",
+    ),
+    "another way to follow": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]) + 'follow = "position"\n',
+        "[[limb]] 1 'arm', follow",
+        "'position'",
+        "'direction' or 'turn'",
+        "Change the value of that key.",
+    ),
+    "two limbs of one name": (
+        CHARACTER + ARM + limb("arm", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]),
+        "[[limb]] 2 'arm', name",
+        "'arm' again",
+        "a name of its own for each limb",
+        "Rename one of the two limbs 'arm'.",
+    ),
+    "a parent that is not there": (
+        CHARACTER + ARM + limb("head", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]) + 'parent = "body"\n',
+        "[[limb]] 2 'head', parent",
+        "'body', and there is no limb of that name",
+        "the name of another limb: arm",
+        "Correct the name, or leave parent out.",
+    ),
+    "limbs that hang on each other": (
+        CHARACTER + ARM + 'parent = "b"\n' + limb("b", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]) + 'parent = "arm"\n',
+        "[[limb]] 1 'arm', parent",
+        "a circle: 'arm' on 'b' on 'arm'",
+        "limbs that hang on each other up to one that hangs on none",
+        "Give one of them another parent, or none.",
+    ),
+    "a limb that hangs on itself": (
+        CHARACTER + ARM + 'parent = "arm"\n',
+        "[[limb]] 1 'arm', parent",
+        "a circle: 'arm' on 'arm'",
+        "limbs that hang on each other up to one that hangs on none",
+        "Give one of them another parent, or none.",
+    ),
+    "two limbs in one place": (
+        CHARACTER + ARM + limb("wing", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]),
+        "[[limb]] 2 'wing', points",
+        "bones in the same place as those of the limb 'arm'",
+        "limbs that lie apart and touch at most where one hangs on the other",
+        "Remove one of the two limbs, or move its points.",
+    ),
+    "a limb along a part of another": (
+        CHARACTER + ARM + limb("wing", [[3, 0, 0], [0.2, 0.01, 0]], ["head", "spine"]),
+        "[[limb]] 2 'wing', points",
+        "bones in the same place as those of the limb 'arm'",
+        "limbs that lie apart and touch at most where one hangs on the other",
+        "Remove one of the two limbs, or move its points.",
     ),
 }
 

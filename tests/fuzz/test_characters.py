@@ -53,7 +53,16 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, kit, try_da
 def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, kit, try_damaged, name):
     def road(path):
         model = build(load_character(path).solver_mesh(), ModelParameters(fields=4, isolines=5))
-        for array in (model.A, model.B, model.gram, model.ladder, model.covariance, model.edges):
+        for array in (
+            model.A,
+            model.B,
+            model.gram,
+            model.ladder,
+            model.covariance,
+            model.edges,
+            model.A_clusters,
+            model.B_clusters,
+        ):
             assert np.isfinite(array).all()
 
     (folder / name).write_bytes(kit.corpus[name])

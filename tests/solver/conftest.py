@@ -41,6 +41,12 @@ def make_figure(step):
 
 
 @pytest.fixture(scope="session")
+def march_capsules():
+    """Triangulate the union of capsules: march(capsules, low, high, step)."""
+    return march
+
+
+@pytest.fixture(scope="session")
 def figure():
     """A symmetric figure of 766 vertices."""
     return make_figure(0.14)

@@ -31,20 +31,27 @@ def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk,
     rng = np.random.default_rng(count)
     ladder = np.clip((rest @ rng.normal(size=(3, count)) + 0.5) * (isolines - 1), 0, isolines - 1)
     weights = rng.uniform(0.5, 1.5, count)
-    A, B, WtW = gram.products(L, mass, rest, ladder, weights, isolines)
+    cluster = rng.integers(0, 7, len(rest)).astype(np.int32)
+    chain = csr_matrix(diags([np.full(len(rest) - 1, 0.5)], [1]))
+    tied = csr_matrix(L + chain + chain.T - diags(np.asarray((chain + chain.T).sum(axis=1)).ravel()))
+    found = gram.products(tied, L, mass, rest, ladder, weights, isolines, cluster)
     phi, W = tall(rest, ladder, weights, isolines)
-    KW = diags(mass**-0.5) @ L @ W
-    delta = L @ rest
+    KW = diags(mass**-0.5) @ tied @ W
+    delta = tied @ rest
     W_delta = np.stack([(diags(mass**-0.5 * d) @ phi).toarray() for d in delta.T], axis=2).reshape(len(rest), -1)
-    for found, expected in ((A, (KW.T @ KW).toarray()), (B, KW.T @ W_delta), (WtW, (W.T @ W).toarray())):
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * np.abs(expected).max())  # L cancels
+    of_cluster = np.eye(7)[cluster]
+    each = np.einsum("v,vc,vx->vcx", mass**-0.5, of_cluster, delta).reshape(len(rest), -1)
+    expected = ((KW.T @ KW).toarray(), KW.T @ W_delta, (W.T @ W).toarray(), -(W.T @ L @ W).toarray(), KW.T @ each)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * np.abs(other).max())  # L cancels
 
 
 def test_rows_that_lie_between_far_isolines_go_into_one_chunk(operator):
     """Neighbours that are at both ends of the ladder leave nothing out in between."""
     L, mass, rest = operator
     ladder = np.random.default_rng(0).uniform(0, 9, (len(rest), 2))
-    A, _, _ = gram.products(L, mass, rest, ladder, np.ones(2), 10)
+    cluster = np.zeros(len(rest), dtype=np.int32)
+    A = gram.products(L, L, mass, rest, ladder, np.ones(2), 10, cluster).A
     _, W = tall(rest, ladder, np.ones(2), 10)
     KW = diags(mass**-0.5) @ L @ W
     np.testing.assert_allclose(A, (KW.T @ KW).toarray(), rtol=0, atol=1e-11 * np.abs(A).max())

@@ -51,3 +51,14 @@ def test_a_product_in_lanes_is_the_product_and_is_added_to_what_was_there(rng, r
     result = lanes.pack(y, row)
     lanes.add_product(lanes.matrix(M, row, column), lanes.pack(x, column), result)
     np.testing.assert_allclose(lanes.unpack(result, row), y + M @ x, rtol=0, atol=1e-13 * len(column))
+
+
+@pytest.mark.parametrize("count", [1, 17, 80])
+def test_turning_on_is_the_product_with_the_transpose_and_the_new_one(rng, count):
+    place = lanes.of_matrices(count)
+    turns, before, now = rng.normal(size=(3, count, 3, 3))
+    packed = [lanes.pack(stack.reshape(-1, 3), place) for stack in (turns, before, now)]
+    lanes.turn_on(*packed)
+    expected = turns @ before.transpose(0, 2, 1) @ now
+    np.testing.assert_allclose(lanes.unpack(packed[0], place).reshape(-1, 3, 3), expected, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(lanes.unpack(packed[1], place), before.reshape(-1, 3))

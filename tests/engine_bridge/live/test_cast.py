@@ -15,10 +15,10 @@ def cast(blob_puppet, tmp_path, executor):
     mesh = blob_puppet.parent / "blob.glb"
     text = blob_puppet.read_text()
 
-    def load(old="", new="", mesh_bytes=None):
+    def load(old="", new="", mesh_bytes=None, rest=None):
         (tmp_path / mesh.name).write_bytes(mesh.read_bytes() if mesh_bytes is None else mesh_bytes)
         (tmp_path / "dog.toml").write_text(text.replace(old, new) if old else text)
-        settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, {})
+        settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, rest or {})
         [[role]] = Cast(settings, tmp_path, executor).load()
         return role
 
@@ -59,3 +59,14 @@ def test_everything_is_there_before_anybody_asks(cast):
 def test_a_puppet_with_a_mistake_is_told(cast):
     with pytest.raises(PuppetlineError, match=r"dog\.toml"):
         cast('name = "head"', "name = 7")
+
+
+def test_vmc_of_a_character_without_the_limbs_of_a_humanoid_is_refused(cast):
+    with pytest.raises(PuppetlineError) as error:
+        cast(rest={"osc": [{"port": 39539, "send": ["vmc"]}]})
+    assert error.value.where.endswith("dog.toml, [[limb]]")
+    assert error.value.found == "no limb"
+    assert error.value.expected.startswith("a limb trunk and one or more of left arm, right arm, left leg, right leg")
+    tail = '[[limb]]\nname = "tail"\npoints = [[0, 0, 0], [0, 0, -1]]\njoints = ["hip_center", "head"]\n[root]'
+    with pytest.raises(PuppetlineError, match="the limbs tail"):
+        cast("[root]", tail, rest={"osc": [{"port": 39539, "send": ["joints", "vmc"]}]})

@@ -28,8 +28,8 @@ def test_it_goes_on_for_ever_without_a_seam(idle, blob_rig):
     shown = [idle.at(second) for second in np.arange(0, 30, 1 / 60)]
     steps = [np.linalg.norm(b[0] - a[0], axis=1).max() for a, b in itertools.pairwise(shown)]
     assert max(steps) < 0.03 * blob_rig.mesh.diagonal
-    assert np.ptp([targets for targets, _ in shown], axis=0).max() > 0.05 * blob_rig.mesh.diagonal
-    assert np.linalg.norm([root for _, root in shown], axis=1).max() > 0.01
+    assert np.ptp([places.targets for places in shown], axis=0).max() > 0.05 * blob_rig.mesh.diagonal
+    assert np.linalg.norm([places.root for places in shown], axis=1).max() > 0.01
 
 
 def test_it_repeats_itself(idle):

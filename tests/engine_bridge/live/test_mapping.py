@@ -222,7 +222,7 @@ def test_a_mapping_is_edited_live_saved_and_found_again(serve, dog, sender, kung
     text = dog.read_text()
     puppet = service.ask("puppet", character="dog")
     assert puppet["saved"]
-    assert puppet["root"] == {"joint": "hip_center", "axes": "xz"}
+    assert puppet["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"}
     assert puppet["scale"] == 1.3
     assert len(puppet["joints"]) == 20
     assert row(puppet, "head") == {
@@ -273,7 +273,8 @@ def test_reverting_and_reloading_go_back_to_the_file(serve, dog, sender):
     ]
     assert scene.header.revision == service.ask("describe")["characters"][0]["revision"]
     assert service.ask("revert_puppet", character="dog") == was
-    assert service.ask("set_root", character="dog", joint="spine")["root"] == {"joint": "spine", "axes": "xz"}
+    root = service.ask("set_root", character="dog", joint="spine", turns=False)["root"]
+    assert root == {"joint": "spine", "axes": "xz", "turns": False, "feet": "lock"}
     service.ask("reload")
     assert service.ask("puppet", character="dog") == was
 

@@ -107,6 +107,12 @@ puppet = "figures/big dog (2).toml"
             "Name one",
         ),
         ('[[osc]]\nport = 1\nsend = ["morphs"]\n' + STAGE + CHARACTER, "[[osc]] 1, send", "morph weights", "Make"),
+        (
+            '[[osc]]\nport = 1\nsend = ["vmc"]\n' + STAGE + CHARACTER + CHARACTER + 'name = "cat"\n',
+            "[[osc]] 1, characters",
+            "VMC of 2 characters (dog, cat)",
+            "Name one of them",
+        ),
         (STAGE.replace("osc:7110", "") + CHARACTER, "[[stage]] 1, source", "''", "Change"),
     ],
 )

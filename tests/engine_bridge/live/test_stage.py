@@ -116,6 +116,66 @@ def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blo
     assert np.abs(frames[149].R - blob_rig.model.rest_controls).max() > 1e-2
 
 
+def directions(frames):
+    """Return the rotations of the bones (T, b, 3, 3)."""
+    return np.array([frame.motions[:, :3] for frame in frames])
+
+
+def largest_turn(frames):
+    """Return the largest angle that a bone turns by from one frame to the next, radians."""
+    R = directions(frames)
+    trace = np.einsum("tbij,tbij->tb", R[1:], R[:-1])
+    return np.arccos(np.clip((trace - 1) / 2, -1, 1)).max()
+
+
+def test_who_steps_in_is_a_character_with_limbs_after_a_moment_and_plays_what_convert_would(
+    make_stage, limbed_rig, kung_fu
+):
+    stage = make_stage(manner=Manner(tilt=0.0, height=0.0), rig=limbed_rig)
+    (role,), frames, calibrations = stage.roles, [], []
+    for event in with_beginnings(stage, kung_fu):
+        frames += stage.step(event, 0)
+        if role.calibration is not None and all(role.calibration is not each for each, _ in calibrations):
+            calibrations.append((role.calibration, len(frames)))
+    (_, in_passing), (calibration, begun) = calibrations  # again as soon as they have stood still
+    assert frames[in_passing].time - kung_fu[0].time <= 0.4 + PREPARATION + 3 * TICK
+    assert frames[begun].time - kung_fu[0].time <= 1.4 + PREPARATION
+    performance = Performance(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model, calibration.rest)
+    for event, frame in zip(kung_fu[begun:], frames[begun:], strict=True):
+        aim = performance.retargeting.step(event)
+        if frame.time >= frames[begun].time + EASE:
+            np.testing.assert_array_equal(frame.motions, aim.motions)
+            np.testing.assert_array_equal(frame.root, aim.root)
+            np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
+
+
+def test_bones_ease_to_rest_and_back_without_a_jump(make_stage, limbed_rig, kung_fu, moved):
+    stage, steady = make_stage(rig=limbed_rig), play(make_stage(rig=limbed_rig), kung_fu)["dog"]
+    gone = kung_fu[150].time
+    events = [*kung_fu[:150], *ticks(gone, 2.0)]
+    away = gone + 2.0
+    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK) for frame in kung_fu[150:]]
+    frames = play(stage, events)["dog"]
+    resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
+    np.testing.assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
+    assert largest_turn(frames) <= 1.5 * largest_turn(steady)
+    R = directions(frames)
+    np.testing.assert_allclose(R @ np.swapaxes(R, -1, -2), np.broadcast_to(np.eye(3), R.shape), atol=1e-9)
+
+
+def test_a_stage_with_limbs_goes_on_bit_by_bit_where_another_was(make_stage, limbed_rig, kung_fu):
+    events = with_beginnings_of(make_stage(rig=limbed_rig), [as_recorded(frame) for frame in kung_fu[:200]])
+    for cut in (15, 20, 30, 45, 120):
+        stage, other = make_stage(rig=limbed_rig), make_stage(rig=limbed_rig)
+        replay(stage, events[:cut])
+        assert other.recall(json.loads(json.dumps(stage.memory)))
+        ours, theirs = replay(stage, events[cut:]), replay(other, events[cut:])
+        assert len(ours) == len(theirs) > 50
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(a.controls, b.controls)
+            np.testing.assert_array_equal(a.motions, b.motions)
+
+
 def test_a_stage_goes_on_bit_by_bit_where_another_was(make_stage, kung_fu, moved):
     friend = [moved(frame, time=frame.time + 0.011, user=7, by=(0.6, 0.0, 0.4)) for frame in kung_fu]
     both = [event for pair in zip(kung_fu, friend, strict=True) for event in pair]

@@ -1,0 +1,334 @@
+"""How well characters do what performers do, against the file's own rig and the raw recording.
+
+python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER]
+
+prints the table of docs/limbs.md: for each rigged humanoid and recording, with the rig read and with it taken away. In
+both, the rig says which vertices to measure. Where it is read, its linear blend skinning by the same motions is
+the reference.
+
+- Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
+  gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
+  may be turned as a whole by one rotation of at most 12°.
+- Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
+- Distance: of vertices from where skinning has them, in % of the diagonal.
+- Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
+  below the floor; 95th percentiles in % of the height.
+"""
+
+import argparse
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from capture.skeleton import JOINT_INDEX, SkeletonFrame, to_character_axes
+from capture.timeline import Timeline
+from engine_bridge import puppet as puppet_file
+from engine_bridge import sheet
+from engine_bridge.clip import load_timeline, perform, resting_pose
+from engine_bridge.gltf.character import Character, load_character, make_character
+from engine_bridge.gltf.scene import influences
+from engine_bridge.performance import Performance
+from engine_bridge.proposal import new_puppet
+from engine_bridge.rig import Rig, load_rig
+from engine_bridge.rig_bones import rig_bones
+from engine_bridge.rig_limbs import rig_limbs
+from engine_bridge.settings import Settings
+from solver.batch import BatchBinding
+from solver.limbs import TRUNK, Limb, bones_of, parents_first
+
+CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
+RECORDINGS = (
+    "utkinect/joints_s01_e01.txt",
+    "kinect_own_recording/joints_s02_e01.txt",
+    "msrc12/P1_1_1_p19.csv",
+    "msr_action3d_world/a18_s01_e01_skeleton3D.txt",
+    "utd_mhad_mat/a22_s1_t1_skeleton.mat",
+    "kinect_v2_laban_csv/Ges02_balancinghands.csv",
+)
+SETTINGS = Settings()
+MOMENTS = 120
+"""Frames of each recording that are measured."""
+TILT = 12.0
+"""Degrees by which a recording may be turned as a whole."""
+SHOWN = {"upper arms": ("arm", 0), "forearms": ("arm", 1), "thighs": ("leg", 0), "shins": ("leg", 1)}
+JOINTS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}
+STANDING = 0.15
+"""Metres a second; a slower foot near its lowest stands."""
+LOW = 0.05
+"""Metres above a foot's lowest that are near it."""
+LONG_ENOUGH = 10
+"""Frames that a foot stands at least."""
+WHOLLY = 0.95
+"""Weight from which a vertex counts as one that its bone alone moves."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the file's own rig says about a character.
+
+    Attributes
+    ----------
+    bones : dict
+        (limb, number of the bone) to the rest direction, and the vertices that follow it alone.
+    which, share : (N, k)
+        Rig joints that each vertex follows, and how much.
+    owner : (joints,) tuple of (limb, number)
+        The bone to which each rig joint belongs.
+    soles : dict
+        Side to the lowest vertices of the foot.
+    """
+
+    bones: dict[tuple[str, int], tuple[NDArray[np.float64], NDArray[np.int64]]]
+    which: NDArray[np.int64]
+    share: NDArray[np.float64]
+    owner: tuple[tuple[str, int], ...]
+    soles: dict[str, NDArray[np.int64]]
+
+
+def read_rig(character: Character) -> Truth:
+    """Sort a skeleton's joints, and the vertices that follow them, by bones."""
+    found = rig_limbs(character)
+    assert found is not None
+    limbs = [
+        Limb(chain.name, chain.points, ((),) * len(chain.points), parent=None if chain.name == TRUNK else TRUNK)
+        for chain in found.chains
+    ]
+    names = [(limb.name, number) for limb in parents_first(limbs) for number in range(len(limb.points) - 1)]
+    heads = dict(zip(names, bones_of(limbs).heads, strict=True))
+    tails = dict(zip(names, bones_of(limbs).tails, strict=True))
+    owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
+    which, share = followed(character)
+    number = {bone: index for index, bone in enumerate(names)}
+    owner = np.array([number[bone] for bone in owners])[which]
+    shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])
+    of_bone = {bone: np.flatnonzero(shares.argmax(axis=0) == index) for bone, index in number.items()}
+    whole = {bone: np.flatnonzero(shares[index] > WHOLLY) for bone, index in number.items()}
+    bones = {
+        bone: (tails[bone] - heads[bone], whole[bone] if len(whole[bone]) >= 4 else of_bone[bone]) for bone in names
+    }
+    soles = {}
+    for side in ("left", "right"):
+        foot = of_bone[f"{side} leg", 2]
+        height = character.vertices[foot, 1]
+        soles[side] = foot[height < height.min() + 0.2 * np.ptp(height)]
+    return Truth(bones, which, share, owners, soles)
+
+
+def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the nodes (N, k) that each vertex follows, and how much."""
+    gltf, found = character.document.gltf, []
+    for part in character.parts:
+        node, count = gltf["nodes"][part.node], len(part.vertices)
+        if "skin" in node:
+            primitive = gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
+            which, share = influences(character.document, primitive, node["skin"], count)
+            found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
+        else:
+            found.append((np.full((count, 1), part.node), np.ones((count, 1))))
+    width = max(which.shape[1] for which, _ in found)
+    padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
+    return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A character's poses of a recording: vertices (F, N, 3), motions (F, b, 4, 3), and the performer's joints."""
+
+    frames: NDArray[np.int64]
+    vertices: NDArray[np.float32]
+    motions: NDArray[np.float64]
+    all_feet: dict[str, NDArray[np.float64]]
+
+
+def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
+    """Perform a recording; keep some frames whole, and the soles' middle in all."""
+    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, SETTINGS))
+    count = len(timeline.positions)
+    chosen = np.unique(np.linspace(0, count - 1, min(MOMENTS, count)).astype(int))
+    binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
+    of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
+    kept, motions, feet = [], [], {side: [] for side in soles}
+    for number in range(count):
+        joints, confidence = timeline.positions[number], timeline.confidence[number]
+        aim = performance.retargeting.step(SkeletonFrame(timeline.times[number], 0, joints, confidence))
+        R = performance.deformer.solve(aim.targets, aim.motions)[None].astype(np.float32)
+        for side, sole in of_soles.items():
+            feet[side].append(sole.vertices(R)[:, :, 0].mean(axis=0) + aim.root)
+        if number in chosen:
+            kept.append(binding.vertices(R)[:, :, 0])
+            motions.append(aim.motions)
+    return Measured(chosen, np.array(kept), np.array(motions), {side: np.array(each) for side, each in feet.items()})
+
+
+def directions(
+    truth: Truth, rest: NDArray[np.float64], vertices: NDArray[np.float32]
+) -> dict[tuple[str, int], NDArray[np.float64]]:
+    """Return each bone's direction (F, 3) by the rotations that fit its vertices best."""
+    found = {}
+    for bone, (direction, members) in truth.bones.items():
+        if len(members) >= 4:  # enough for a rotation
+            before = rest[members] - rest[members].mean(axis=0)
+            after = vertices[:, members] - vertices[:, members].mean(axis=1, keepdims=True)
+            turned = [Rotation.align_vectors(pose, before)[0].apply(direction) for pose in after.astype(np.float64)]
+            found[bone] = np.array(turned) / np.linalg.norm(direction)
+    return found
+
+
+def wanted(timeline: Timeline, frames: NDArray[np.int64]) -> dict[tuple[str, int], NDArray[np.float64]]:
+    """Return the performer's directions (F, 3) from joint to joint, character axes."""
+    joints = to_character_axes(timeline.positions[frames])
+    found = {}
+    for side in ("left", "right"):
+        for limb, names in JOINTS.items():
+            for number in range(2):
+                start, end = (JOINT_INDEX[f"{name}_{side}"] for name in names[number : number + 2])
+                found[f"{side} {limb}", number] = joints[:, end] - joints[:, start]
+    return {bone: way / np.linalg.norm(way, axis=1, keepdims=True) for bone, way in found.items()}
+
+
+def angles(
+    found: dict[tuple[str, int], NDArray[np.float64]], aims: dict[tuple[str, int], NDArray[np.float64]]
+) -> dict[str, NDArray[np.float64]]:
+    """Return the angles in degrees by kind of bone, after one rotation of the recording."""
+    bones = [bone for bone in aims if bone in found]
+    there, here = np.concatenate([aims[bone] for bone in bones]), np.concatenate([found[bone] for bone in bones])
+    known = np.isfinite(there).all(axis=1)
+    tilt = Rotation.align_vectors(here[known], there[known])[0].as_rotvec()
+    size = np.linalg.norm(tilt)
+    turn = Rotation.from_rotvec(tilt * min(1.0, np.radians(TILT) / max(size, 1e-12)))
+    result = {}
+    for name, (limb, number) in SHOWN.items():
+        chosen = [bone for bone in bones if bone[0].endswith(limb) and bone[1] == number]
+        cosine = np.concatenate(
+            [np.einsum("fx,fx->f", turn.apply(np.nan_to_num(aims[bone])), found[bone]) for bone in chosen]
+        )
+        sure = np.concatenate([np.isfinite(aims[bone]).all(axis=1) for bone in chosen])
+        result[name] = np.degrees(np.arccos(np.clip(cosine[sure], -1, 1)))
+    return result
+
+
+def skinned(truth: Truth, rig: Rig, motions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return where linear blend skinning has the vertices (F, N, 3), each rig joint moving as its bone does."""
+    numbers = {}
+    for limb in rig.puppet.limbs:
+        for number in range(len(limb.points) - 1):
+            start = np.linalg.norm(bones_of(rig.puppet.limbs).heads - limb.points[number], axis=1)
+            end = np.linalg.norm(bones_of(rig.puppet.limbs).tails - limb.points[number + 1], axis=1)
+            numbers[limb.name, number] = int((start + end).argmin())
+    of_joint = np.array([numbers.get(bone, numbers["trunk", 0]) for bone in truth.owner])
+    rest = np.column_stack([rig.character.vertices, np.ones(len(rig.character.vertices))])
+    blend = np.zeros((len(motions), len(rest), 3))
+    for column in range(truth.which.shape[1]):
+        bone = of_joint[truth.which[:, column]]
+        for number in np.unique(bone):
+            chosen = bone == number
+            moved = np.einsum("nr,frx->fnx", rest[chosen], motions[:, number])
+            blend[:, chosen] += truth.share[chosen, column, None] * moved
+    return blend
+
+
+def stretch(rest: NDArray[np.float64], poses: NDArray[np.floating], edges: NDArray[np.int64]) -> str:
+    """Return the 1st and 99th percentile of edge lengths as shares of those at rest."""
+    at_rest = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
+    kept = at_rest > 1e-6 * at_rest.max()
+    lengths = np.linalg.norm(poses[:, edges[kept, 0]] - poses[:, edges[kept, 1]], axis=-1)
+    low, high = np.percentile(lengths / at_rest[kept], (1, 99))
+    return f"{low:.2f} / {high:.2f}"
+
+
+def standing(timeline: Timeline, side: str) -> list[NDArray[np.int64]]:
+    """Return runs of frames in which a foot of the performer stands."""
+    ankle = timeline.positions[:, JOINT_INDEX[f"ankle_{side}"]]
+    smooth = np.array([np.median(ankle[max(0, k - 2) : k + 3], axis=0) for k in range(len(ankle))])
+    speed = np.linalg.norm(np.gradient(smooth, 1 / timeline.fps, axis=0), axis=1)
+    still = (speed < STANDING) & (smooth[:, 1] < np.nanmin(smooth[:, 1]) + LOW)
+    runs = np.split(np.flatnonzero(still), np.flatnonzero(np.diff(np.flatnonzero(still)) > 1) + 1)
+    return [run for run in runs if len(run) >= LONG_ENOUGH]
+
+
+def feet(timeline: Timeline, shown: Measured, rest: NDArray[np.float64], soles: dict[str, NDArray[np.int64]]) -> str:
+    """Return 95th percentiles of sliding and height while standing, in % of the character's height."""
+    height = np.ptp(rest[:, 1])
+    slides, heights = [], []
+    for side, places in shown.all_feet.items():
+        floor = rest[soles[side], 1].mean()
+        for run in standing(timeline, side):
+            there = places[run]
+            slides.append(np.linalg.norm((there - there.mean(axis=0))[:, [0, 2]], axis=1))
+            heights.append(np.abs(there[:, 1] - floor))
+    if not slides:
+        return "–"
+    slide, away = (100 * np.percentile(np.concatenate(each), 95) / height for each in (slides, heights))
+    return f"{slide:.1f} / {away:.1f}"
+
+
+def both(values: NDArray[np.float64], digits: int = 1) -> str:
+    return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--sheets", type=Path)
+    parser.add_argument("--characters", nargs="*", default=CHARACTERS)
+    parser.add_argument("--recordings", nargs="*", default=RECORDINGS)
+    options = parser.parse_args()
+    if options.sheets:
+        options.sheets.mkdir(parents=True, exist_ok=True)
+    print(
+        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | edges p1 / p99 "
+        "| those of skinning | distance, % median / 95 % | feet: sliding / height, % |"
+    )
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    totals: dict[str, list[NDArray[np.float64]]] = {}
+    away: list[NDArray[np.float64]] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in options.characters:
+            source = options.data / "mesh" / "gltf" / f"{name}.glb"
+            character = load_character(source)
+            truth = read_rig(character)
+            bare = Path(folder) / f"{name}.glb"
+            make_character(name, character.vertices, character.triangles, character.colors).document.save(bare)
+            for kind, file in (("rig", source), ("shape", bare)):
+                puppet = Path(folder) / f"{name}_{kind}.toml"
+                puppet.write_text(puppet_file.dumps(new_puppet(file, puppet).puppet))
+                rig = load_rig(puppet)
+                rest = rig.character.vertices
+                for recording in options.recordings:
+                    timeline, notes = load_timeline(options.data / "logs" / recording, SETTINGS)
+                    sensor = recording.partition("/")[0]
+                    shown = play(rig, timeline, truth.soles)
+                    found = angles(directions(truth, rest, shown.vertices), wanted(timeline, shown.frames))
+                    totals.setdefault(kind, []).extend(found.values())
+                    edges = rig.character.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+                    reference = ["–", "–"]
+                    if kind == "rig":
+                        own = skinned(truth, rig, shown.motions)
+                        away.append(100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / rig.mesh.diagonal)
+                        reference = [stretch(rest, own, edges), both(away[-1], 2)]
+                    cells = [
+                        name,
+                        kind,
+                        sensor,
+                        *(both(found[each]) for each in SHOWN),
+                        stretch(rest, shown.vertices, edges),
+                        *reference,
+                        feet(timeline, shown, rest, truth.soles),
+                    ]
+                    print(f"| {' | '.join(cells)} |", flush=True)
+                    if options.sheets:
+                        clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
+                        title = f"{name}, {sensor}, limbs from the {kind}"
+                        sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
+    for kind, values in totals.items():
+        print(f"\nAll limbs, limbs from the {kind}: {both(np.concatenate(values))}°")
+    if away:
+        print(f"\nDistance to skinning: {both(np.concatenate(away), 3)} %")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""A limb of a character at rest: what a file's skeleton or the character's shape says about where it is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class LimbChain:
+    """A chain of points inside a limb, from where it leaves the body to its end.
+
+    Attributes
+    ----------
+    name : str
+        "trunk", "neck", "head", "tail", or with the character's own side "left arm", "right leg", "left front leg",
+        "right hind leg", "left wing".
+    points : (k, 3) float64
+        Root to tip, mesh file's coordinates. Arms and legs have four: shoulder, elbow, wrist and the end of the hand;
+        hip, knee, ankle and the end of the foot.
+    """
+
+    name: str
+    points: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Limbs:
+    """The limbs of a character, and what is unclear about them.
+
+    Attributes
+    ----------
+    chains : tuple of LimbChain
+        Each after the one that it hangs on.
+    notes : tuple of str
+        Sentences for a person to read: what is unclear or was left out, and what settles it.
+    """
+
+    chains: tuple[LimbChain, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> dict[str, NDArray[np.float64]]:
+        """The points of each limb by its name."""
+        return {chain.name: chain.points for chain in self.chains}
+
+
+def evenly(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Return (count, 3) points at equal distances along a polyline of (k, 3), its ends among them."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    wanted = np.linspace(0, along[-1], count)
+    return np.column_stack([np.interp(wanted, along, column) for column in points.T])

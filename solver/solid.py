@@ -1,0 +1,178 @@
+"""The space inside a character, in cells: parts that touch or overlap are one, cloth without thickness is nothing."""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+CELLS = 60_000
+"""About this many cells fill a character: a limb of a sixtieth of its length is three cells thick."""
+
+MOST_ALONG = 400
+"""No more cells than this along a character."""
+
+TOGETHER = 2.0
+"""Parts up to so many times as far from the rest as the nearest one are tied to it at once."""
+
+STEPS = np.array(
+    [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], dtype=np.int64
+)
+"""From a cell to its 13 neighbours in one half of space."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Cells inside a character.
+
+    Attributes
+    ----------
+    size : float
+        Edge of a cell.
+    centers : (n, 3) float64
+    depth : (n,) float64
+        Distance from each centre to the nearest outside cell's edge, about that to the surface.
+    graph : (n, n) sparse float64
+        Distances between the centres of neighbours, and between parts that do not touch, each once.
+    """
+
+    size: float
+    centers: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    graph: csr_matrix
+
+
+def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]) -> Solid:
+    """Fill a surface with cells.
+
+    A cell is inside where the generalised winding number (Jacobson et al. 2013), averaged over the six directions of
+    the axes, is at least a half: the surface may have holes, and its parts may overlap.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (t, 3) int64
+    components : (n,) int32
+        The part that each vertex belongs to; a part that is inside out is turned.
+    """
+    faces, volume = _outside_out(vertices, faces, components)
+    low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
+    longest = float(extent.max())
+    # a whole number of cells: rounding errors of the volume must not move them
+    size = longest / min(round(longest / (volume / CELLS) ** (1 / 3)), MOST_ALONG)
+    # even, and around the middle: what mirrors itself has cells that do
+    counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2
+    origin = low + extent / 2 - size * (counts - 1) / 2
+    winding = np.zeros(counts)
+    for axis in range(3):
+        others = [(axis + 1) % 3, (axis + 2) % 3, axis]
+        scaled = (vertices[:, others] - origin[others]) / size
+        winding += np.moveaxis(_crossings(scaled, faces, counts[others]), [0, 1, 2], others)
+    inside = winding >= 1.5
+    depth = ndimage.distance_transform_edt(inside) - 0.5
+    number = np.full(counts, -1)
+    number[inside] = np.arange(np.count_nonzero(inside))
+    cells = np.argwhere(inside)
+    centers = origin + size * cells
+    return Solid(size, centers, size * depth[inside], _joined(_graph(number, size), centers))
+
+
+def _outside_out(
+    vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]
+) -> tuple[NDArray[np.int64], float]:
+    """Turn the parts that enclose a negative volume; return the sum of all volumes as well."""
+    part = components[faces[:, 0]]
+    corners = vertices[faces] - vertices.mean(axis=0)
+    for_part = np.bincount(part, np.linalg.det(corners) / 6)
+    turned = np.where((for_part < 0)[part, None], faces[:, ::-1], faces)
+    return turned, float(np.abs(for_part).sum())
+
+
+@numba.njit(cache=True, nogil=True)
+def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return how often the surface winds around each cell, seen along the last axis from both sides, on average.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+        In cells; cell i's centre is at i.
+    faces : (t, 3) int64
+    counts : (3,) int64
+
+    Returns
+    -------
+    counts float64
+        1 inside a closed surface, 0 outside.
+    """
+    crossed = np.zeros((counts[0], counts[1], counts[2] + 1))
+    for a, b, c in faces:
+        ax, ay, bx, by, cx, cy = (
+            vertices[a, 0],
+            vertices[a, 1],
+            vertices[b, 0],
+            vertices[b, 1],
+            vertices[c, 0],
+            vertices[c, 1],
+        )
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0:
+            continue
+        for i in range(max(0, int(np.ceil(min(ax, bx, cx)))), min(counts[0] - 1, int(np.floor(max(ax, bx, cx)))) + 1):
+            for j in range(
+                max(0, int(np.ceil(min(ay, by, cy)))), min(counts[1] - 1, int(np.floor(max(ay, by, cy)))) + 1
+            ):
+                u = ((cx - bx) * (j - by) - (cy - by) * (i - bx)) / area
+                v = ((ax - cx) * (j - cy) - (ay - cy) * (i - cx)) / area
+                w = 1 - u - v
+                if u < 0 or v < 0 or w < 0:
+                    continue
+                height = u * vertices[a, 2] + v * vertices[b, 2] + w * vertices[c, 2]
+                above = min(max(int(np.ceil(height)), 0), counts[2])
+                crossed[i, j, above] += 1.0 if area > 0 else -1.0
+    result = np.zeros((counts[0], counts[1], counts[2]))
+    for i in range(counts[0]):
+        for j in range(counts[1]):
+            total = 0.0
+            for k in range(counts[2] + 1):
+                total += crossed[i, j, k]
+            below = 0.0
+            for k in range(counts[2]):
+                below += crossed[i, j, k]
+                result[i, j, k] = (total - below - below) / 2
+    return result
+
+
+def _graph(number: NDArray[np.int64], size: float) -> csr_matrix:
+    """Return the distances between the centres of neighbouring cells."""
+    counts = np.array(number.shape)
+    rows, columns, lengths = [], [], []
+    for step in STEPS:
+        here = tuple(slice(max(-s, 0), n - max(s, 0)) for s, n in zip(step, counts, strict=True))
+        there = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(step, counts, strict=True))
+        both = (number[here] >= 0) & (number[there] >= 0)
+        rows.append(number[here][both])
+        columns.append(number[there][both])
+        lengths.append(np.full(len(rows[-1]), size * np.sqrt(np.count_nonzero(step))))
+    n = int(number.max()) + 1
+    return csr_matrix(coo_matrix((np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns))), (n, n)))
+
+
+def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
+    """Tie what does not touch to the rest where it comes nearest, the nearest parts first."""
+    while True:
+        count, part = connected_components(graph, directed=False)
+        if count == 1:
+            return graph
+        largest = part == np.bincount(part).argmax()
+        inside, outside = np.flatnonzero(largest), np.flatnonzero(~largest)
+        distance, nearest = (np.asarray(each) for each in cKDTree(centers[inside]).query(centers[outside]))
+        by_distance = np.argsort(distance, kind="stable")
+        _, first = np.unique(part[outside][by_distance], return_index=True)  # of each part the nearest cell
+        ties = by_distance[first]
+        ties = ties[distance[ties] <= TOGETHER * distance[ties].min()]
+        pairs = (outside[ties], inside[nearest[ties]])
+        graph = csr_matrix(graph + coo_matrix((distance[ties], pairs), graph.shape))

@@ -2,9 +2,9 @@
 
 python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER]
 
-prints the table of docs/limbs.md: for each rigged humanoid and recording, with the rig read and with it taken away. In
-both, the rig says which vertices to measure. Where it is read, its linear blend skinning by the same motions is
-the reference.
+prints the table of docs/limbs.md: for each rigged humanoid and recording, with handles and no limbs, with the rig read,
+and with it taken away. In all, the rig says which vertices to measure. Where it is read, its linear blend skinning by
+the same motions is the reference.
 
 - Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
   gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
@@ -293,9 +293,9 @@ def main() -> None:
             truth = read_rig(character)
             bare = Path(folder) / f"{name}.glb"
             make_character(name, character.vertices, character.triangles, character.colors).document.save(bare)
-            for kind, file in (("rig", source), ("shape", bare)):
+            for kind, file in (("none", bare), ("rig", source), ("shape", bare)):
                 puppet = Path(folder) / f"{name}_{kind}.toml"
-                puppet.write_text(puppet_file.dumps(new_puppet(file, puppet).puppet))
+                puppet.write_text(puppet_file.dumps(new_puppet(file, puppet, limbs=kind != "none").puppet))
                 rig = load_rig(puppet)
                 rest = rig.character.vertices
                 for recording in options.recordings:

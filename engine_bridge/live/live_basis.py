@@ -33,8 +33,11 @@ EXTRAS = "puppetline_morphs"
 SAME = 1e-3
 """Share by which lengths may differ: computed elsewhere, a model of the same mesh differs by rounding."""
 
-REACH = 1 / LIMIT_KNEE
-"""The largest coordinate that weights of newly baked files cover: the soft limit leaves those up to 1 as they are."""
+UNLIMITED = 4.0
+"""Coordinates up to this, as multiples of the baked motion's largest, are not limited: other motion goes farther."""
+
+REACH = UNLIMITED / LIMIT_KNEE
+"""The largest coordinate that weights of newly baked files cover."""
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

@@ -17,7 +17,7 @@ from capture.timeline import choose, resample
 from engine_bridge.bake import bake
 from engine_bridge.gltf.document import Document
 from engine_bridge.gltf.unit_weights import UnitWeights
-from engine_bridge.live.live_basis import EXTRAS, REACH, LiveBasis
+from engine_bridge.live.live_basis import EXTRAS, REACH, UNLIMITED, LiveBasis
 from engine_bridge.performance import Performance
 from engine_bridge.rig import load_rig
 from puppetline.errors import PuppetError
@@ -83,9 +83,9 @@ def test_the_rest_pose_is_no_weight_at_all(baked, basis):
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_baked_motion_ends(data, baked, basis, directions):
+def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins(data, baked, basis, directions):
     model = baked.rig.model
-    mixed = data.draw(arrays(np.float32, len(directions), elements=st.floats(-1, 1, width=32)))
+    mixed = data.draw(arrays(np.float32, len(directions), elements=st.floats(-UNLIMITED, UNLIMITED, width=32)))
     R = model.rest_controls + np.tensordot(mixed.astype(np.float64), directions, axes=1)
     # and whatever moves no vertex changes nothing
     R += model.null_space @ data.draw(arrays(np.float64, (1, 3), elements=st.floats(-5, 5))).repeat(len(R), axis=0)
@@ -106,8 +106,9 @@ def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions)
     weights, _, limited = basis.project(R)
     assert 0 <= weights.min() <= weights.max() <= 1
     coordinates = (2 * weights[:-1].astype(np.float64) - weights[-1]) * REACH
-    size = np.abs(mixed)
-    expected = np.sign(mixed) * np.where(size <= 1, size, 1 + (REACH - 1) * np.tanh((size - 1) / (REACH - 1)))
+    size, room = np.abs(mixed), REACH - UNLIMITED
+    held = UNLIMITED + room * np.tanh((size - UNLIMITED) / room)
+    expected = np.sign(mixed) * np.where(size <= UNLIMITED, size, held)
     np.testing.assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
     assert limited == (size.max() > REACH) or size.max() == pytest.approx(REACH, rel=1e-5)
 

@@ -9,8 +9,10 @@ from PIL import Image
 
 from engine_bridge.demo import CASTING, prepare
 from engine_bridge.live.frame import StreamedCharacter
+from engine_bridge.performance import make_deformer
 from engine_bridge.rig import load_rig
-from solver.deformer import Deformer, to_file_units
+from solver.deformer import to_file_units
+from solver.motion_blend import moved_by
 
 MEAN, MOST = 0.1, 1.0
 """What pictures may differ, in steps of 255: on the average, and in all but a thousandth of the pixels. In a mesh Godot
@@ -32,11 +34,13 @@ def write_payloads(puppet, folder):
     rig = load_rig(puppet)
     character = StreamedCharacter("figure", rig, 1)
     (folder / "scene.bin").write_bytes(character.scene)
-    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
-    pulled = deformer.handles + rig.mesh.diagonal * np.random.default_rng(3).uniform(
-        -0.15, 0.15, deformer.handles.shape
-    )
-    for name, R in (("rest", rig.model.rest_controls), ("bent", deformer.solve(pulled))):
+    deformer, random = make_deformer(rig.puppet, rig.mesh, rig.model), np.random.default_rng(3)
+    pulled = deformer.handles + rig.mesh.diagonal * random.uniform(-0.15, 0.15, deformer.handles.shape)
+    bones = deformer.bones
+    rest = np.tile(np.eye(4, 3), (len(bones), 1, 1))
+    turns = np.hstack([random.uniform(-0.5, 0.5, (len(bones), 3)), np.zeros((len(bones), 3))])
+    bent = deformer.solve(pulled, moved_by(bones, rest, turns, 1.0))
+    for name, R in (("rest", rig.model.rest_controls), ("bent", bent)):
         controls = to_file_units(R, rig.model)
         (folder / f"{name}.bin").write_bytes(controls.tobytes())
         vertices = np.stack(character.binding.vertices_and_normals(controls)).astype("<f4")

@@ -72,7 +72,7 @@ def _puppet(path: Path) -> dict[str, Any]:
         "root": None if puppet.root is None else puppet.root.model_dump(),
         "retarget": puppet.retarget.model_dump(),
         "smoothing": puppet.smoothing.model_dump(),
-        "solver": puppet.solver.model_dump(exclude_none=True),
+        "solver": puppet.solver.model_dump(),
     }
 
 

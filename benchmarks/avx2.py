@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from solver.binding import ShadedBinding
-from solver.deformer import Controls
-from solver.reduced_model import ReducedModel
+from solver.model.binding import ShadedBinding
+from solver.model.reduced_model import ReducedModel
+from solver.motion.deformer import Controls
 
 SOURCE = Path(__file__).with_name("avx2_blend.c")
 FIELDS = 8

@@ -1,4 +1,4 @@
-/* Positions and normals of one frame with AVX2 intrinsics: the yardstick for solver/kernels.py.
+/* Positions and normals of one frame with AVX2 intrinsics: the yardstick for solver/model/kernels.py.
 
    A vertex stands between two isolines of each of 8 fields. Between isolines k and k + 1 the transform that it takes is
    a straight line in its ladder coordinate, base_k + coordinate * step_k. Each is kept by columns, four numbers a column

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
-from engine_bridge import puppet as puppet_file
-from engine_bridge.clip import Clip, load_timeline, perform
-from engine_bridge.convert import write
-from engine_bridge.gltf.character import CHARACTER_FILES, load_character
-from engine_bridge.preview import View, contact_sheet, render
-from engine_bridge.proposal import new_puppet
-from engine_bridge.rig import load_rig
-from engine_bridge.settings import Settings
+from engine_bridge.character.character import CHARACTER_FILES, load_character
+from engine_bridge.export.convert import write
+from engine_bridge.performance.clip import Clip, load_timeline, perform
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
-from solver import reduced_model
-from solver.binding import Binding
-from solver.deformer import to_file_units
+from solver.model import reduced_model
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
 
 VALIDATOR = Path(__file__).parents[1] / "tests" / "peers" / "validate.mjs"
 MOMENTS = 4

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.processes import MODULE
-from engine_bridge import bench
-from engine_bridge.bench import in_process, number
+from engine_bridge.cli import bench
+from engine_bridge.cli.bench import in_process, number
 
 LONG, SHORT = bench.CONVERTED, 180
 """Frames of two logs whose conversion is compared."""

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from engine_bridge import bench
-from engine_bridge.bench import number
-from engine_bridge.bench_process import CHARACTER, LOG
-from engine_bridge.rig import load_rig
+from engine_bridge.cli import bench
+from engine_bridge.cli.bench import number
+from engine_bridge.cli.bench_process import CHARACTER, LOG
+from engine_bridge.performance.rig import load_rig
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
 SCRIPT = Path(__file__).with_suffix(".gd")

@@ -21,20 +21,20 @@ from scipy.spatial import cKDTree
 
 from capture import body
 from capture.skeleton import SkeletonFrame
-from engine_bridge.clip import REST_SECONDS, load_timeline
-from engine_bridge.gltf.character import CHARACTER_FILES, load_character
-from engine_bridge.performance import Performance
-from engine_bridge.proposal import propose_handles
-from engine_bridge.puppet import CharacterTable, Puppet, check
-from engine_bridge.settings import Settings
+from engine_bridge.character.character import CHARACTER_FILES, load_character
+from engine_bridge.performance.clip import REST_SECONDS, load_timeline
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.settings import Settings
+from engine_bridge.puppet.proposal import propose_handles
+from engine_bridge.puppet.puppet import CharacterTable, Puppet, check
 from puppetline.errors import PuppetlineError
-from solver import fields
-from solver.binding import Binding
-from solver.deformer import to_file_units
-from solver.mesh import SolverMesh, weld
-from solver.parts import contacts
-from solver.reduced_model import build
-from solver.stretch import EdgeStretch
+from solver.model import fields
+from solver.model.binding import Binding
+from solver.model.reduced_model import build
+from solver.model.stretch import EdgeStretch
+from solver.motion.deformer import to_file_units
+from solver.surface.contacts import contacts
+from solver.surface.mesh import SolverMesh, weld
 
 Operator = Callable[[SolverMesh], tuple[csr_matrix, np.ndarray]]
 """As `fields.laplacian`."""

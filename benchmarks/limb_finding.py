@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from puppetline.examples.characters import biped, human
 
-from engine_bridge.gltf.character import Character, from_document, load_character
-from engine_bridge.gltf.scene import world_transforms
-from engine_bridge.rig_limbs import rig_limbs
-from solver.limb_finding import find_limbs
-from solver.mesh import SolverMesh, weld
+from engine_bridge.character.character import Character, from_document, load_character
+from engine_bridge.character.scene import world_transforms
+from engine_bridge.puppet.rig_limbs import rig_limbs
+from solver.anatomy.limb_finding import find_limbs
+from solver.surface.mesh import SolverMesh, weld
 
 RIGGED = ("kaykit_Knight.glb", "quaternius_Adventurer.glb", "quaternius_Witch.glb")
 LOWERED = (0, 35, 70)

@@ -20,8 +20,8 @@ from typing import Any
 
 from benchmarks import live_numbers, live_soak
 from benchmarks.goals import Goal
-from engine_bridge import bench
-from engine_bridge.bench_process import CHARACTER, WARM_UP
+from engine_bridge.cli import bench
+from engine_bridge.cli.bench_process import CHARACTER, WARM_UP
 
 PARTS = ("latency", "people", "crowd", "recovery", "soak")
 

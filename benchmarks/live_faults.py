@@ -21,7 +21,7 @@ import zmq
 from benchmarks.datagrams import bodies
 from benchmarks.live_peers import say, take_part
 from capture.network.osc import BUNDLE, bundle, encode
-from engine_bridge.live.wire import subscription
+from engine_bridge.service.protocol.header import subscription
 
 OPEN_FOR = 3
 """Rounds for which half-open connections stay."""

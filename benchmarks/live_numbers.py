@@ -11,7 +11,7 @@ import zmq
 from numpy.typing import NDArray
 
 from benchmarks.live_peers import PERFORMING, free_tcp_ports, free_udp_port, listener, sender, serving, settings
-from engine_bridge.live.wire import TOPIC, subscription
+from engine_bridge.service.protocol.header import TOPIC, subscription
 
 BEGIN = (30.0, 90)
 """With what each sender begins: three seconds, in which the performer is calibrated."""

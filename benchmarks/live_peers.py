@@ -21,7 +21,7 @@ import psutil
 import zmq
 
 from benchmarks.datagrams import bodies
-from engine_bridge.live.wire import BEFORE_PAYLOAD, STATES, TOPIC, Header, subscription
+from engine_bridge.service.protocol.header import BEFORE_PAYLOAD, STATES, TOPIC, Header, subscription
 
 PATIENCE = 300.0
 """Seconds to wait for what must come."""

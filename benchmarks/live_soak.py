@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from benchmarks import datagrams
 from benchmarks.live_faults import Faults
 from benchmarks.live_peers import PERFORMING, Peer, Service, free_udp_port, serving, settings
-from engine_bridge import puppet as puppet_file
-from engine_bridge.live.wire import BEFORE_PAYLOAD, TOPIC, Header, subscription
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.service.protocol.header import BEFORE_PAYLOAD, TOPIC, Header, subscription
 
 CHARACTERS = ("one", "two", "three", "four")
 

@@ -19,14 +19,14 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.recording import Recorder
 from capture.timeline import resample
-from engine_bridge.bake import TOLERANCE, Motion, bake, fit, made_up, recorded
-from engine_bridge.clip import solve
-from engine_bridge.gltf.character import make_character
-from engine_bridge.live.live_basis import REACH, LiveBasis
-from engine_bridge.preview import View, contact_sheet, render
-from engine_bridge.rig import Rig, load_rig
-from engine_bridge.settings import Settings
-from solver.batch import BatchBinding
+from engine_bridge.character.character import make_character
+from engine_bridge.export.bake import TOLERANCE, Motion, bake, fit, made_up, recorded
+from engine_bridge.export.live_basis import REACH, LiveBasis
+from engine_bridge.performance.clip import solve
+from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.pictures.preview import View, contact_sheet, render
+from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
 SETTINGS = Settings(tolerance=TOLERANCE)

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks import players
-from engine_bridge import bench, demo
-from engine_bridge import puppet as puppet_file
-from engine_bridge.convert import convert
-from engine_bridge.gltf.document import Document
-from engine_bridge.proposal import new_puppet
-from engine_bridge.settings import Settings
+from engine_bridge.character.document import Document
+from engine_bridge.cli import bench, demo
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.proposal import new_puppet
 
 TIMES = 40
 CHARACTERS = (

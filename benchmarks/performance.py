@@ -18,7 +18,7 @@ from puppetline.examples.performances import PERFORMANCES
 
 from benchmarks import goals, live, plots, scaling, table1
 from benchmarks.processes import MODULE
-from engine_bridge import bench
+from engine_bridge.cli import bench
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 IMAGES = DOCUMENT.with_name("images")

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.clip import Clip
-from engine_bridge.gltf.document import Document
-from solver.reduced_model import position_matrix
+from engine_bridge.character.document import Document
+from engine_bridge.performance.clip import Clip
+from solver.model.reduced_model import position_matrix
 
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "tests" / "peers"

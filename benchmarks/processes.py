@@ -1,4 +1,4 @@
-"""The measurements of `benchmarks.performance`, each in a process of its own like those of `engine_bridge.bench`."""
+"""The measurements of `benchmarks.performance`, each in a process of its own as in `engine_bridge.cli.bench`."""
 
 import time
 from collections.abc import Iterator
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.avx2 import Avx2Blend, MissingError
-from engine_bridge import bench_process
-from engine_bridge.bench_process import (
+from engine_bridge.cli import bench_process
+from engine_bridge.cli.bench_process import (
     CHARACTER,
     LOG,
     Playing,
@@ -19,15 +19,15 @@ from engine_bridge.bench_process import (
     handle_path,
     interleaved,
 )
-from engine_bridge.puppet import SolverTable
-from engine_bridge.rig import Rig, load_rig
-from solver.binding import Binding
-from solver.deformer import Deformer, to_file_units
-from solver.reduced_model import build
-from solver.rotations import SAMPLED_TRIANGLES, RotationMode
+from engine_bridge.performance.rig import Rig, load_rig
+from engine_bridge.puppet.puppet import SolverTable
+from solver.model.binding import Binding
+from solver.model.reduced_model import build
+from solver.model.rotations import SAMPLED_TRIANGLES, RotationMode
+from solver.motion.deformer import Deformer, to_file_units
 
 MODULE = "benchmarks.processes"
-"""What `engine_bridge.bench.in_process` starts."""
+"""What `engine_bridge.cli.bench.in_process` starts."""
 
 LARGEST_ARAP = 260_000
 """Vertices of the largest mesh on which a full-resolution ARAP is bearable."""

@@ -8,8 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from engine_bridge.convert import convert
-from engine_bridge.settings import Settings
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetlineError
 
 HEADER = """| log | puppet | frames | targets | largest error | stretch p1 | p50 | p99 | seconds |

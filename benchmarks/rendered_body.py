@@ -12,9 +12,9 @@ from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.characters.human import SCALE
 from scipy.spatial.transform import Rotation
 
-from capture.sensors.picture import Lens, Picture
 from capture.skeleton import JOINT_INDEX, to_character_axes
-from engine_bridge.preview import barycentric, rasterise
+from capture.trackers.picture import Lens, Picture
+from engine_bridge.pictures.preview import barycentric, rasterise
 
 Floats = NDArray[np.float64]
 

@@ -30,17 +30,17 @@ from benchmarks.live_peers import serving
 from benchmarks.rendered_body import HEIGHT, KINECT, LENS, NAMES, Body, Studio
 from benchmarks.smoothing import PRESETS
 from capture.fusion.people import People
-from capture.fusion.pose import Pose
-from capture.sensors.mediapipe import MediaPipePose
-from capture.sensors.picture import Person, Picture
-from capture.sensors.placing import Placing
+from capture.pose import Pose
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.smoothing import FRAME_RATE, JointFilter, Smoothing
-from engine_bridge import demo
-from engine_bridge.performance import make_deformer
-from engine_bridge.retargeting import Retargeting
-from engine_bridge.rig import load_rig
+from capture.trackers.mediapipe import MediaPipePose
+from capture.trackers.picture import Person, Picture
+from capture.trackers.placing import Placing
+from engine_bridge.cli import demo
+from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.performance.rig import load_rig
 from tests.capture.fusion.conftest import VirtualSensor, truth, turning
 
 Floats = NDArray[np.float64]

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 from puppetline.examples.characters import CHARACTERS
 
 from benchmarks.processes import MODULE
-from engine_bridge import bench, puppet
-from engine_bridge.bench import in_process, number
-from engine_bridge.bench_process import CHARACTER
-from engine_bridge.gltf.character import make_character
+from engine_bridge.character.character import make_character
+from engine_bridge.cli import bench
+from engine_bridge.cli.bench import in_process, number
+from engine_bridge.cli.bench_process import CHARACTER
+from engine_bridge.puppet import puppet
 
 PAPER = (
     ("Dinosaur", "dinosaur", 14_000, 6, 841, 2.917, 0.6132, 0.2353, 9.873, 10.11),

@@ -9,13 +9,13 @@ from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.smoothing import JointFilter, Smoothing
-from engine_bridge import bench
-from engine_bridge.bench_process import CHARACTER, LOG, Playing
-from engine_bridge.gltf.character import make_character
-from engine_bridge.rig import load_rig
-from solver import lanes
-from solver.deformer import to_file_units
-from solver.polar import nearest_rotations
+from engine_bridge.character.character import make_character
+from engine_bridge.cli import bench
+from engine_bridge.cli.bench_process import CHARACTER, LOG, Playing
+from engine_bridge.performance.rig import load_rig
+from solver.model import lanes
+from solver.model.polar import nearest_rotations
+from solver.motion.deformer import to_file_units
 
 FRAMES = 300
 

@@ -10,13 +10,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-from engine_bridge import puppet as puppet_file
-from engine_bridge.live.frame import Frame, StreamedCharacter
-from engine_bridge.live.payloads import encode
-from engine_bridge.live.wire import Header, Kind, join, topic
-from engine_bridge.proposal import new_puppet
-from engine_bridge.rig import load_rig
-from solver.deformer import Deformer
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.header import Header, Kind, join, topic
+from engine_bridge.service.protocol.payloads import encode
+from solver.motion.deformer import Deformer
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "integrations" / "unity" / "Runtime" / "Core"

@@ -9,7 +9,7 @@ def run() -> None:
     # all matrices here are small: threads that wait for each other, and for the engine beside, only cost time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
-        from engine_bridge.cli import main
+        from engine_bridge.cli.main import main
 
         main()
     except KeyboardInterrupt:

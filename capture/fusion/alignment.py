@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.fusion.clocks import offsets, sampled
-from capture.fusion.pose import Pose, fit
+from capture.pose import Pose, fit
 from capture.skeleton import LOST, OPPOSITE
 from puppetline.errors import SkeletonLogError
 

@@ -15,8 +15,8 @@ from typing import Any, TypeGuard
 
 from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.fusion.people import People
-from capture.fusion.pose import Pose
-from capture.reopening import Reopening
+from capture.pose import Pose
+from capture.reconnecting import Reopening
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
 from puppetline.errors import SourceError

@@ -15,10 +15,10 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import parse_qsl
 
-from capture.sensors.libraries import import_error
-from capture.sensors.mediapipe import EXTRA, HEIGHT, MediaPipePose, library
-from capture.sensors.picture import Lens, Picture
+from capture.libraries import import_error
 from capture.sensors.source import SensorSource
+from capture.trackers.mediapipe import EXTRA, HEIGHT, MediaPipePose, library
+from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
 
 FIELD_OF_VIEW = 70.0
@@ -113,7 +113,7 @@ def parse(uri: str, rest: str) -> Options:
 
 
 class Camera:
-    """A camera; implements `capture.sensors.picture.Device`.
+    """A camera; implements `capture.trackers.picture.Device`.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class Camera:
 
 
 class Video:
-    """A video file, whose times are those in it; implements `capture.sensors.picture.Device`.
+    """A video file, whose times are those in it; implements `capture.trackers.picture.Device`.
 
     Parameters
     ----------

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.sensors.libraries import NotInstalledError, load_error
-from capture.sensors.mediapipe import MediaPipePose, library
-from capture.sensors.picture import Lens, Picture
+from capture.libraries import NotInstalledError, load_error
 from capture.sensors.source import SensorSource
+from capture.trackers.mediapipe import MediaPipePose, library
+from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, heading
 
 LENS = Lens(640, 480, 525.0)
@@ -110,7 +110,7 @@ def plugged_in(where: str) -> int | None:
 
 
 class FreenectDevice:
-    """A Kinect v1; implements `capture.sensors.picture.Device`. It is one thread's.
+    """A Kinect v1; implements `capture.trackers.picture.Device`. It is one thread's.
 
     Parameters
     ----------

@@ -23,13 +23,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.sensors.libraries import import_error, load_error
-from capture.sensors.mediapipe import MediaPipePose, library
-from capture.sensors.nite import REDIST as NITE2_REDIST
-from capture.sensors.nite import NiTE, library_path
+from capture.libraries import import_error, load_error
 from capture.sensors.oni_file import check_plays, check_whole
-from capture.sensors.picture import Device, Lens, Picture, Tracker
 from capture.sensors.source import SensorSource
+from capture.trackers.mediapipe import MediaPipePose, library
+from capture.trackers.nite import REDIST as NITE2_REDIST
+from capture.trackers.nite import NiTE, library_path
+from capture.trackers.picture import Device, Lens, Picture, Tracker
 from puppetline.errors import SourceError, heading
 
 REDIST = "OPENNI2_REDIST"
@@ -188,7 +188,7 @@ def plugged_in(where: str) -> list[Sensor]:
 
 
 class OpenNIDevice:
-    """A sensor or a recording; implements `capture.sensors.picture.Device`.
+    """A sensor or a recording; implements `capture.trackers.picture.Device`.
 
     Depth is registered to colour and both are of the same moment, as far as the sensor can; the log says what it
     cannot.

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import Cue, Event, Lost, Tick
-from capture.level import Level
-from capture.reopening import Reopening
-from capture.sensors.picture import Picture
+from capture.reconnecting import Reopening
+from capture.sensor_tilt import Level
 from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
 from capture.source import Counts, Silence, SkeletonSource, wait
+from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
 PATIENCE = 10.0

@@ -9,7 +9,8 @@ tracked. What is older than `OLDEST` is left out, before it is tracked and when 
 late for `SLOW` pictures more than not, people are given late rather than never. Of a recording, every picture is
 tracked, at the recording's own times.
 
-Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands, `capture.sensors.floor`.
+Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands: see
+`capture.trackers.floor`.
 """
 
 import logging
@@ -26,11 +27,11 @@ import numpy as np
 
 from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
-from capture.sensors.floor import FloorWatch
-from capture.sensors.picture import Device, Picture, Tracker
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
+from capture.trackers.floor import FloorWatch
+from capture.trackers.picture import Device, Picture, Tracker
 from puppetline.errors import SourceError, heading
 
 OPENING = 10.0

@@ -9,7 +9,7 @@ import pytest
 
 from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST, SkeletonFrame
-from engine_bridge.rig import load_rig
+from engine_bridge.performance.rig import load_rig
 
 LIMBS = [
     ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), 0.30),

@@ -12,10 +12,10 @@ import pytest
 import zmq
 from scipy.spatial.transform import Rotation
 
-from engine_bridge.gltf.unit_weights import UnitWeights
-from engine_bridge.live.live_basis import REACH
-from solver.binding import Binding
-from solver.deformer import Deformer, to_file_units
+from engine_bridge.export.live_basis import REACH
+from engine_bridge.export.unit_weights import UnitWeights
+from solver.model.binding import Binding
+from solver.motion.deformer import Deformer, to_file_units
 
 ROOT = Path(__file__).parents[2]
 VECTORS = ROOT / "tests" / "vectors"

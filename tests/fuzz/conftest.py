@@ -21,9 +21,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.gltf.animation import Take, animate
-from engine_bridge.gltf.character import load_character
-from engine_bridge.inspection import inspect
+from engine_bridge.character.character import load_character
+from engine_bridge.cli.inspection import inspect
+from engine_bridge.export.animation import Take, animate
 from puppetline.errors import PuppetlineError
 
 EFFORT = float(os.environ.get("PUPPETLINE_FUZZ", "1"))

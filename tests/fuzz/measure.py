@@ -12,7 +12,7 @@ import time
 import warnings
 from pathlib import Path
 
-from engine_bridge.gltf.character import load_character
+from engine_bridge.character.character import load_character
 
 ROOM = 2**31
 

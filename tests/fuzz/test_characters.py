@@ -5,8 +5,8 @@ import shutil
 import numpy as np
 import pytest
 
-from engine_bridge.gltf.character import load_character
-from solver.reduced_model import ModelParameters, build
+from engine_bridge.character.character import load_character
+from solver.model.reduced_model import ModelParameters, build
 
 REAL = {
     "gltf/nested.glb": 30,

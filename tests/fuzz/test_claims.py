@@ -13,7 +13,7 @@ import igl
 import numpy as np
 import pytest
 
-from engine_bridge.surfaces.readers import read_surface
+from engine_bridge.character.readers import read_surface
 from puppetline.errors import MeshError
 
 MEASURE = Path(__file__).with_name("measure.py")

@@ -28,7 +28,7 @@ make_shape, blob, blob_file, write_puppet, blob_puppet, blob_rig = (
 )
 standing, dance, frames, record, take = figure.standing, figure.dance, figure.frames, figure.record, figure.take
 
-live = load(BRIDGE / "live" / "conftest.py")
+live = load(BRIDGE / "service" / "conftest.py")
 serve, listen, sender, free_port, kung_fu = live.serve, live.listen, live.sender, live.free_port, live.kung_fu
 
 

@@ -20,7 +20,7 @@ def test_an_interrupt_while_it_is_being_loaded_ends_in_one_line():
         "signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent may have it ignored\n"
         "class Interrupt:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'engine_bridge.cli': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'engine_bridge.cli.main': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Interrupt())\n"
         "from puppetline.__main__ import run\n"
         "run()\n"

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver import reduced_model
-from solver.mesh import SolverMesh, weld
+from solver.model import reduced_model
+from solver.surface.mesh import SolverMesh, weld
 
 LIMBS = {
     "hand": ((0.0, 1.1, 0.0), (1.4, 1.3, 0.0), 0.18),

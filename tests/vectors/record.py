@@ -6,15 +6,24 @@ from pathlib import Path
 import igl
 import numpy as np
 
-from engine_bridge import puppet
-from engine_bridge.gltf.character import make_character
-from engine_bridge.live.frame import Frame, StreamedCharacter
-from engine_bridge.live.live_basis import REACH, LiveBasis
-from engine_bridge.live.payloads import decode, encode
-from engine_bridge.live.wire import FRAME_KINDS, STATES, Header, Kind, join, topic, topic_field, write_json
-from engine_bridge.rig import Rig
-from solver.deformer import Deformer
-from solver.preparation import prepare
+from engine_bridge.character.character import make_character
+from engine_bridge.character.preparation import prepare
+from engine_bridge.export.live_basis import REACH, LiveBasis
+from engine_bridge.performance.rig import Rig
+from engine_bridge.puppet import puppet
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.header import (
+    FRAME_KINDS,
+    STATES,
+    Header,
+    Kind,
+    join,
+    topic,
+    topic_field,
+    write_json,
+)
+from engine_bridge.service.protocol.payloads import decode, encode
+from solver.motion.deformer import Deformer
 
 HERE = Path(__file__).parent
 

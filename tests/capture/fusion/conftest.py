@@ -6,7 +6,7 @@ from puppetline.examples.performances import clean
 from scipy.signal import lfilter
 
 from capture.clip import SkeletonClip
-from capture.fusion.pose import Pose
+from capture.pose import Pose
 from capture.skeleton import INFERRED, JOINT_INDEX, OPPOSITE, TRACKED
 
 LEFT, RIGHT = JOINT_INDEX["shoulder_left"], JOINT_INDEX["shoulder_right"]

@@ -8,9 +8,9 @@ import pytest
 from capture.clip import SkeletonClip
 from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
-from capture.replay import TakeSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, wait
+from capture.sources.replay import TakeSource
 from puppetline.errors import SourceError
 
 PATIENCE = 20.0

@@ -18,9 +18,9 @@ import pytest
 
 from capture.events import Tick
 from capture.sensors import source
-from capture.sensors.picture import Lens, Person, Picture
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.trackers.picture import Lens, Person, Picture
 
 from ...conftest import missing
 from ..network.conftest import STANDING

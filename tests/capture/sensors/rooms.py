@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from capture.fusion.pose import Pose
-from capture.sensors.picture import Lens
+from capture.pose import Pose
+from capture.trackers.picture import Lens
 
 LENS = Lens(640, 480, 525.0)
 WALL, CEILING = 5.0, 3.0

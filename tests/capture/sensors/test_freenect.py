@@ -48,7 +48,7 @@ import time
 import numpy as np
 from capture.events import Tick
 from capture.sensors.freenect import FreenectDevice
-from capture.sensors.picture import Person
+from capture.trackers.picture import Person
 from capture.sensors.source import SensorSource
 from capture.source import wait
 from puppetline.errors import SourceError

@@ -29,7 +29,7 @@ from capture.sensors.openni import (
 )
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
-from engine_bridge.live.line import Line
+from engine_bridge.service.stage_runner import Line
 from puppetline.errors import SourceError
 
 from .conftest import data_of, read

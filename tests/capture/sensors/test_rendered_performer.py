@@ -8,11 +8,11 @@ import pytest
 from puppetline.examples.performances import clean
 
 from capture.events import Cue
-from capture.level import Level
+from capture.sensor_tilt import Level
 from capture.sensors import freenect
-from capture.sensors.mediapipe import MediaPipePose
 from capture.skeleton import SkeletonFrame
-from engine_bridge.live.sources import open_source
+from capture.sources.registry import open_source
+from capture.trackers.mediapipe import MediaPipePose
 
 from .conftest import Watched
 
@@ -33,7 +33,7 @@ import numpy as np
 from capture.sensors import freenect, source
 from capture.skeleton import SkeletonFrame
 from capture.source import wait
-from engine_bridge.live.sources import open_source
+from capture.sources.registry import open_source
 
 source.OLDEST = 10.0  # no picture is too old, however busy the machine is
 frames = []

@@ -9,17 +9,17 @@ import pytest
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.events import Cue, Lost, Tick
-from capture.level import Level
 from capture.network.osc import encode
 from capture.network.source import open_osc
-from capture.reopening import Reopening
-from capture.replay import TakeSource
+from capture.reconnecting import Reopening
+from capture.sensor_tilt import Level
 from capture.sensors import sight as sights
-from capture.sensors.picture import Lens, Picture
 from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, summary, told
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
+from capture.sources.replay import TakeSource
+from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
 LENS = Lens(640, 480, 525.0)

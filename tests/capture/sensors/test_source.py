@@ -13,9 +13,9 @@ from capture.events import TICK, Tick
 from capture.sensors import clock
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
-from capture.sensors.picture import Picture
 from capture.sensors.source import SensorSource
 from capture.skeleton import SkeletonFrame
+from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
 from .conftest import LENS

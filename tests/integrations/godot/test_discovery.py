@@ -10,8 +10,8 @@ import pytest
 from zeroconf import DNSIncoming, DNSOutgoing, ServiceInfo
 from zeroconf.const import _CLASS_IN, _FLAGS_AA, _FLAGS_QR_RESPONSE, _TYPE_PTR
 
-from engine_bridge.live import discovery
-from engine_bridge.live.discovery import TYPE, Announcement
+from engine_bridge.service import discovery
+from engine_bridge.service.discovery import TYPE, Announcement
 
 on_the_network = pytest.mark.usefixtures("multicast")
 

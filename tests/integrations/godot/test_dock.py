@@ -13,8 +13,8 @@ import pytest
 import zmq
 from PIL import Image
 
-from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
-from engine_bridge.puppet import load
+from engine_bridge.puppet.puppet import load
+from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
 
 pytestmark = pytest.mark.slow
 

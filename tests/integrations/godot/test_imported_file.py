@@ -6,10 +6,10 @@ import subprocess
 import numpy as np
 import pytest
 
-from engine_bridge.ladder import write_ladder
-from engine_bridge.live.frame import StreamedCharacter
-from engine_bridge.live.scene import Scene
-from engine_bridge.rig import load_rig
+from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import Scene
 
 pytestmark = pytest.mark.slow
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.demo import CASTING, prepare
-from engine_bridge.live.frame import StreamedCharacter
-from engine_bridge.performance import make_deformer
-from engine_bridge.rig import load_rig
-from solver.deformer import to_file_units
-from solver.motion_blend import moved_by
+from engine_bridge.cli.demo import CASTING, prepare
+from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from solver.motion.deformer import to_file_units
+from solver.motion.motion_blend import moved_by
 
 MEAN, MOST = 0.1, 1.0
 """What pictures may differ, in steps of 255: on the average, and in all but a thousandth of the pixels. In a mesh Godot

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.live.wire import FRAME_KINDS, WireError, split
+from engine_bridge.service.protocol.header import FRAME_KINDS, WireError, split
 
 VECTORS = Path(__file__).parents[2] / "vectors"
 EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))

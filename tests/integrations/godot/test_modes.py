@@ -14,11 +14,11 @@ import pygltflib as gltf
 import pytest
 from scipy.spatial import cKDTree
 
-from engine_bridge.demo import CASTING, prepare
-from engine_bridge.live.frame import StreamedCharacter
-from engine_bridge.live.payloads import decode
-from engine_bridge.puppet import load
-from engine_bridge.rig import load_rig
+from engine_bridge.cli.demo import CASTING, prepare
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.puppet.puppet import load
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.payloads import decode
 
 CONTROLS, VERTICES, MORPHS = range(3)
 SAMPLES = 20

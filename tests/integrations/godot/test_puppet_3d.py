@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import zmq
 
-from engine_bridge.ladder import write_ladder
-from engine_bridge.live.frame import StreamedCharacter
-from engine_bridge.live.wire import Header, Kind, join, topic_field, write_json
-from solver.deformer import to_file_units
+from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
+from solver.motion.deformer import to_file_units
 
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.live.scene import Scene
-from engine_bridge.live.wire import WireError, split
+from engine_bridge.service.protocol.header import WireError, split
+from engine_bridge.service.protocol.scene import Scene
 
 RECORDED = (Path(__file__).parents[2] / "vectors" / "scene.bin").read_bytes()
 ARRAYS = {"triangles": "<i4", **dict.fromkeys(("positions", "normals", "ladder", "slopes", "uv", "colors"), "<f4")}

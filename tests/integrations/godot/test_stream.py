@@ -8,7 +8,7 @@ import time
 import pytest
 import zmq
 
-from engine_bridge.live.wire import Header, Kind, join, split, topic_field, write_json
+from engine_bridge.service.protocol.header import Header, Kind, join, split, topic_field, write_json
 
 FRAMES = ("controls", "vertices", "vertices16", "joints", "handles")
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import zmq
 
-from engine_bridge.live.payloads import decode
+from engine_bridge.service.protocol.payloads import decode
 
 from ..conftest import live
 

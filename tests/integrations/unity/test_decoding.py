@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.live.payloads import decode
-from engine_bridge.live.wire import STATES, Kind
+from engine_bridge.service.protocol.header import STATES, Kind
+from engine_bridge.service.protocol.payloads import decode
 
 from .conftest import array
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge import demo
+from engine_bridge.cli import demo
 
 from .conftest import HERE, PATIENCE, array
 

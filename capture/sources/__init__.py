@@ -1,0 +1,1 @@
+"""What a URI opens: the registry of sources, and recordings played again."""

@@ -1,0 +1,1 @@
+"""Trackers: a sensor's pictures become a body's joints."""

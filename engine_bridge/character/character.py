@@ -1,0 +1,299 @@
+"""A character: a glTF document and the surfaces in it that are to move.
+
+Whatever file a character comes in, it becomes a glTF document first, so that there is one way out. A document that was
+glTF already keeps all that it holds.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.appearance import Appearance
+from engine_bridge.character.assembly import assemble
+from engine_bridge.character.document import MAGIC, Document, damaged
+from engine_bridge.character.readers import SURFACE_FILES, read_surface
+from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
+from engine_bridge.character.schema import Mesh, Node, Primitive
+from engine_bridge.character.shading import shaded, unit
+from engine_bridge.character.surfaces.surface import FARTHEST, Piece, Surface, material_for
+from puppetline.errors import MeshError, at
+from solver.surface.mesh import SolverMesh, weld
+
+CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
+
+MOST_PARTS, MOST_VERTICES = 10_000, 10_000_000
+"""A scene of more is no character."""
+
+TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+
+
+@dataclass(frozen=True)
+class Part:
+    """One primitive of one mesh as one node shows it.
+
+    Attributes
+    ----------
+    node, primitive : int
+        Index of the node in the document, of the primitive in the node's mesh.
+    to_world : (1 or n, 4, 4) float64
+        The node's transform, or each vertex's own where a skeleton holds it; column vectors.
+    vertices : (n, 3) float64
+        World positions at rest, with the file's own morph targets and skeleton as they stand.
+    triangles : (t, 3) int64
+    normals : (n, 3) float64 or None
+        World unit normals, None where the file has none.
+    """
+
+    node: int
+    primitive: int
+    to_world: NDArray[np.float64]
+    vertices: NDArray[np.float64]
+    triangles: NDArray[np.int64]
+    normals: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True)
+class Character:
+    """A character ready to be moved.
+
+    Attributes
+    ----------
+    document : Document
+    parts : list of Part
+        Every surface of it, in the order of nodes and primitives.
+    """
+
+    document: Document
+    parts: list[Part]
+
+    @property
+    def vertices(self) -> NDArray[np.float64]:
+        """(N, 3) float64: the world positions of all parts, one after another."""
+        return np.concatenate([part.vertices for part in self.parts])
+
+    @property
+    def triangles(self) -> NDArray[np.int64]:
+        """(T, 3) int64: the triangles of all parts as indices into `vertices`."""
+        return np.concatenate(
+            [part.triangles + place.start for part, place in zip(self.parts, self.places, strict=True)]
+        )
+
+    @property
+    def places(self) -> list[slice]:
+        """Where each part's vertices are among `vertices`, and so in `SolverMesh.of_render`."""
+        ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
+        return [slice(start, end) for start, end in pairwise([0, *ends])]
+
+    @cached_property
+    def colors(self) -> NDArray[np.float64] | None:
+        """(N, 3) linear RGB for pictures, or None where no part has a colour."""
+        look, gltf = Appearance(self.document), self.document.gltf
+        primitives = [
+            gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive] for part in self.parts
+        ]
+        colors = [
+            look.of(primitive, len(part.vertices)) for primitive, part in zip(primitives, self.parts, strict=True)
+        ]
+        if all(own is None for own in colors):
+            return None
+        grey = [np.full_like(part.vertices, 0.6) for part in self.parts]
+        return np.concatenate([plain if own is None else own for own, plain in zip(colors, grey, strict=True)])
+
+    def solver_mesh(self) -> SolverMesh:
+        """Weld all parts into the surface that is solved for."""
+        return weld(self.vertices, self.triangles, self.document.name)
+
+
+def load_character(path: Path, cache: Path | None = None) -> Character:
+    """Read a character from a glTF or surface file, found by content and then by ending.
+
+    Parameters
+    ----------
+    path : Path
+    cache : Path, optional
+        Folder for what is computed for a surface file, see `engine_bridge.character.cache.recall`.
+
+    Raises
+    ------
+    MeshError
+    """
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise MeshError(path, found=found, expected="a mesh", fix="Check the path to the character's mesh.")
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise MeshError(
+            path,
+            found=f"that it cannot be read ({error.strerror})",
+            expected="a mesh",
+            fix="Check the file's permissions.",
+        ) from error
+    if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+        return from_document(Document.load(path))
+    return from_document(assemble(read_surface(path, cache), path.stem, str(path)))
+
+
+def make_character(
+    title: str,
+    vertices: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    colors: NDArray[np.floating] | None = None,
+) -> Character:
+    """Make a character of one plain surface.
+
+    Parameters
+    ----------
+    title : str
+        Name of its node and mesh.
+    vertices : (n, 3) float64
+    triangles : (t, 3) int64
+    colors : (n, 3) float, optional
+        Linear RGB.
+
+    Raises
+    ------
+    MeshError
+        No surface.
+    """
+    rgba = None if colors is None else np.column_stack([colors, np.ones(len(colors))])
+    piece = Piece(title, vertices, triangles, material=material_for(rgba), colors=rgba)
+    return from_document(assemble(shaded(Surface([piece]), title), title))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused when they are welded
+def from_document(document: Document) -> Character:
+    """Find the surfaces of a document's scene.
+
+    Raises
+    ------
+    MeshError
+        No surface, or data that contradicts itself.
+    """
+    _check_size(document)
+    world = world_transforms(document)
+    parts = [part for node in shown_nodes(document) for part in _parts(document, node, world)]
+    if not parts:
+        raise MeshError(
+            document.name,
+            found="no triangles in the scene",
+            expected="a character with a surface",
+            fix="Export the mesh itself, not only cameras, lights, lines or points.",
+        )
+    return Character(document, parts)
+
+
+def _check_size(document: Document) -> None:
+    """Refuse a scene without bounds. A small file can hold one: nodes may share a mesh, and primitives their arrays."""
+    gltf = document.gltf
+    parts = vertices = 0
+    for node in shown_nodes(document):
+        for primitive in gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]:
+            parts += 1
+            if "POSITION" in primitive["attributes"]:
+                # a claim beyond the file is refused where the array is read, with its place
+                count = gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
+                vertices += min(count, len(document.blob))
+            if parts > MOST_PARTS or vertices > MOST_VERTICES:
+                raise MeshError(
+                    document.name,
+                    found="a scene of more parts or vertices than a character has",
+                    expected=f"at most {MOST_PARTS:,} parts and {MOST_VERTICES:,} vertices",
+                    fix="Export the character alone, or simplify it in an editor.",
+                )
+
+
+def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterator[Part]:
+    shown = document.gltf["nodes"][node]
+    mesh = document.gltf["meshes"][shown["mesh"]]
+    weights = rest_weights(shown, mesh)
+    for index, primitive in enumerate(mesh["primitives"]):
+        if "POSITION" not in primitive["attributes"]:
+            continue
+        count = _vertex_count(document, primitive)
+        positions = _at_rest(document, primitive, "POSITION", count, weights)
+        normals = _at_rest(document, primitive, "NORMAL", count, weights)
+        triangles = _triangles(document, primitive, count)
+        if positions is None or triangles is None:
+            title = mesh.get("name") or shown.get("name") or f"mesh {shown['mesh']}"
+            document.notes.append(f"{title}: points or lines stay where they are")
+            continue
+        if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
+            place = at(document.name, field=f"meshes[{shown['mesh']}].primitives[{index}].indices")
+            raise damaged(place, f"vertex {int(triangles.max())} of {count}")
+        to_world = world[None, node]
+        if "skin" in shown:
+            to_world = skinning(document, primitive, shown["skin"], count, world)
+        if not (np.abs(to_world) <= FARTHEST).all():
+            raise damaged(at(document.name, field=f"nodes[{node}]"), "a transform without bounds")
+        linear, offset = to_world[:, :3, :3], to_world[:, :3, 3]
+        if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
+            triangles = triangles[:, ::-1]
+        if normals is not None:
+            normals = unit((normals[:, None] @ np.linalg.pinv(linear))[:, 0], otherwise=0.0)
+        yield Part(
+            node=node,
+            primitive=index,
+            to_world=to_world,
+            vertices=(linear @ positions[:, :, None])[:, :, 0] + offset,
+            triangles=triangles,
+            normals=normals,
+        )
+
+
+def _vertex_count(document: Document, primitive: Primitive) -> int:
+    """Return the number of a primitive's vertices, which all of its attributes must share."""
+    counts = {index: document.gltf["accessors"][index]["count"] for index in primitive["attributes"].values()}
+    count = counts[primitive["attributes"]["POSITION"]]
+    for index, other in counts.items():
+        if other != count:
+            raise damaged(at(document.name, field=f"accessors[{index}]"), f"{other:,} values for {count:,} vertices")
+    return count
+
+
+def rest_weights(node: Node, mesh: Mesh) -> list[float]:
+    """Return how far the file's own morph targets are in where a node shows a mesh: the node's word counts first."""
+    there = max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
+    weights = node.get("weights") or mesh.get("weights") or []
+    return [*map(float, weights), *[0.0] * there][:there]
+
+
+def _at_rest(
+    document: Document, primitive: Primitive, name: str, count: int, weights: list[float]
+) -> NDArray[np.float64] | None:
+    """Return positions or normals in the primitive's own space, its own morph targets as far in as they stand."""
+    base = document.attribute(primitive, name, count, 3)
+    if base is None:
+        return None
+    values = base.astype(np.float64)
+    for target, weight in zip(primitive.get("targets", []), weights, strict=False):
+        moved = document.attribute({"attributes": target}, name, count, 3) if weight else None
+        if moved is not None:
+            values += weight * moved
+    return values
+
+
+def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[np.int64] | None:
+    """Return a primitive's triangles, or None where it is made of points or lines."""
+    mode = primitive.get("mode", TRIANGLES)
+    if mode not in (TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN):
+        return None
+    indices = np.arange(count)
+    if "indices" in primitive:
+        indices = document.array(primitive["indices"])
+        if indices.ndim != 1 or indices.dtype.kind != "u":
+            raise damaged(at(document.name, field=f"accessors[{primitive['indices']}]"), "indices that are no numbers")
+        indices = indices.astype(np.int64)
+    if mode == TRIANGLES:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    first = indices[:-2] if mode == TRIANGLE_STRIP else np.full(max(len(indices) - 2, 0), indices[0])
+    triangles = np.column_stack([first, indices[1:-1], indices[2:]])
+    if mode == TRIANGLE_STRIP:
+        triangles[1::2] = triangles[1::2, [1, 0, 2]]
+    return triangles

@@ -1,0 +1,191 @@
+"""The tree of nodes: what is shown, where it stands, and what a skeleton of the file's own does to it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.document import Document, damaged
+from engine_bridge.character.schema import Gltf, Node, Primitive
+from puppetline.errors import MeshError, at
+
+MOST_SETS = 16
+"""Sets of 4 joints that a vertex may follow; any number of them could share one array of a small file."""
+
+
+def top_nodes(gltf: Gltf) -> list[int]:
+    """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
+    if gltf["scenes"]:
+        return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", []))
+    return _roots(gltf)
+
+
+def _roots(gltf: Gltf) -> list[int]:
+    """Return the nodes that are nobody's children."""
+    children = {child for node in gltf["nodes"] for child in node.get("children", [])}
+    return [index for index in range(len(gltf["nodes"])) if index not in children]
+
+
+def shown_nodes(document: Document) -> list[int]:
+    """Return the nodes of the shown scene that have a mesh, in the order of the file.
+
+    Raises
+    ------
+    MeshError
+        Nodes that are no tree.
+    """
+    nodes, tops = document.gltf["nodes"], top_nodes(document.gltf)
+    shown = [index for index, _ in _walk(document, tops) if "mesh" in nodes[index]]
+    inner = set(tops).difference(_roots(document.gltf))
+    if inner:  # what it hangs on is not shown, and yet moves it
+        raise _no_tree(document, min(inner), "a node at the top of the scene that has a parent")
+    return shown
+
+
+def world_transforms(document: Document) -> NDArray[np.float64]:
+    """Return the (nodes, 4, 4) transforms of all nodes, column vectors.
+
+    Nodes outside the shown scene count from the top of their own tree: joints may stand there.
+    """
+    gltf = document.gltf
+    transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
+    for index, parent in tree(document):
+        above = np.eye(4) if parent is None else transforms[parent]
+        transforms[index] = above @ local_transform(gltf["nodes"][index])
+    return transforms
+
+
+def tree(document: Document) -> list[tuple[int, int | None]]:
+    """Return all nodes, each with its parent and after it.
+
+    Raises
+    ------
+    MeshError
+        Nodes that are no tree.
+    """
+    return list(_walk(document, _roots(document.gltf)))
+
+
+def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | None]]:
+    """Walk trees of nodes in the order of the file: each node with its parent."""
+    nodes = document.gltf["nodes"]
+    waiting: list[tuple[int, int | None]] = [(root, None) for root in reversed(roots)]
+    seen: set[int] = set()
+    while waiting:
+        index, parent = waiting.pop()
+        if index in seen:
+            raise _no_tree(document, index, "a node that is its own ancestor, or has two parents")
+        seen.add(index)
+        yield index, parent
+        waiting.extend((child, index) for child in reversed(nodes[index].get("children", [])))
+
+
+def _no_tree(document: Document, node: int, found: str) -> MeshError:
+    return MeshError(
+        at(document.name, field=f"nodes[{node}]"),
+        found=found,
+        expected="a tree of nodes",
+        fix="The file is damaged: export it again.",
+    )
+
+
+def local_transform(node: Node) -> NDArray[np.float64]:
+    """Return the (4, 4) transform of a node against its parent, column vectors."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    transform = np.eye(4)
+    rotation = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=np.float64)
+    if rotation.any():
+        transform[:3, :3] = rotation_matrix(rotation)
+    transform[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=np.float64)
+    transform[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return transform
+
+
+def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn x, y, z, w (4,) of any length but 0 into a (3, 3) matrix (Rodrigues)."""
+    scaled = quaternion / np.abs(quaternion).max()  # squares of what is huge or tiny are infinite or zero
+    x, y, z, w = scaled / np.linalg.norm(scaled)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2 * (w * cross + cross @ cross)
+
+
+def skinning(
+    document: Document, primitive: Primitive, skin: int, count: int, world: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what a skin does to each vertex of a primitive as the skeleton stands.
+
+    A vertex goes where the weighted mean of its joints' matrices takes it (glTF 2.0, section 3.7.3.3); the transform of
+    the node that shows it does not count. Weights are brought to sum 1, as viewers do.
+
+    Parameters
+    ----------
+    document : Document
+    primitive : Primitive
+    skin : int
+    count : int
+        Number of vertices.
+    world : (nodes, 4, 4) float64
+        From `world_transforms`.
+
+    Returns
+    -------
+    (count, 4, 4) float64
+
+    Raises
+    ------
+    MeshError
+        Joints that the skin does not have.
+    """
+    table = document.gltf["skins"][skin]
+    where = at(document.name, field=f"skins[{skin}]")
+    joints = world[table["joints"]]
+    if "inverseBindMatrices" in table:
+        inverse = document.array(table["inverseBindMatrices"]).astype(np.float64)
+        if inverse.ndim != 2 or inverse.shape[1] != 16 or len(inverse) < len(joints):
+            raise damaged(where, f"{len(inverse)} inverse bind matrices for {len(joints)} joints")
+        joints = joints @ inverse[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    which, share = influences(document, primitive, skin, count)
+    blended = np.zeros((count, 4, 4))
+    for column in range(which.shape[1]):
+        blended += share[:, column, None, None] * joints[which[:, column]]
+    return blended
+
+
+def influences(
+    document: Document, primitive: Primitive, skin: int, count: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which joints of a skin each vertex of a primitive follows, and how much.
+
+    Returns
+    -------
+    (count, k) int64, (count, k) float64
+        Indices into the skin's joints, and weights whose sum is 1 at each vertex.
+
+    Raises
+    ------
+    MeshError
+        Joints that the skin does not have.
+    """
+    where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
+    sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
+    if len(sets) > MOST_SETS:
+        raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
+    indices = _columns(document, primitive, [f"JOINTS_{name}" for name in sets], count)
+    weights = _columns(document, primitive, [f"WEIGHTS_{name}" for name in sets], count)
+    if not sets or indices.shape != weights.shape:
+        raise damaged(where, "a primitive without joints and weights")
+    which, share = indices.astype(np.int64), weights.astype(np.float64)
+    if which.max(initial=0) >= len(joints) or which.min(initial=0) < 0:
+        raise damaged(where, f"joint {which.max()} of {len(joints)}")
+    share = np.where(np.isfinite(share), np.maximum(share, 0), 0)
+    share[share.sum(axis=1) == 0] = np.eye(1, share.shape[1])
+    share /= share.sum(axis=1, keepdims=True)
+    return which, share
+
+
+def _columns(document: Document, primitive: Primitive, names: list[str], count: int) -> NDArray[Any]:
+    """Put the attributes that are there side by side."""
+    found = [document.attribute(primitive, name, count, 4) for name in names]
+    return np.hstack([np.zeros((count, 0)), *(values for values in found if values is not None)])

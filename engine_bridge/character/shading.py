@@ -1,0 +1,226 @@
+"""What a surface lacks to be shown: faces that all look outwards, normals, and both sides of what is open."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import igl
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
+
+from engine_bridge.character.cache import Arrays, key_of, recall
+from engine_bridge.character.surfaces.corners import alike
+from engine_bridge.character.surfaces.surface import Piece, Surface, count
+from puppetline.errors import MeshError
+from solver.surface.mesh import weld
+from solver.surface.winding import edges_of, in_order, wound_alike
+
+LEAF = 1e-6
+"""A closed part whose volume is less than this share of its area^1.5 has no inside: a leaf with two sides."""
+
+SMALLEST = 1e-30
+"""Size of a surface whose areas can still be compared."""
+
+CREASE, BEND = np.cos(np.radians(40)), np.cos(np.radians(2))
+"""Cosines of the angle between two faces from which their edge is hard, and from which it is one at all."""
+
+UP = (0.0, 1.0, 0.0)
+"""The normal of a vertex that is in no face with an area."""
+
+
+def shaded(surface: Surface, name: str, cache: Path | None = None) -> Surface:
+    """Complete a surface; the order and number of its vertices and triangles stay.
+
+    Where no piece has normals, triangles that contradict their neighbours or look into a closed part are turned over.
+    Normals that are missing are made: smooth ones across all vertices at one place, or see `Surface.faceted`. A surface
+    that is mostly hard edges stays without, and glTF shows it so. Pieces of parts that are open get a material with two
+    sides.
+
+    Parameters
+    ----------
+    surface : Surface
+    name : str
+        What an error message calls it.
+    cache : Path, optional
+        Folder for what is computed, see `engine_bridge.character.cache.recall`.
+
+    Raises
+    ------
+    MeshError
+        No surface, see `solver.surface.mesh.weld`, or one without a size to speak of.
+    """
+    positions = np.concatenate([piece.positions for piece in surface.pieces])
+    starts = np.cumsum([0] + [len(piece.positions) for piece in surface.pieces])
+    triangles = np.concatenate([piece.triangles + start for piece, start in zip(surface.pieces, starts, strict=False)])
+    _check_size(positions, triangles, name)
+    has_normals = any(piece.normals is not None for piece in surface.pieces)
+    key = key_of("shading", has_normals, surface.faceted, positions, triangles)
+    shading = recall(cache, key, lambda: _shading(positions, triangles, has_normals, surface.faceted, name))
+    turned, is_open, normals = shading["turned"], shading["is_open"], shading.get("normals")
+    notes = list(dict.fromkeys(surface.notes))
+    if turned.any():
+        triangles[turned] = triangles[turned, ::-1]
+        notes.append(f"{count(int(turned.sum()), 'triangle')} of {len(triangles):,} faced the wrong way: turned over.")
+    places = np.cumsum([0] + [len(piece.triangles) for piece in surface.pieces])
+    pieces = []
+    for index, piece in enumerate(surface.pieces):
+        own = slice(places[index], places[index + 1])
+        made = None if normals is None else normals[starts[index] : starts[index + 1]]
+        sides = piece.material.double_sided or bool(is_open[own].any())
+        pieces.append(
+            replace(
+                piece,
+                triangles=triangles[own] - starts[index],
+                normals=_completed(piece.normals, made),
+                material=replace(piece.material, double_sided=sides),
+            )
+        )
+    return replace(surface, pieces=pieces, notes=notes + _lost_normals(surface.pieces))
+
+
+def _shading(
+    positions: NDArray[np.float64], triangles: NDArray[np.int64], has_normals: bool, faceted: bool, name: str
+) -> Arrays:
+    """Compute which triangles are turned over, which are in open parts, and normals, except for an angular surface."""
+    mesh = weld(positions, triangles, name)
+    welded = mesh.of_render[triangles]
+    turned = np.zeros(len(triangles), dtype=np.bool_) if has_normals else wrongly_wound(mesh.vertices, welded)
+    triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
+    welded = np.where(turned[:, None], welded[:, ::-1], welded)
+    made = {"turned": turned, "is_open": in_open_part(welded, len(mesh.vertices))}
+    if faceted:
+        return made | {"normals": _facet_normals(positions, triangles)}
+    if not has_normals and is_angular(mesh.vertices, mesh.faces):
+        return made
+    first, is_back = _sides(welded)
+    normals = unit(igl.per_vertex_normals(mesh.vertices, welded[first])[mesh.of_render], UP)
+    if is_back.any():
+        normals[np.setdiff1d(triangles[is_back], triangles[~is_back])] *= -1
+    return made | {"normals": normals}
+
+
+def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> None:
+    """Refuse a surface so small that its area is no number any more."""
+    used = np.zeros(len(positions), dtype=np.bool_)
+    used[triangles] = True
+    size = float(np.ptp(positions[used], axis=0).max()) if used.any() else 0.0
+    if 0 < size < SMALLEST:
+        raise MeshError(
+            name,
+            found=f"a surface of a size of {size:.3g}",
+            expected=f"one of at least {SMALLEST:g}",
+            fix="Check the scale that the mesh was exported with.",
+        )
+
+
+def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which triangles are wound the other way round than a closed surface is, seen from outside.
+
+    Triangles that meet two by two at an edge form a patch, which is wound as one. A closed patch looks outwards (its
+    volume is positive); in any other, the smaller part of its area is wrong.
+
+    Parameters
+    ----------
+    vertices : (n, 3) float64
+    faces : (t, 3) int64
+        May hold degenerate triangles, which are never wrong.
+
+    Returns
+    -------
+    (t,) bool
+    """
+    a, b, c = faces.T
+    proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
+    oriented, patch = wound_alike(faces[proper])
+    flipped = (oriented != faces[proper]).any(axis=1)
+    corners = vertices[oriented] - vertices.mean(axis=0)
+    cross = np.cross(corners[:, 1], corners[:, 2])
+    count_of = int(patch.max()) + 1
+    volume = np.bincount(patch, np.einsum("ij,ij->i", corners[:, 0], cross) / 6, count_of)
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.bincount(patch, doubled / 2, count_of)
+    minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
+    unbalanced = _unbalanced(oriented, patch)
+    solid = np.abs(volume) > LEAF * area**1.5
+    solid[patch[unbalanced]] = False
+    against = np.where(solid, volume < 0, minority)
+    turned = np.zeros(len(faces), dtype=bool)
+    turned[proper] = flipped ^ against[patch]
+    return turned
+
+
+def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
+    """Tell which of the (t, 3) faces are connected to an edge where the surface ends or turns over.
+
+    A face that is there twice, once for each side, ends nowhere.
+    """
+    ends = faces[_unbalanced(faces)]
+    if not len(ends):
+        return np.zeros(len(faces), dtype=np.bool_)
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    links = scipy.sparse.coo_matrix((np.ones(len(edges)), edges.T), shape=(vertices, vertices))
+    part = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
+    is_open = np.zeros(len(part), dtype=np.bool_)
+    is_open[part[ends[:, 0]]] = True
+    return is_open[part[faces[:, 0]]]
+
+
+def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
+    """Tell whether most of the length of the edges at which a surface bends is hard, as in furniture and crystals."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    normals = unit(np.cross(b - a, c - a), UP)
+    edges, of_side, _ = edges_of(faces)
+    order = in_order(of_side[:, None], len(edges))
+    edge, face = of_side[order], order // 3
+    shared = np.flatnonzero(edge[1:] == edge[:-1])
+    cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])
+    length = np.linalg.norm(np.subtract(*vertices[edges[edge[shared]].T]), axis=1)
+    return bool(length[cosine < CREASE].sum() > 0.5 * length[cosine < BEND].sum())
+
+
+def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
+    """Tell which (t,) faces have an edge that is not passed as often in one direction as in the other.
+
+    Where patches are given, an edge of several of them is one for each.
+    """
+    _, edge, _ = edges_of(faces)
+    if patch is not None:
+        _, edge = alike(np.column_stack([np.repeat(patch, 3), edge]))
+    balance = np.bincount(edge, np.sign(np.roll(faces, -1, axis=1) - faces).ravel())
+    a, b, c = (balance[edge] != 0).reshape(-1, 3).T
+    return a | b | c
+
+
+def _sides(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the first of all faces between the same vertices, and which of the (t,) faces are the backs of these."""
+    first, kind = alike(np.sort(faces, axis=1))
+    order = np.argsort(faces, axis=1)
+    is_even = (order[:, 1] - order[:, 0]) % 3 == 1
+    return first, is_even != is_even[first[kind]]
+
+
+def _facet_normals(positions: NDArray[np.float64], triangles: NDArray[np.int64]) -> NDArray[np.float64]:
+    a, b, c = (positions[triangles[:, corner]] for corner in range(3))
+    normals = np.zeros_like(positions)
+    normals[triangles] = np.cross(b - a, c - a)[:, None]
+    return unit(normals, UP)
+
+
+def _completed(own: NDArray[np.float64] | None, made: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    return made if own is None or made is None else unit(own, made)
+
+
+def unit(vectors: NDArray[np.float64], otherwise: ArrayLike) -> NDArray[np.float64]:
+    """Return (n, 3) unit vectors, those of `otherwise` in place of what has no direction."""
+    x, y, z = np.abs(vectors).T
+    largest = np.maximum(np.maximum(x, y), z)[:, None]  # several times as fast as a maximum along rows of three
+    good = (largest > 0) & np.isfinite(largest)
+    vectors = np.where(good, vectors, otherwise) / np.where(good, largest, 1.0)
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+def _lost_normals(pieces: list[Piece]) -> list[str]:
+    own = [piece.normals for piece in pieces if piece.normals is not None]
+    lost = sum(int((~normals.any(axis=1) | ~np.isfinite(normals).all(axis=1)).sum()) for normals in own)
+    return [f"{count(lost, 'normal')} had no direction: computed."] if lost else []

@@ -1,0 +1,280 @@
+"""PLY, text and binary, as tables of named columns, whatever they describe."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import repeat
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.surfaces.surface import count, damaged
+from engine_bridge.character.surfaces.text import Rows, decoded, lines_of, spans
+from puppetline.errors import MeshError, at
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
+    "double": "f8", "float64": "f8",
+}  # fmt: skip
+
+ORDERS: dict[str, Literal["little", "big"]] = {"binary_little_endian": "little", "binary_big_endian": "big"}
+
+HEAD = re.compile(rb"ply[ \t]*(\r\n|\r|\n)")
+END = re.compile(rb"^end_header[ \t]*(?:\r\n|\r|\n|$)", re.MULTILINE)
+
+LONGEST_HEADER = 2**18
+"""Bytes."""
+
+
+@dataclass(frozen=True)
+class Property:
+    """A column's name, the kind of its numbers, and where a row has a list of them, the kind of its length."""
+
+    name: str
+    kind: np.dtype[Any]
+    kind_of_length: np.dtype[Any] | None
+
+
+@dataclass(frozen=True)
+class Element:
+    """A table's name, its number of rows, and its columns."""
+
+    name: str
+    rows: int
+    properties: list[Property]
+
+
+@dataclass(frozen=True)
+class Column:
+    """The values of a property.
+
+    Attributes
+    ----------
+    kind : dtype
+        As the header has it.
+    values : (n,) or (m,) number
+        One a row, or all lists one after another.
+    lengths : (n,) int64 or None
+        Of the lists.
+    """
+
+    kind: np.dtype[Any]
+    values: NDArray[Any]
+    lengths: NDArray[np.int64] | None
+
+
+@dataclass
+class Header:
+    """What stands before the data."""
+
+    word: str = ""
+    elements: list[Element] = field(default_factory=list)
+    pictures: list[tuple[int, str]] = field(default_factory=list)
+
+
+Table = dict[str, Column]
+
+
+def matches(head: bytes) -> bool:
+    """Tell whether a file begins like a PLY."""
+    return HEAD.match(head) is not None
+
+
+def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tuple[int, str]]]:
+    """Read all elements of a PLY file.
+
+    Returns
+    -------
+    tables : dict
+        Columns by the names of element and property.
+    pictures : list of (line, name)
+        The comments that name a texture file.
+
+    Raises
+    ------
+    MeshError
+        With the line, or the element and row, that cannot be read.
+    """
+    end = END.search(content[:LONGEST_HEADER].replace(b"\r", b"\n"))
+    if not matches(content) or end is None:
+        raise damaged(path, "no PLY header", "'ply' … 'end_header'")
+    length = end.end()
+    if content[length - 1 : length + 1] == b"\r\n":
+        length += 1
+    header = _header(path, content[:length])
+    if header.word == "ascii":
+        tables = _text_tables(path, content, length, header.elements)
+    else:
+        tables = _binary_tables(path, content, length, header)
+    return tables, header.pictures
+
+
+def _header(path: Path, content: bytes) -> Header:
+    """Read the lines up to ``end_header``."""
+    header = Header()
+    for number, line in enumerate(decoded(path, content).split("\n"), 1):
+        match line.split():
+            case ["format", word, *_] if word == "ascii" or word in ORDERS:
+                header.word = word
+            case ["element", name, rows] if re.fullmatch("[0-9]{1,18}", rows):
+                header.elements.append(Element(name, int(rows), []))
+            case ["property", "list", length, kind, name] if header.elements and TYPES.get(length, "f")[0] != "f":
+                _add(path, number, header, name, kind, length)
+            case ["property", kind, name] if header.elements:
+                _add(path, number, header, name, kind, None)
+            case ["comment", "TextureFile", *_]:
+                header.pictures.append((number, line.split(None, 2)[-1].strip()))
+            case ["ply" | "comment" | "obj_info" | "end_header", *_] | []:
+                pass
+            case _:
+                raise damaged(at(path, line=number), repr(line[:60]), "a statement of a PLY header")
+    if not header.word:
+        raise damaged(path, "no format", f"'format', ascii or {' or '.join(ORDERS)}, '1.0'")
+    return header
+
+
+def _add(path: Path, number: int, header: Header, name: str, kind: str, length: str | None) -> None:
+    if kind not in TYPES:
+        raise damaged(at(path, line=number), f"the type {kind[:20]!r}", ", ".join(TYPES))
+    kind_of_length = None if length is None else np.dtype(TYPES[length])
+    header.elements[-1].properties.append(Property(name, np.dtype(TYPES[kind]), kind_of_length))
+
+
+def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]) -> dict[str, Table]:
+    lines = lines_of(decoded(path, content))
+    first = int(np.searchsorted(lines.numbers, decoded(path, content[:start]).count("\n"), side="right"))
+    tables = {}
+    for element in elements:
+        if not element.properties:
+            continue
+        if element.rows > len(lines) - first:
+            raise damaged(
+                at(path, field=f"element {element.name}"),
+                f"{count(len(lines) - first, 'line')} for {count(element.rows, 'row')}",
+                "a whole PLY file",
+            )
+        own = slice(first, first + element.rows)
+        first += element.rows
+        expected = " ".join(_described(element))
+        rows = Rows(path, expected, lines.data, lines.numbers[own], lines.starts[own], lines.ends[own])
+        tables[element.name] = _text_columns(rows, element)
+    return tables
+
+
+def _described(element: Element) -> Iterator[str]:
+    return (name.name if name.kind_of_length is None else f"n {name.name}…" for name in element.properties)
+
+
+def _text_columns(rows: Rows, element: Element) -> Table:
+    values, widths = rows.numbers
+    place, ends = np.cumsum(widths) - widths, np.cumsum(widths)
+    table = {}
+    for prop in element.properties:
+        rows.refuse(place >= ends)
+        if prop.kind_of_length is None:
+            table[prop.name] = Column(prop.kind, values[place], None)
+            place = place + 1
+        else:
+            stated = values[place]
+            rows.refuse(~((stated >= 0) & (stated < ends - place) & (stated == np.floor(stated))))
+            lengths = stated.astype(np.int64)
+            table[prop.name] = Column(prop.kind, values[spans(place + 1, lengths)], lengths)
+            place = place + 1 + lengths
+    return table
+
+
+def _binary_tables(path: Path, content: bytes, start: int, header: Header) -> dict[str, Table]:
+    tables = {}
+    for element in header.elements:
+        if element.properties:
+            reader = _BinaryElement(path, content, start, element, ORDERS[header.word])
+            tables[element.name], start = reader.read()
+    return tables
+
+
+class _BinaryElement:
+    """The bytes of an element, from `start` on."""
+
+    def __init__(
+        self, path: Path, content: bytes, start: int, element: Element, order: Literal["little", "big"]
+    ) -> None:
+        self.path = path
+        self.content = content
+        self.start = start
+        self.element = element
+        self.order = order
+
+    def read(self) -> tuple[Table, int]:
+        """Return the columns, and where the next element begins."""
+        rows, there = self.element.rows, len(self.content) - self.start
+        least = sum((prop.kind_of_length or prop.kind).itemsize for prop in self.element.properties)
+        if rows * least > there:
+            raise self._damaged(f"{count(there, 'byte')} for {count(rows, 'row')}", "a whole PLY file")
+        return self._read_alike() or self._read_each()
+
+    def _read_alike(self) -> tuple[Table, int] | None:
+        """Read rows whose lists are all as long as in the first row, the usual case; return None if they are not."""
+        rows, properties = self.element.rows, self.element.properties
+        if not rows:
+            return None
+        lengths = [first[0] if first else 1 for _, first in self._walk(1)[0]]
+        columns = list(enumerate(zip(properties, lengths, strict=True)))
+        fields = [(f"values{index}", self._stored(prop.kind), (length,)) for index, (prop, length) in columns]
+        for index, (prop, _) in reversed(columns):
+            if prop.kind_of_length is not None:
+                fields.insert(index, (f"length{index}", self._stored(prop.kind_of_length), (1,)))
+        row = np.dtype(fields)
+        if rows * row.itemsize > len(self.content) - self.start:
+            return None
+        read = np.frombuffer(self.content, row, rows, self.start)
+        table = {}
+        for index, (prop, length) in columns:
+            is_list = prop.kind_of_length is not None
+            if is_list and (read[f"length{index}"] != length).any():
+                return None
+            of_lists = np.full(rows, length, dtype=np.int64) if is_list else None
+            table[prop.name] = Column(prop.kind, read[f"values{index}"].ravel(), of_lists)
+        return table, self.start + rows * row.itemsize
+
+    def _read_each(self) -> tuple[Table, int]:
+        """Read rows with lists of any length."""
+        found, end = self._walk(self.element.rows)
+        table = {}
+        for prop, (places, lengths) in zip(self.element.properties, found, strict=True):
+            size = prop.kind.itemsize
+            parts = (
+                self.content[place : place + size * length]
+                for place, length in zip(places, lengths or repeat(1), strict=False)
+            )
+            values = np.frombuffer(b"".join(parts), self._stored(prop.kind))
+            of_lists = None if prop.kind_of_length is None else np.array(lengths, dtype=np.int64)
+            table[prop.name] = Column(prop.kind, values, of_lists)
+        return table, end
+
+    def _walk(self, rows: int) -> tuple[list[tuple[list[int], list[int]]], int]:
+        """Return where each property's values are in the first rows and how long its lists; and where the rows end."""
+        found: list[tuple[list[int], list[int]]] = [([], []) for _ in self.element.properties]
+        sizes = [(prop.kind.itemsize, prop.kind_of_length) for prop in self.element.properties]
+        place = self.start
+        for row in range(rows):
+            for (places, lengths), (size, kind_of_length) in zip(found, sizes, strict=True):
+                length = 1
+                if kind_of_length is not None:
+                    digits = self.content[place : place + kind_of_length.itemsize]
+                    length = int.from_bytes(digits, self.order, signed=kind_of_length.kind == "i")
+                    place += kind_of_length.itemsize
+                    lengths.append(length)
+                places.append(place)
+                place += size * length
+                if length < 0 or place > len(self.content):
+                    raise self._damaged(f"a list of {length} in row {row}", "no more than the file has bytes for")
+        return found, place
+
+    def _stored(self, kind: np.dtype[Any]) -> np.dtype[Any]:
+        return kind.newbyteorder("<" if self.order == "little" else ">")
+
+    def _damaged(self, found: str, expected: str) -> MeshError:
+        return damaged(at(self.path, field=f"element {self.element.name}"), found, expected)

@@ -1,0 +1,1 @@
+"""Motion out: glTF animations of several forms, morph bases and shader meshes."""

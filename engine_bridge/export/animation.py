@@ -1,0 +1,221 @@
+"""The animated character: morph targets, their weights over time, and the root's way through space."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.character import Character, Part, rest_weights
+from engine_bridge.character.document import ARRAY_BUFFER, Document, damaged
+from engine_bridge.character.scene import top_nodes
+from engine_bridge.character.schema import Animation, Gltf, Mesh, Node, Primitive, copied
+from engine_bridge.character.surfaces.surface import FARTHEST
+from puppetline.errors import at
+
+
+@dataclass(frozen=True)
+class Take:
+    """A clip, ready to be written.
+
+    Attributes
+    ----------
+    name : str
+        Name of the animation.
+    times : (F,) float32
+        Seconds, from 0.
+    weights : (F, K) float32
+    root : (F, 3) float32 or None
+        Translation of the whole character, mesh file's coordinates.
+    """
+
+    name: str
+    times: NDArray[np.float32]
+    weights: NDArray[np.float32]
+    root: NDArray[np.float32] | None
+
+
+Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] | None]]
+"""Part number to (K, n, 3) position and normal displacements in world coordinates, normals None where it has none."""
+
+
+def animate(character: Character, take: Take, displacements: Displacements) -> Document:
+    """Put a take into a copy of a character's document.
+
+    Each node that shows a part of the character gets morph targets and a weights animation; the root's motion is the
+    translation of a new node above the scene. All that the document holds stays: a skeleton stands still in the new
+    animation, which moves vertices before the skeleton does, and goes on moving the character in the file's own.
+
+    Parameters
+    ----------
+    character : Character
+    take : Take
+    displacements : callable
+        Asked for one part at a time, so that they need not all be in memory.
+
+    Returns
+    -------
+    Document
+        Ready to be saved.
+    """
+    document = character.document.copy()
+    gltf = document.gltf
+    show_all(gltf)
+    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
+    clock = document.add(take.times, bounds=True)
+    numbered: dict[int, list[tuple[int, Part]]] = {}
+    for number, part in enumerate(character.parts):
+        numbered.setdefault(part.node, []).append((number, part))
+    shown = Counter(node.get("mesh") for node in gltf["nodes"])
+    for node, parts in numbered.items():
+        mesh = own_mesh(document, node, shown)
+        before = rest_weights(gltf["nodes"][node], mesh)
+        for number, part in parts:
+            _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
+        _pad_targets(document, mesh, len(before) + take.weights.shape[1])
+        if take.weights.shape[1]:
+            _widen_animations(document, node, len(before), take.weights.shape[1])
+            held = np.tile(np.array(before, dtype=np.float32), (len(take.times), 1))
+            add_channel(document, animation, clock, np.hstack([held, take.weights]).ravel(), node, "weights")
+            _describe_targets(gltf["nodes"][node], mesh, before, take.weights.shape[1])
+    if take.root is not None:
+        add_channel(document, animation, clock, take.root, add_root(document), "translation")
+    if animation["channels"]:
+        gltf["animations"].insert(0, animation)  # the first is what viewers play
+    return document
+
+
+def show_all(gltf: Gltf) -> None:
+    """Give a file without scenes one of everything: such a file is a library, of which viewers show nothing."""
+    if not gltf["scenes"]:
+        gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
+
+
+def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
+    """Give a node a mesh that no other node shows: in its own space the same motion is another displacement.
+
+    Parameters
+    ----------
+    document : Document
+    node : int
+    shown : Counter
+        How many nodes show each mesh; is kept up to date.
+    """
+    gltf = document.gltf
+    mesh = gltf["nodes"][node]["mesh"]
+    if shown[mesh] > 1:
+        shown[mesh] -= 1
+        gltf["meshes"].append(copied(gltf["meshes"][mesh]))
+        gltf["nodes"][node]["mesh"] = mesh = len(gltf["meshes"]) - 1
+    return gltf["meshes"][mesh]
+
+
+def _add_targets(
+    document: Document,
+    part: Part,
+    primitive: Primitive,
+    positions: NDArray[np.float32],
+    normals: NDArray[np.float32] | None,
+) -> None:
+    """Append a part's targets to its primitive, turned from world coordinates into its own."""
+    targets = primitive.setdefault("targets", [])
+    linear = part.to_world[:, :3, :3]
+    to_local = _inverse(linear)
+    from_normals = linear.transpose(0, 2, 1).astype(np.float32)
+    if part.normals is not None:
+        # a node's scale changes the length of the unit normals in the file: displacements must keep their share of it
+        length = np.linalg.norm(_turned(from_normals, part.normals.astype(np.float32)), axis=1, keepdims=True)
+    for k, displacement in enumerate(positions):
+        target = {"POSITION": document.add(_turned(to_local, displacement), ARRAY_BUFFER, bounds=True)}
+        if normals is not None:
+            turned = _turned(from_normals, normals[k]) / np.maximum(length, np.float32(1e-30))
+            target["NORMAL"] = document.add(turned, ARRAY_BUFFER)
+        targets.append(target)
+
+
+def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Invert (n, 3, 3) matrices; what one of them shrinks to nothing is not moved in it."""
+    inverse = np.linalg.pinv(linear)
+    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= FARTHEST, inverse, 0).astype(np.float32)
+
+
+def _turned(matrices: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Multiply (n, 3) vectors by one (1, 3, 3) matrix, or each by its own."""
+    return vectors @ matrices[0].T if len(matrices) == 1 else np.einsum("nij,nj->ni", matrices, vectors)
+
+
+def _pad_targets(document: Document, mesh: Mesh, count: int) -> None:
+    """Give points and lines of a mesh as many targets, which do nothing: a mesh must have one number of them."""
+    for primitive in mesh["primitives"]:
+        missing = count - len(primitive.get("targets", []))
+        if missing > 0 and "POSITION" in primitive["attributes"]:
+            vertices = document.gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
+            still = document.add(np.zeros((vertices, 3), dtype=np.float32), ARRAY_BUFFER, bounds=True)
+            primitive.setdefault("targets", []).extend({"POSITION": still} for _ in range(missing))
+
+
+def _describe_targets(node: Node, mesh: Mesh, before: list[float], count: int) -> None:
+    mesh["weights"] = [*before, *([0.0] * count)]
+    node.pop("weights", None)
+    extras = mesh["extras"] if isinstance(mesh.get("extras"), dict) else {}
+    named = extras.get("targetNames")
+    names = list(named)[: len(before)] if isinstance(named, list) else []
+    names += [f"target_{index}" for index in range(len(names), len(before))]
+    mesh["extras"] = {**extras, "targetNames": [*names, *target_names(count)]}
+
+
+def target_names(count: int) -> list[str]:
+    """Return what so many new morph targets of a mesh are called; they come after those that it has."""
+    return [f"motion_{index}" for index in range(count)]
+
+
+def _widen_animations(document: Document, node: int, before: int, more: int) -> None:
+    """Let the file's own animations of a node's morph targets leave the new ones at rest."""
+    for animation in document.gltf["animations"]:
+        for channel in animation["channels"]:
+            if channel["target"].get("node") == node and channel["target"]["path"] == "weights" and before:
+                sampler = animation["samplers"][channel["sampler"]]
+                keys = document.array(sampler["output"]).astype(np.float32)
+                if keys.size % before:
+                    where = at(document.name, field=f"accessors[{sampler['output']}]")
+                    raise damaged(where, f"{keys.size} weights for {before} morph targets")
+                wider = np.pad(keys.reshape(-1, before), ((0, 0), (0, more))).ravel()
+                animation["samplers"].append({**sampler, "output": document.add(wider)})
+                channel["sampler"] = len(animation["samplers"]) - 1
+
+
+def add_channel(
+    document: Document, animation: Animation, clock: int, values: NDArray[np.float32], node: int, path: str
+) -> None:
+    """Let an animation move one property of a node, in straight lines between the keys.
+
+    Parameters
+    ----------
+    document : Document
+    animation : Animation
+    clock : int
+        Accessor of the key times.
+    values : (F,) or (F, width) float32
+    node : int
+    path : str
+        translation, rotation, scale or weights.
+    """
+    animation["samplers"].append({"input": clock, "output": document.add(values), "interpolation": "LINEAR"})
+    sampler = len(animation["samplers"]) - 1
+    animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
+
+
+def add_root(document: Document) -> int:
+    """Put one node above all others of the scene, and return it.
+
+    Meshes that hang on a skeleton stay where they are: they follow its joints, and a node above them does nothing.
+    """
+    gltf = document.gltf
+    scene = gltf["scenes"][gltf.get("scene", 0)]
+    tops = scene.get("nodes", [])
+    hanging = [top for top in tops if "skin" in gltf["nodes"][top] and not gltf["nodes"][top].get("children")]
+    gltf["nodes"].append({"name": "puppetline_root", "children": [top for top in tops if top not in hanging]})
+    root = len(gltf["nodes"]) - 1
+    scene["nodes"] = [root, *hanging]
+    return root

@@ -1,0 +1,117 @@
+"""A recorded skeleton and a puppet become a glTF animation."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from engine_bridge.export import forms, frames_animation, skinning
+from engine_bridge.export.rig_bones import require_joints
+from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Form, Settings
+from puppetline.files import check_writable
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What `convert` has to say about its result.
+
+    `error` and `rms` are distances of vertices from where the solver puts them, over all vertices and keyframes, as
+    fractions of the diagonal. Where the file's own skeleton is animated, `error` is the largest distance of a joint
+    from where its bone takes it, and nothing is said of the surface: `stretch_p1`, `stretch_p50`, `stretch_p99` and
+    `parts_apart` are None.
+
+    `bones` are those of a skin, or the joints that have keys; `following` joints turn with the ones above them.
+    """
+
+    output: str
+    form: Form
+    frames: int
+    seconds: float
+    targets: int
+    bones: int
+    following: int
+    error: float
+    rms: float | None
+    tolerance: float
+    stretch_p1: float | None
+    stretch_p50: float | None
+    stretch_p99: float | None
+    parts_apart: float | None
+    bytes: int
+    repairs: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain values for JSON."""
+        return asdict(self)
+
+
+def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Progress) -> Summary:
+    """Write a solved clip as a .glb.
+
+    Raises
+    ------
+    OutputError
+    """
+    document, made = forms.make(clip, name, settings, progress)
+    document.save(output)
+    of_solver = settings.form != "rig"
+    p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
+    return Summary(
+        output=str(output),
+        form=settings.form,
+        frames=len(clip.frames),
+        seconds=float(clip.timeline.times[-1]),
+        targets=made.targets,
+        bones=made.bones,
+        following=made.following,
+        error=made.error,
+        rms=made.rms,
+        tolerance=settings.allowed,
+        stretch_p1=p1,
+        stretch_p50=p50,
+        stretch_p99=p99,
+        parts_apart=clip.parts_apart if of_solver else None,
+        bytes=output.stat().st_size,
+        repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
+        notes=(*clip.rig.character.document.notes, *made.notes, *clip.notes),
+    )
+
+
+def convert(
+    log: Path, puppet: Path, output: Path, settings: Settings, progress: Progress = lambda _stage, _share: None
+) -> tuple[Clip, Summary]:
+    """Turn a skeleton log and a puppet file into an animated .glb.
+
+    Parameters
+    ----------
+    log, puppet, output : Path
+    settings : Settings
+    progress : callable, optional
+
+    Returns
+    -------
+    clip : Clip
+        For pictures.
+    summary : Summary
+
+    Raises
+    ------
+    PuppetlineError
+        Before anything is written.
+    """
+    check_writable(output, ".glb", inputs=(log, puppet))
+    if settings.form == "skin":
+        skinning.require_dem_bones()
+    timeline, notes = load_timeline(log, settings)
+    progress("Preparing the character", 0.0)
+    rig = load_rig(puppet)
+    if settings.form == "rig":
+        require_joints(rig.character, rig.puppet.limbs, puppet)
+    if settings.form == "frames":
+        frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
+    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    progress("Preparing the character", 1.0)
+    clip = perform(rig, timeline, settings, notes, progress)
+    return clip, write(clip, output, log.stem, settings, progress)

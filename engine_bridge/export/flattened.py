@@ -1,0 +1,161 @@
+"""A character's surfaces as they stand at rest, for shaders that move vertices by themselves.
+
+What such a shader gets are positions in the file's coordinates and numbers of its own at each vertex. So there is no
+transform of a node left, no skeleton, no morph target and no animation; materials and pictures are those of the
+character, byte for byte.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character import schema
+from engine_bridge.character.assembly import LARGEST_SHORT
+from engine_bridge.character.character import Character, Part
+from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
+from engine_bridge.character.schema import Mesh, Primitive, copied
+from engine_bridge.character.shading import unit
+from puppetline.errors import MeshError, at
+
+OWN_SETS = 2
+"""Sets of texture coordinates that stay the character's: engines read no more of them."""
+
+LOOK = ("asset", "materials", "textures", "samplers", "images")
+"""What is taken over as it is; pictures bring bytes with them."""
+
+
+def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[NDArray[np.float32]]) -> Document:
+    """Make a document of a character at rest.
+
+    Each node that shows a surface becomes a node without a transform, each part a primitive with the vertices, texture
+    coordinates, colours and tangents that it has, in the same order.
+
+    Parameters
+    ----------
+    character : Character
+    normals : (N, 3) float
+        Unit normals of all parts, one after another; zero where there is no direction.
+    sets : sequence of (N, 2) float32
+        Go into TEXCOORD_2 and on.
+
+    Returns
+    -------
+    Document
+
+    Raises
+    ------
+    MeshError
+        A material whose picture is laid out on a set that is needed here.
+    """
+    document = _with_the_look_of(character.document)
+    meshes: dict[int, Mesh] = {}
+    for part, place in zip(character.parts, character.places, strict=True):
+        if part.node not in meshes:
+            meshes[part.node] = _new_mesh(document, character, part)
+        own = _primitive_of(character, part)
+        primitive = _primitive(document, character, part, normals[place], [values[place] for values in sets])
+        if "material" in own:
+            primitive["material"] = own["material"]
+        meshes[part.node]["primitives"].append(primitive)
+    document.gltf["scenes"] = [{"nodes": list(range(len(meshes)))}]
+    document.gltf["scene"] = 0
+    return document
+
+
+def _with_the_look_of(source: Document) -> Document:
+    """Return a document with another one's materials and pictures, and nothing to show."""
+    whole: dict[str, Any] = {**source.gltf}
+    look: Any = copied({name: whole[name] for name in LOOK if name in whole})
+    for index, material in enumerate(look["materials"]):
+        if max(_values(material, "texCoord"), default=0) >= OWN_SETS:
+            raise MeshError(
+                at(source.name, field=f"materials[{index}]"),
+                found="a picture that is laid out on the third set of texture coordinates, or a later one",
+                expected="the first or the second: the others are taken by ladder coordinates",
+                fix="Lay it out on the first set in an editor.",
+            )
+    document = Document(schema.empty(), name=source.name)
+    document.gltf.update(look)
+    for image in document.gltf["images"]:
+        if "bufferView" in image:
+            view = source.gltf["bufferViews"][image["bufferView"]]
+            start = view.get("byteOffset", 0)
+            image["bufferView"] = document.add_view(bytes(source.blob[start : start + view["byteLength"]]))
+    used = {name for extensions in _values(look, "extensions") for name in extensions}
+    document.gltf["extensionsUsed"] = [name for name in source.gltf["extensionsUsed"] if name in used]
+    document.gltf["extensionsRequired"] = [name for name in source.gltf["extensionsRequired"] if name in used]
+    return document
+
+
+def _values(json: Any, name: str) -> Iterable[Any]:
+    """Yield all that goes by a name, however deep it lies."""
+    waiting = [json]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            if name in value:
+                yield value[name]
+            waiting.extend(value.values())
+        elif isinstance(value, list):
+            waiting.extend(value)
+
+
+def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
+    """Add a node and an empty mesh for it, which are called what those of a part are."""
+    node = character.document.gltf["nodes"][part.node]
+    shown = character.document.gltf["meshes"][node["mesh"]]
+    mesh: Mesh = {"primitives": []}
+    document.gltf["meshes"].append(mesh)
+    document.gltf["nodes"].append({"mesh": len(document.gltf["meshes"]) - 1})
+    if "name" in shown:
+        mesh["name"] = shown["name"]
+    if "name" in node:
+        document.gltf["nodes"][-1]["name"] = node["name"]
+    return mesh
+
+
+def _primitive_of(character: Character, part: Part) -> Primitive:
+    gltf = character.document.gltf
+    return gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive]
+
+
+def _primitive(
+    document: Document,
+    character: Character,
+    part: Part,
+    normals: NDArray[np.floating],
+    sets: Sequence[NDArray[np.float32]],
+) -> Primitive:
+    source, own, count = character.document, _primitive_of(character, part), len(part.vertices)
+    # a direction that is none is no glTF
+    directed = np.where(normals.any(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
+    none = np.zeros((count, 2), np.float32)
+    texture = [source.attribute(own, f"TEXCOORD_{number}", count, 2) for number in range(OWN_SETS)]
+    # glTF wants sets without a gap
+    numbered = [*(none if values is None else values for values in texture), *sets]
+    arrays = {
+        "NORMAL": directed,
+        "TANGENT": _tangents(source, own, part),
+        **{f"TEXCOORD_{number}": values for number, values in enumerate(numbered)},
+        "COLOR_0": source.attribute(own, "COLOR_0", count, 3, 4),
+    }
+    attributes = {"POSITION": document.add(part.vertices.astype(np.float32), ARRAY_BUFFER, bounds=True)}
+    for name, values in arrays.items():
+        if values is not None:
+            attributes[name] = document.add(values.astype(np.float32), ARRAY_BUFFER)
+    indices = part.triangles.ravel().astype(np.uint16 if count - 1 <= LARGEST_SHORT else np.uint32)
+    return {"attributes": attributes, "indices": document.add(indices, ELEMENT_ARRAY_BUFFER)}
+
+
+def _tangents(source: Document, own: Primitive, part: Part) -> NDArray[np.float64] | None:
+    """Return a part's tangents (n, 4) in file coordinates; without normals they count for nothing."""
+    tangents = source.attribute(own, "TANGENT", len(part.vertices), 4)
+    if tangents is None or part.normals is None:
+        return None
+    linear = part.to_world[:, :3, :3]
+    turned = unit((linear @ tangents[:, :3, None].astype(np.float64))[:, :, 0], otherwise=[1.0, 0.0, 0.0])
+    # normal × tangent turns over in a mirror, which the third direction does not
+    side = np.where(tangents[:, 3] < 0, -1.0, 1.0) * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
+    return np.column_stack([turned, side])

@@ -1,0 +1,122 @@
+"""What an animation can be made of: morph targets, few or one for each keyframe, bones, or the file's own skeleton."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.document import Document
+from engine_bridge.export import frames_animation, morph_basis, skinning
+from engine_bridge.export.animation import Take, animate
+from engine_bridge.export.rig_animation import animate_rig
+from engine_bridge.export.rig_bones import rig_bones
+from engine_bridge.export.skin_animation import animate_skin
+from engine_bridge.performance.clip import Clip, Progress
+from engine_bridge.performance.settings import Form, Settings
+from solver.model.batch import BatchBinding
+
+
+@dataclass(frozen=True)
+class Made:
+    """What became of a clip: see `engine_bridge.export.convert.Summary`."""
+
+    error: float
+    rms: float | None = None
+    targets: int = 0
+    bones: int = 0
+    following: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def make(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    """Animate a character in the form that the settings ask for.
+
+    Parameters
+    ----------
+    clip : Clip
+    name : str
+        Of the animation.
+    settings : Settings
+    progress : callable
+
+    Returns
+    -------
+    document : Document
+        Ready to be saved.
+    made : Made
+    """
+    return _FORMS[settings.form](clip, name, settings, progress)
+
+
+def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Take:
+    root = None if clip.rig.puppet.root is None else clip.root
+    return Take(name, clip.timeline.times.astype(np.float32), weights, root)
+
+
+def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig = clip.rig
+    basis = morph_basis.fit(
+        rig.model,
+        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
+        clip.frames,
+        tolerance=settings.allowed,
+        most=settings.targets,
+        progress=lambda share: progress("Fitting morph targets", share),
+    )
+    displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
+    document = animate(rig.character, _take(clip, name, basis.weights), displacements)
+    return document, Made(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+
+
+def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    skin = skinning.fit(
+        rig.model,
+        rig.mesh,
+        clip.frames[:],
+        tolerance=settings.allowed,
+        bones=settings.bones,
+        progress=lambda share: progress("Fitting bones", share),
+    )
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, notes = animate_skin(rig.character, _take(clip, name, no_weights), skin, rig.mesh.of_render)
+    return document, Made(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+
+
+def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig, count = clip.rig, len(clip.frames)
+    displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
+    progress("Making keyframes", 1.0)
+    document = animate(rig.character, _take(clip, name, frames_animation.weights(count)), displacements)
+    return document, Made(error=0.0, targets=count)
+
+
+def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+    rig = clip.rig
+    bones = rig_bones(rig.character, rig.puppet.limbs)
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, moved = animate_rig(rig.character, _take(clip, name, no_weights), bones, clip.motions)
+    progress("Turning joints", 1.0)
+    notes = []
+    if bones.missing:
+        notes.append(
+            f"The skeleton has no joint for {', '.join(bones.missing)}: what moves only with them stays still."
+        )
+    if bones.loose:
+        notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
+    if moved.uneven:
+        notes.append(
+            f"The scale above {', '.join(moved.uneven)} differs by axis: these joints are turned as nearly as they can "
+            "be. Use --as morph for the exact motion."
+        )
+    error = moved.error / float(rig.model.diagonal)
+    return document, Made(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+
+
+_FORMS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, Made]]] = {
+    "morph": _as_morph,
+    "skin": _as_skin,
+    "frames": _as_frames,
+    "rig": _as_rig,
+}

@@ -1,0 +1,242 @@
+"""A character with limbs as one of Unity's humanoids: its bones by name, turned against a T-pose.
+
+Humanoids of VRM and Unity stand in a T-pose with every bone unturned, whatever their shape. A character's own rest pose
+may be any: arms in an A, arms that hang, a bent back. So a bone's turn is that which took it from the T-pose to the
+character's rest, then its motion since.
+
+Coordinates are Unity's: left-handed, metres, right +x, up +y, forward +z. A character's own, in which left is +x,
+become these by a mirrored x; conjugated by it, a rotation is one again.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from engine_bridge.puppet.puppet import Puppet
+from solver.motion.bones import Bones
+from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
+
+LIMBS: dict[str, tuple[str, ...]] = {
+    TRUNK: ("Hips", "Spine", "Chest"),
+    "neck": ("Neck",),
+    "head": ("Neck", "Head"),
+    "left arm": ("LeftUpperArm", "LeftLowerArm", "LeftHand"),
+    "right arm": ("RightUpperArm", "RightLowerArm", "RightHand"),
+    "left leg": ("LeftUpperLeg", "LeftLowerLeg", "LeftFoot"),
+    "right leg": ("RightUpperLeg", "RightLowerLeg", "RightFoot"),
+}
+"""Which limb of a puppet file is which of Unity's bones, root to tip; a name goes to the first limb that has it."""
+
+T_POSE: dict[str, tuple[float, float, float]] = {
+    TRUNK: (0.0, 1.0, 0.0),
+    "neck": (0.0, 1.0, 0.0),
+    "head": (0.0, 1.0, 0.0),
+    "left arm": (-1.0, 0.0, 0.0),
+    "right arm": (1.0, 0.0, 0.0),
+    "left leg": (0.0, -1.0, 0.0),
+    "right leg": (0.0, -1.0, 0.0),
+}
+"""Where their bones point in a T-pose; feet point forward."""
+
+UPRIGHT = (TRUNK, "neck", "head")
+"""Limbs in the middle of the body. One that follows by "turn" stands for an upright one, however it is bent at rest."""
+
+PARENTS: dict[str, str] = {
+    "Spine": "Hips",
+    "Chest": "Spine",
+    "Neck": "Chest",
+    "Head": "Neck",
+    **{
+        f"{side}{bone}": parent.format(side)
+        for side in ("Left", "Right")
+        for bone, parent in {
+            "Shoulder": "Chest",
+            "UpperArm": "{}Shoulder",
+            "LowerArm": "{}UpperArm",
+            "Hand": "{}LowerArm",
+            "UpperLeg": "Hips",
+            "LowerLeg": "{}UpperLeg",
+            "Foot": "{}LowerLeg",
+        }.items()
+    },
+}
+"""The bone that each hangs on."""
+
+COLLAR = 0.25
+"""Where a shoulder begins on the way from the end of the trunk to the upper arm."""
+
+FLAT = 0.1
+"""Least horizontal share of a foot's direction by which it has a heading."""
+
+
+@dataclass(frozen=True, eq=False)
+class Humanoid:
+    """A character's bones under Unity's names.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the n bones that the character has, parents first; the hips are the first.
+    parents : (n,) int64
+        −1 for the hips.
+    bones : (n,) int64
+        The character's own bone that each moves with.
+    places : (n, 3) float64
+        Where each begins at rest, mesh file's coordinates.
+    turns : (n, 3, 3) float64
+        From the T-pose to rest, for column vectors.
+    axes : (3, 3) float64
+        Rows: the mesh file's directions of the character's right, up and forward.
+    origin : (3,) float64
+        The floor below the hips at rest, mesh file's coordinates.
+    scale : float
+        Metres a unit of the mesh file.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.int64]
+    bones: NDArray[np.int64]
+    places: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    scale: float
+
+    def pose(
+        self, motions: NDArray[np.float64], root: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pose the bones, each in the frame of the one that it hangs on; the hips' are the world's.
+
+        Parameters
+        ----------
+        motions : (b, 4, 3) float64
+            Motions of the character's bones for row vectors, without the root, mesh file's coordinates.
+        root : (3,) float64
+            Translation of the whole character, mesh file's coordinates.
+
+        Returns
+        -------
+        positions : (n, 3) float64
+            Metres.
+        rotations : (n, 4) float64
+            Unit quaternions x, y, z, w, with w ≥ 0.
+        """
+        own = motions[self.bones]
+        turned = self.axes @ own[:, :3].swapaxes(1, 2) @ self.axes.T @ self.turns
+        moved = np.einsum("ni,nij->nj", self.places, own[:, :3]) + own[:, 3] + root
+        places = self.scale * (moved - self.origin) @ self.axes.T
+        # a parent of −1 is the last row: the world
+        to_parent = np.concatenate([turned, np.eye(3)[None]])[self.parents].swapaxes(1, 2)
+        beside = places - np.concatenate([places, np.zeros((1, 3))])[self.parents]
+        positions = np.einsum("nij,nj->ni", to_parent, beside)
+        return positions, scipy.spatial.transform.Rotation.from_matrix(to_parent @ turned).as_quat(canonical=True)
+
+
+def is_humanoid(puppet: Puppet) -> bool:
+    """Tell whether a character has limbs of a humanoid: a trunk, and an arm or a leg."""
+    names = {limb.name for limb in puppet.limb}
+    return TRUNK in names and any(name not in UPRIGHT for name in names & LIMBS.keys())
+
+
+def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
+    """Find the bones of a humanoid in a character's limbs.
+
+    Where a limb has fewer bones than Unity has names, the last bone has the names that are left: they turn together.
+
+    Parameters
+    ----------
+    puppet : Puppet
+        One that `is_humanoid`.
+    rest : (n, 3) float64
+        The character's vertices, mesh file's coordinates.
+    """
+    limbs = parents_first(puppet.limbs)
+    axes = np.diag([-1.0, 1.0, 1.0]) @ puppet.character.basis
+    own = bones_of(limbs)
+    to_rest = _to_rest(limbs, own, axes)
+    found: dict[str, tuple[int, NDArray[np.float64]]] = {}
+    first = _first_bones(limbs)
+    by_name = {limb.name: limb for limb in limbs}
+    trunk_end = by_name[TRUNK].points[-1]
+    for name in LIMBS:
+        if name in by_name:
+            if name.endswith("arm"):
+                collar = trunk_end + COLLAR * (by_name[name].points[0] - trunk_end)
+                found[f"{name.split()[0].capitalize()}Shoulder"] = found["Chest"][0], collar
+            for bone, number, place in _named(by_name[name], [bone for bone in LIMBS[name] if bone not in found]):
+                found[bone] = first[name] + number, place
+    names = tuple(found)
+    bones = np.array([bone for bone, _ in found.values()], dtype=np.int64)
+    hips = found["Hips"][1]
+    up = axes[1]
+    return Humanoid(
+        names=names,
+        parents=np.array([names.index(PARENTS[name]) if name in PARENTS else -1 for name in names], dtype=np.int64),
+        bones=bones,
+        places=np.array([place for _, place in found.values()]),
+        turns=to_rest[bones],
+        axes=axes,
+        origin=hips + ((rest @ up).min() - hips @ up) * up,
+        scale=puppet.character.scale,
+    )
+
+
+def _first_bones(limbs: Sequence[Limb]) -> dict[str, int]:
+    """Return the number of each limb's first bone."""
+    counts = np.cumsum([0, *(len(limb.points) - 1 for limb in limbs)])
+    return {limb.name: int(count) for limb, count in zip(limbs, counts, strict=False)}
+
+
+def _named(limb: Limb, names: Sequence[str]) -> Iterator[tuple[str, int, NDArray[np.float64]]]:
+    """Go through the bones of a limb that have names: name, number in the limb, and where it begins.
+
+    Names beyond the limb's bones stand evenly along its last bone, those of hands and feet at its end.
+    """
+    count = len(limb.points) - 1
+    steps = max(len(names) - count + (limb.name in UPRIGHT), 1)
+    for number, name in enumerate(names):
+        bone = min(number, count - 1)
+        head, tail = limb.points[bone], limb.points[bone + 1]
+        yield name, bone, head + (number - bone) / steps * (tail - head)
+
+
+def _to_rest(limbs: Sequence[Limb], bones: Bones, axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the turn from the T-pose to rest of each bone (b, 3, 3): the least one on top of what it hangs on."""
+    aims = (bones.tails - bones.heads) @ axes.T / bones.lengths[:, None]
+    turns = np.tile(np.eye(3), (len(bones) + 1, 1, 1))  # the last one is what a bone with parent −1 hangs on
+    row = 0
+    for limb in limbs:
+        stands_upright = limb.follow == "turn" and limb.name in UPRIGHT
+        names = LIMBS.get(limb.name, ())
+        for number in range(len(limb.points) - 1):
+            turns[row] = turns[bones.parents[row]]
+            if number < len(names) and names[number].endswith("Foot"):
+                turns[row] = _heading(aims[row])
+            elif names and not stands_upright:
+                turns[row] = _least(turns[row] @ T_POSE[limb.name], aims[row]) @ turns[row]
+            row += 1
+    return turns[:-1]
+
+
+def _heading(aim: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the turn about the upright axis of a foot that points somewhere; no more, for at rest its sole is flat."""
+    flat = float(np.hypot(aim[0], aim[2]))
+    if flat < FLAT:
+        return np.eye(3)
+    s, c = aim[0] / flat, aim[2] / flat
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def _least(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least rotation from one direction to another, about the forward axis where they are opposite."""
+    cosine = float(a @ b)
+    if cosine < -1 + 1e-9:
+        axis = np.array([0.0, 0.0, 1.0]) - a[2] * a if abs(a[2]) < 0.9 else np.array([1.0, 0.0, 0.0]) - a[0] * a
+        axis /= np.linalg.norm(axis)
+        return 2 * np.outer(axis, axis) - np.eye(3)
+    x, y, z = np.cross(a, b)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + across + across @ across / (1 + cosine)

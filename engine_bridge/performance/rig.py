@@ -1,0 +1,73 @@
+"""A puppet made ready: its character read, welded and reduced, from the cache where that was done before."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from engine_bridge.character.character import Character, load_character
+from engine_bridge.character.preparation import prepare
+from engine_bridge.performance.performance import check_handles, check_limbs
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.puppet import Puppet
+from puppetline.errors import PuppetError, at
+from solver.model.reduced_model import ReducedModel
+from solver.surface.mesh import SolverMesh
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A puppet with all that is pre-computed for its character."""
+
+    puppet: Puppet
+    character: Character
+    mesh: SolverMesh
+    model: ReducedModel
+
+
+def cache_folder() -> Path:
+    """Return where what is pre-computed is kept between runs."""
+    return platformdirs.user_cache_path("puppetline") / "models"
+
+
+def load_rig(path: Path) -> Rig:
+    """Load a puppet file and prepare its character, from the cache where that was done before.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    return rig_of(puppet_file.load(path), path)
+
+
+def rig_of(puppet: Puppet, path: Path) -> Rig:
+    """Prepare the character of a puppet that was loaded from a file.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    file = path.parent / puppet.character.mesh
+    if not file.is_file():
+        raise PuppetError(
+            at(path, field="[character], mesh"),
+            found=f"{puppet.character.mesh!r}, and there is no file {file}",
+            expected="a mesh file, its path relative to the puppet file",
+            fix="Correct the path, or put the mesh there.",
+        )
+    rig = make_rig(puppet, load_character(file, cache_folder()))
+    check_limbs(puppet.limb, rig.mesh, path)
+    check_handles(puppet.handle, rig.mesh, path)
+    return rig
+
+
+def make_rig(puppet: Puppet, character: Character) -> Rig:
+    """Prepare a character for a puppet."""
+    mesh, model = prepare(
+        character.vertices,
+        character.triangles,
+        puppet.solver.parameters,
+        cache_folder(),
+        character.document.name,
+    )
+    return Rig(puppet, character, mesh, model)

@@ -1,0 +1,1 @@
+"""Pictures: of characters, of puppets, and of what a sensor sees."""

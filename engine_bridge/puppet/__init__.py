@@ -1,0 +1,1 @@
+"""The puppet file: its model, its editing, and a first proposal for any mesh."""

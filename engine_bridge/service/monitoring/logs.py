@@ -1,0 +1,145 @@
+"""Logs for people and for programs: one line a record, with fields.
+
+``log.info("performer found", extra=fields(stage="kinect", user=3))`` is one of these::
+
+    2026-11-21 15:04:05.120 info     live.stage: performer found (stage=kinect, user=3)
+    {"time": "2026-11-21T15:04:05.120+00:00", "level": "info", "logger": "engine_bridge.service.stage",
+     "event": "performer found", "fields": {"stage": "kinect", "user": 3}}
+"""
+
+import json
+import logging
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from logging.handlers import QueueHandler
+from queue import Full, Queue
+from typing import Any, Literal, TextIO
+
+INTERVAL = 1.0
+"""Seconds in which a `OnceASecond` says the same thing once."""
+
+
+MOST_WAITING = 1000
+"""Records that wait to be written."""
+
+LAST_WORDS = 0.3
+"""Seconds that the end waits for them."""
+
+
+def fields(**values: Any) -> dict[str, Any]:
+    """Return what `logging` wants as its extra, for a record with these fields."""
+    return {"fields": values}
+
+
+def setup(form: Literal["text", "json"] = "text", level: str = "info", stream: TextIO | None = None) -> None:
+    """Send all logs to a stream, instead of where they went before.
+
+    Parameters
+    ----------
+    form : "text" or "json"
+    level : str
+        ``"debug"``, ``"info"``, ``"warning"`` or ``"error"``: the least that is written.
+    stream : text file, optional
+        Standard error where none is given.
+    """
+    handler = logging.StreamHandler(stream or sys.stderr)
+    handler.setFormatter(JsonFormatter() if form == "json" else TextFormatter())
+    logging.basicConfig(handlers=[handler], level=level.upper(), force=True)
+
+
+@contextmanager
+def beside() -> Iterator[None]:
+    """Let a thread write the logs: a terminal that is halted, or a full pipe, then costs records and not time."""
+    root, waiting = logging.getLogger(), Queue[logging.LogRecord | None](MOST_WAITING)
+    before = root.handlers[:]
+
+    def write() -> None:
+        while (record := waiting.get()) is not None:
+            for handler in before:
+                handler.handle(record)
+
+    writer = threading.Thread(target=write, name="logs", daemon=True)
+    writer.start()
+    root.handlers[:] = [_Waiting(waiting)]
+    try:
+        yield
+    finally:
+        root.handlers[:] = before
+        with suppress(Full):
+            waiting.put_nowait(None)
+        writer.join(LAST_WORDS)
+
+
+class _Waiting(QueueHandler):
+    """Puts records into a queue; those for which there is no room are lost."""
+
+    def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
+        return record  # with its exception: it stays in this process
+
+    def enqueue(self, record: logging.LogRecord) -> None:
+        with suppress(Full):
+            self.queue.put_nowait(record)
+
+
+class JsonFormatter(logging.Formatter):
+    """A record as a line of JSON."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return time (ISO 8601, UTC), level, logger, event, fields and, of an exception, its traceback."""
+        line = {
+            "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "event": record.getMessage(),
+            "fields": _fields(record),
+        }
+        if record.exc_info:
+            line["traceback"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str)
+
+
+class TextFormatter(logging.Formatter):
+    """A record as a line to read; what is not printable stands there escaped, for some of it comes from the network."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return local time, level, logger, event and fields; the traceback of an exception on lines of its own."""
+        moment = datetime.fromtimestamp(record.created).astimezone()
+        values = ", ".join(f"{key}={value}" for key, value in _fields(record).items())
+        line = (
+            f"{moment:%Y-%m-%d %H:%M:%S}.{int(record.msecs):03} {record.levelname.lower():8} "
+            f"{record.name.removeprefix('engine_bridge.')}: {record.getMessage()}" + (f" ({values})" if values else "")
+        )
+        line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+        return f"{line}\n{self.formatException(record.exc_info)}" if record.exc_info else line
+
+
+class OnceASecond:
+    """Says each thing at most once a second, and then how often it has happened in between.
+
+    Parameters
+    ----------
+    log : logging.Logger
+    """
+
+    def __init__(self, log: logging.Logger) -> None:
+        self._log = log
+        self._said: dict[str, float] = {}
+        self._unsaid: dict[str, int] = {}
+
+    def warning(self, event: str, **values: Any) -> None:
+        """Log an event, one of a closed set; what is left out is a number in the field ``more`` of the next."""
+        now = time.monotonic()
+        if now - self._said.get(event, -INTERVAL) < INTERVAL:
+            self._unsaid[event] = self._unsaid.get(event, 0) + 1
+            return
+        self._said[event] = now
+        unsaid = self._unsaid.pop(event, 0)
+        self._log.warning(event, extra=fields(**values, **({"more": unsaid} if unsaid else {})))
+
+
+def _fields(record: logging.LogRecord) -> dict[str, Any]:
+    return getattr(record, "fields", {})

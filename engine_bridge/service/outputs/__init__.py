@@ -1,0 +1,1 @@
+"""What carries a service's frames out: a module a wire."""

@@ -1,0 +1,1 @@
+"""The wire protocol: header, payloads and scene, as bytes."""

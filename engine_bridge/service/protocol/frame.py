@@ -1,0 +1,170 @@
+"""What a stage makes and everything outgoing takes: one character at one moment.
+
+Nothing is computed that nobody asks for, and nothing twice.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.character import Character
+from engine_bridge.performance.humanoid import Humanoid, humanoid_of, is_humanoid
+from engine_bridge.performance.rig import Rig
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.protocol.quantisation import quantised
+from engine_bridge.service.protocol.scene import encode_scene, with_description
+from solver.model.binding import ShadedBinding
+from solver.motion.deformer import Controls, to_file_units
+
+if TYPE_CHECKING:
+    from engine_bridge.export.live_basis import LiveBasis, Projection
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamedCharacter:
+    """What does not change from frame to frame.
+
+    Attributes
+    ----------
+    name : str
+        Of its topics: ``[A-Za-z0-9_-]{1,32}``.
+    rig : Rig
+    revision : int
+        Another one for each time that the character is loaded anew with something changed; it fits in 32 bits.
+    basis : LiveBasis or None
+        Morph targets to project poses on.
+    """
+
+    name: str
+    rig: Rig
+    revision: int
+    basis: "LiveBasis | None" = None
+
+    @cached_property
+    def rest(self) -> NDArray[np.float64]:
+        """(n, 3): rest positions, mesh file's coordinates."""
+        return self.rig.character.vertices
+
+    @cached_property
+    def triangles(self) -> NDArray[np.int64]:
+        """(t, 3)."""
+        return self.rig.character.triangles
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64]:
+        """(n, 3): unit rest normals, rounded as clients get them, who make the very same tangents of them."""
+        return drawn_normals(self.rig.character).astype(np.float32).astype(np.float64)
+
+    @cached_property
+    def binding(self) -> ShadedBinding:
+        """What turns controls into positions and normals."""
+        return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
+
+    @cached_property
+    def humanoid(self) -> Humanoid | None:
+        """Its limbs as bones of a humanoid; None where they are none."""
+        return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
+
+    @cached_property
+    def scene(self) -> bytes:
+        """The payload of its scene message."""
+        return encode_scene(self)
+
+    def remapped(self, puppet: Puppet) -> "StreamedCharacter":
+        """Return the same character whose handles other joints move, and keep all that was made of its mesh and model.
+
+        Its scene says so to whoever asks for it from now on; it is no other scene, and its revision stays.
+        """
+        other = copy(self)
+        vars(other)["rig"] = replace(self.rig, puppet=puppet)
+        vars(other)["scene"] = with_description(self.scene, other)
+        return other
+
+    def prepare(self) -> None:
+        """Make all that a frame or a client would have to wait for at its first time, compiled code as well."""
+        controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
+        quantised(*self.binding.vertices_and_normals(controls))
+        self.scene, self.humanoid  # noqa: B018
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Frame:
+    """One character at one moment.
+
+    Attributes
+    ----------
+    character : StreamedCharacter
+    sequence : int
+        One more with each frame of the character.
+    time : float
+        Seconds, the source's clock.
+    received : int
+        `time.monotonic_ns` at which what moved it came in.
+    state : str
+        One of `wire.STATES`.
+    user : int or None
+        The performer.
+    R : (4m, 3) float64
+        Control variables without the root, model units.
+    root : (3,) float64
+        Translation of the whole character, mesh file's coordinates.
+    targets : (h, 3) float64
+        Where the handles are to be, with the root, mesh file's coordinates.
+    joints : (20, 3) float64 or None
+        The performer's, filtered and levelled: metres, sensor frame, NaN where never known; None without a performer.
+    confidence : (20,) float32 or None
+    motions : (b, 4, 3) float64 or None
+        Motions of the bones for row vectors, without the root, mesh file's coordinates.
+    """
+
+    character: StreamedCharacter
+    sequence: int
+    time: float
+    received: int
+    state: str
+    user: int | None
+    R: NDArray[np.float64]
+    root: NDArray[np.float64]
+    targets: NDArray[np.float64]
+    joints: NDArray[np.float64] | None = None
+    confidence: NDArray[np.float32] | None = None
+    motions: NDArray[np.float64] | None = None
+
+    @cached_property
+    def controls(self) -> Controls:
+        """(m, 3, 4) float32: transforms of rest positions, the root included."""
+        controls = to_file_units(self.R, self.character.rig.model)
+        controls[:, :, 3] += self.root
+        return controls
+
+    @cached_property
+    def vertices_and_normals(self) -> NDArray[np.float32]:
+        """(2, n, 3) float32: positions, mesh file's coordinates, and unit normals."""
+        both = np.empty((2, *self.character.binding.rest.shape), dtype=np.float32)
+        self.character.binding.vertices_and_normals(self.controls, both[0], both[1])
+        return both
+
+    @cached_property
+    def morphs(self) -> "Projection | None":
+        """The pose on the character's morph basis; None where it has no basis."""
+        basis = self.character.basis
+        return None if basis is None else basis.project(self.R)
+
+
+def drawn_normals(character: Character) -> NDArray[np.float64]:
+    """Return unit normals (n, 3): the file's, or smooth ones for parts without; zero where there is no direction.
+
+    What is too small for a float32 of full precision is zero: graphics cards take it for that, and would choose other
+    tangents (docs/protocol.md).
+    """
+    made = [
+        igl.per_vertex_normals(part.vertices, part.triangles) if part.normals is None else part.normals
+        for part in character.parts
+    ]
+    normals = np.nan_to_num(np.concatenate(made))
+    return np.where(np.abs(normals) < np.finfo(np.float32).tiny, 0.0, normals)

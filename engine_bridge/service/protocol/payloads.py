@@ -1,0 +1,180 @@
+"""What is in a message, by its kind: made of a frame for the wire, and read again by clients of ours."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.service.protocol import quantisation
+from engine_bridge.service.protocol.header import NOBODY, STATES, Header, Kind, WireError, join, read_json, split, topic
+from engine_bridge.service.protocol.scene import Scene
+
+if TYPE_CHECKING:
+    from engine_bridge.service.protocol.frame import Frame
+
+Parts = tuple[bytes | memoryview, ...]
+
+
+class Morphs(NamedTuple):
+    """Weights of the morph targets, (K,) float32, and what they leave of the pose: see `live_basis.Projection`."""
+
+    weights: NDArray[np.float32]
+    residual: float
+
+
+class Vertices(NamedTuple):
+    """Positions, mesh file's coordinates, and unit normals; (n, 3) float32."""
+
+    positions: NDArray[np.float32]
+    normals: NDArray[np.float32]
+
+
+class Received(NamedTuple):
+    """A message that has been understood.
+
+    Attributes
+    ----------
+    topic : str
+    header : Header
+    body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) float32, (h, 3) float32, dict, list or None
+        For a scene, controls, morphs, vertices of either kind, joints, handles, and whatever is JSON; None for a kind
+        that a later minor version has added.
+    """
+
+    topic: str
+    header: Header
+    body: Any
+
+
+def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
+    """Return a frame as a message.
+
+    Parameters
+    ----------
+    kind : Kind
+        One of `wire.FRAME_KINDS`.
+    frame : Frame
+    published : int
+        `time.monotonic_ns`.
+
+    Returns
+    -------
+    bytes or None
+        None where the frame has nothing of that kind: no joints, no morph targets.
+    """
+    payload = _PARTS[kind](frame)
+    if payload is None:
+        return None
+    length = sum(memoryview(part).nbytes for part in payload)
+    return join(topic(frame.character.name, kind), header(kind, length, frame, published), *payload)
+
+
+def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
+    """Return the header of something that belongs to a frame."""
+    return Header(
+        kind=kind,
+        length=length,
+        revision=frame.character.revision,
+        sequence=frame.sequence,
+        state=STATES.index(frame.state),
+        user=NOBODY if frame.user is None else frame.user,
+        time=frame.time,
+        received=frame.received,
+        published=published,
+        root=(float(frame.root[0]), float(frame.root[1]), float(frame.root[2])),
+    )
+
+
+def _morphs(frame: "Frame") -> Parts | None:
+    if frame.morphs is None:
+        return None
+    residual = np.float32(frame.morphs.residual)
+    return residual.tobytes(), np.ascontiguousarray(frame.morphs.weights, dtype="<f4").data
+
+
+def _vertices16(frame: "Frame") -> Parts:
+    box, places, folded = quantisation.quantised(*frame.vertices_and_normals)
+    return box.data, places.data, bytes(-places.nbytes % 4), folded.data
+
+
+def _joints(frame: "Frame") -> Parts | None:
+    if frame.joints is None or frame.confidence is None:
+        return None
+    return (np.column_stack([frame.joints, frame.confidence]).astype("<f4").data,)
+
+
+_PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
+    Kind.CONTROLS: lambda frame: (frame.controls.data,),
+    Kind.MORPHS: _morphs,
+    Kind.VERTICES: lambda frame: (frame.vertices_and_normals.data,),
+    Kind.VERTICES16: _vertices16,
+    Kind.JOINTS: _joints,
+    Kind.HANDLES: lambda frame: (np.ascontiguousarray(frame.targets, dtype="<f4").data,),
+}
+
+
+def decode(message: bytes | memoryview) -> Received:
+    """Understand a whole message.
+
+    Raises
+    ------
+    WireError
+        Anything that is not of this protocol; for reading it, no more memory is taken than the message has.
+    """
+    name, head, payload = split(message)
+    kind = next((kind for kind in Kind if kind == head.kind), None)
+    if kind is None:
+        return Received(name, head, None)
+    if name.split("/")[1:2] != [kind.word]:
+        raise WireError(f"{kind.word} under the topic {name}")
+    return Received(name, head, _BODIES[kind](payload))
+
+
+def _floats(payload: memoryview, *shape: int) -> NDArray[np.float32]:
+    """Read a payload that is all float32; the first length of the shape may be −1."""
+    row = 4 * int(np.prod([length for length in shape if length > 0]))
+    if len(payload) % row or (shape[0] > 0 and len(payload) != row):
+        raise WireError(f"{len(payload)} bytes, which are not float32 of {shape}")
+    return np.frombuffer(payload, dtype="<f4").reshape(shape)
+
+
+def _read_morphs(payload: memoryview) -> Morphs:
+    values = _floats(payload, -1)
+    if not len(values):
+        raise WireError("morphs without a residual")
+    return Morphs(values[1:], float(values[0]))
+
+
+def _read_vertices(payload: memoryview) -> Vertices:
+    if len(payload) % 24:
+        raise WireError(f"{len(payload)} bytes, which are not vertices of 24")
+    return Vertices(*_floats(payload, -1, 3).reshape(2, -1, 3))
+
+
+def _read_vertices16(payload: memoryview) -> Vertices:
+    count = (len(payload) - 24) // 10
+    places, padded = 6 * count, (6 * count + 3) // 4 * 4
+    if count < 0 or len(payload) != 24 + padded + 4 * count:
+        raise WireError(f"{len(payload)} bytes, which are not a box and vertices of 10")
+    box = np.frombuffer(payload[:24], dtype="<f4").reshape(2, 3)
+    if not np.isfinite(box).all():
+        raise WireError("a box without bounds")
+    return Vertices(
+        quantisation.positions_of(box, np.frombuffer(payload[24 : 24 + places], dtype="<u2").reshape(-1, 3)),
+        quantisation.normals_of(np.frombuffer(payload[24 + padded :], dtype="<i2").reshape(-1, 2)),
+    )
+
+
+_BODIES: dict[Kind, Callable[[memoryview], Any]] = {
+    Kind.SCENE: Scene.decode,
+    Kind.CONTROLS: lambda payload: _floats(payload, -1, 3, 4),
+    Kind.MORPHS: _read_morphs,
+    Kind.VERTICES: _read_vertices,
+    Kind.VERTICES16: _read_vertices16,
+    Kind.JOINTS: lambda payload: _floats(payload, 20, 4),
+    Kind.HANDLES: lambda payload: _floats(payload, -1, 3),
+    Kind.PERFORMER: read_json,
+    Kind.STATUS: read_json,
+    Kind.CHARACTERS: read_json,
+}

@@ -1,0 +1,243 @@
+"""The scene message: all of a character that does not change, enough to draw it and to follow its controls.
+
+A scene is a description in JSON and arrays behind it. Ladder coordinates and their slopes stand for the reduced model:
+with them a client turns controls into positions and normals (docs/protocol.md).
+"""
+
+import struct
+from dataclasses import dataclass
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.skeleton import JOINTS
+from engine_bridge.service.protocol.header import WireError, read_json, write_json
+from solver.surface import tangents
+
+if TYPE_CHECKING:
+    from engine_bridge.character.character import Character
+    from engine_bridge.character.schema import Primitive
+    from engine_bridge.service.protocol.frame import StreamedCharacter
+
+Array = NDArray[Any]
+"""Of one of `TYPES`."""
+
+TYPES: dict[str, np.dtype[Any]] = {"f32": np.dtype("<f4"), "u32": np.dtype("<u4")}
+"""What array elements are called."""
+
+_LENGTH = struct.Struct("<I")
+
+
+def encode_scene(character: "StreamedCharacter") -> bytes:
+    """Return a character's scene payload."""
+    arrays = scene_arrays(character)
+    directory: dict[str, Any] = {}
+    offset = 0
+    for name, array in arrays.items():
+        kind = next(kind for kind, dtype in TYPES.items() if dtype == array.dtype)
+        directory[name] = {"type": kind, "shape": list(array.shape), "offset": offset}
+        offset += array.nbytes
+    return _described(character, directory, *(array.data for array in arrays.values()))
+
+
+def with_description(scene: bytes, character: "StreamedCharacter") -> bytes:
+    """Return the payload of a scene whose arrays are the same as before, and its description made anew."""
+    view = memoryview(scene)
+    start = _LENGTH.size + _LENGTH.unpack(view[: _LENGTH.size])[0]
+    return _described(character, read_json(view[_LENGTH.size : start])["arrays"], view[start:])
+
+
+def _described(character: "StreamedCharacter", directory: dict[str, Any], *arrays: memoryview) -> bytes:
+    text = write_json({**describe(character), "arrays": directory})
+    text += b" " * (-len(text) % 8)
+    return b"".join((_LENGTH.pack(len(text)), text, *arrays))
+
+
+def describe(character: "StreamedCharacter") -> dict[str, Any]:
+    """Return what is to be said about a character besides its arrays, as JSON has it."""
+    rig, puppet = character.rig, character.rig.puppet
+    return {
+        "character": character.name,
+        "revision": character.revision,
+        "vertices": len(character.rest),
+        "triangles": len(character.triangles),
+        "fields": len(rig.model.weights),
+        "isolines": rig.model.isolines,
+        "weights": rig.model.weights.tolist(),
+        "diagonal": float(rig.model.diagonal),
+        "bounds": [character.rest.min(axis=0).tolist(), character.rest.max(axis=0).tolist()],
+        "up": puppet.character.up,
+        "front": puppet.character.front,
+        "metres_a_unit": puppet.character.scale,
+        "handles": [
+            {"name": handle.name, "position": list(handle.position), "joints": list(handle.driven_by)}
+            for handle in puppet.handle
+        ],
+        "joints": list(JOINTS),
+        "morphs": None if character.basis is None else list(character.basis.names),
+        "parts": parts(rig.character),
+    }
+
+
+def scene_arrays(character: "StreamedCharacter") -> dict[str, Array]:
+    """Return a character's arrays by name, C-contiguous."""
+    rig, normals = character.rig, character.normals
+    ladder = rig.model.ladder[rig.mesh.of_render]
+    slopes = tangents.slopes(
+        character.rest, character.triangles, ladder, rig.mesh.of_render, normals, tangents.tangents(normals)
+    )
+    floats = {
+        "positions": character.rest,
+        "normals": normals,
+        "ladder": ladder,
+        "slopes": slopes,
+        "uv": uv(rig.character),
+        "colors": rig.character.colors,
+    }
+    return {
+        "triangles": np.ascontiguousarray(character.triangles, dtype=TYPES["u32"]),
+        **{
+            name: np.ascontiguousarray(values, dtype=TYPES["f32"])
+            for name, values in floats.items()
+            if values is not None
+        },
+    }
+
+
+def uv(character: "Character") -> NDArray[np.float32] | None:
+    """Return the first texture coordinates (n, 2) of all parts, zeros for those without; None where no part has any."""
+    found = [
+        character.document.attribute(_primitive(character, index), "TEXCOORD_0", len(part.vertices), 2)
+        for index, part in enumerate(character.parts)
+    ]
+    if all(own is None for own in found):
+        return None
+    none = [np.zeros((len(part.vertices), 2)) for part in character.parts]
+    return np.concatenate([empty if own is None else own for own, empty in zip(found, none, strict=True)]).astype("<f4")
+
+
+def parts(character: "Character") -> list[dict[str, Any]]:
+    """Say which vertices and triangles each part has, what it is called and what it looks like."""
+    gltf = character.document.gltf
+    described = []
+    first_triangle = 0
+    for index, (part, place) in enumerate(zip(character.parts, character.places, strict=True)):
+        primitive = _primitive(character, index)
+        node = gltf["nodes"][part.node]
+        described.append(
+            {
+                "name": node.get("name") or gltf["meshes"][node["mesh"]].get("name") or f"part {index}",
+                "vertices": [place.start, len(part.vertices)],
+                "triangles": [first_triangle, len(part.triangles)],
+                "material": _material(character, primitive),
+            }
+        )
+        first_triangle += len(part.triangles)
+    return described
+
+
+def _primitive(character: "Character", index: int) -> "Primitive":
+    part, gltf = character.parts[index], character.document.gltf
+    return gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive]
+
+
+def _material(character: "Character", primitive: "Primitive") -> dict[str, Any]:
+    """Return a material's plain numbers; where the file says nothing, glTF's defaults."""
+    material = character.document.gltf["materials"][primitive["material"]] if "material" in primitive else {}
+    surface = material.get("pbrMetallicRoughness", {})
+    return {
+        "name": material.get("name", ""),
+        "base_color": surface.get("baseColorFactor", [1.0] * 4),
+        "metallic": surface.get("metallicFactor", 1.0),
+        "roughness": surface.get("roughnessFactor", 1.0),
+        "emissive": material.get("emissiveFactor", [0.0] * 3),
+        "alpha_mode": material.get("alphaMode", "OPAQUE"),
+        "double_sided": material.get("doubleSided", False),
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A scene as a client has it.
+
+    Attributes
+    ----------
+    facts : dict
+        The description.
+    arrays : dict of array
+        float32 or uint32 by name; those that every scene has fit each other.
+    """
+
+    facts: dict[str, Any]
+    arrays: dict[str, Array]
+
+    @classmethod
+    def decode(cls, payload: bytes | memoryview) -> "Scene":
+        """Read a scene payload.
+
+        Raises
+        ------
+        WireError
+            A length, place or number that the payload does not bear out.
+        """
+        view = memoryview(payload)
+        if len(view) < 4:
+            raise WireError("a scene without a description")
+        start = 4 + _LENGTH.unpack(view[:4])[0]
+        if start > len(view):
+            raise WireError(f"a description of {start - 4} bytes in a scene of {len(view)}")
+        facts = read_json(view[4:start])
+        if not isinstance(facts, dict) or not isinstance(facts.get("arrays"), dict):
+            raise WireError("a scene that does not say what arrays it has")
+        arrays = {name: _array(view[start:], entry, name) for name, entry in facts["arrays"].items()}
+        scene = cls(facts, arrays)
+        scene._check()
+        return scene
+
+    def _check(self) -> None:
+        """Refuse what would make a client read beyond an array."""
+        facts = self.facts
+        n, t, fields, isolines = (_count(facts, name) for name in ("vertices", "triangles", "fields", "isolines"))
+        weights = facts.get("weights")
+        if not isinstance(weights, list) or len(weights) != fields or not all(type(w) is float for w in weights):
+            raise WireError(f"a scene whose {fields} fields have no weights")
+        shapes = {
+            "positions": (n, 3),
+            "normals": (n, 3),
+            "triangles": (t, 3),
+            "ladder": (n, fields),
+            "slopes": (n, fields, 2),
+        }
+        for name, shape in shapes.items():
+            array = self.arrays.get(name)
+            if array is None or array.shape != shape or (array.dtype.kind == "u") != (name == "triangles"):
+                raise WireError(f"a scene whose {name} are not there or do not fit the rest")
+        if self.arrays["triangles"].max() >= n:
+            raise WireError("a triangle of a vertex that is not there")
+        if not ((self.arrays["ladder"] >= 0) & (self.arrays["ladder"] <= isolines - 1)).all():
+            raise WireError("a ladder coordinate beyond the isolines")
+
+
+def _count(facts: dict[str, Any], name: str) -> int:
+    count = facts.get(name)
+    if type(count) is not int or count < 1:
+        raise WireError(f"a scene without {name}")
+    return count
+
+
+def _array(data: memoryview, entry: Any, name: str) -> Array:
+    """Look at an array where a scene says that it is."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("shape"), list):
+        raise WireError(f"an array {name!r:.40} without a shape")
+    dtype, shape, offset = TYPES.get(str(entry.get("type"))), entry["shape"], entry.get("offset", -1)
+    if dtype is None:
+        raise WireError(f"an array {name!r:.40} of an unknown type")
+    counts = [type(number) is int and 0 < number <= len(data) for number in shape]
+    if not 0 < len(counts) <= 3 or not all(counts) or type(offset) is not int or offset < 0:
+        raise WireError(f"an array {name!r:.40} of a shape that the scene cannot hold")
+    count = prod(shape)
+    if offset % 4 or offset + count * dtype.itemsize > len(data):
+        raise WireError(f"an array {name!r:.40} that goes beyond the scene")
+    return np.frombuffer(data, dtype, count, offset).reshape(shape)

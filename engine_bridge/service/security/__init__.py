@@ -1,0 +1,1 @@
+"""Who may connect to the service, and how that is checked."""

@@ -1,0 +1,266 @@
+"""A stage: one source of skeletons and the characters that its performers play.
+
+It knows no clock and no socket. What it makes depends on the events it is given and on nothing else, so that a take,
+which is these events, plays to the very same controls again.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.sensor_tilt import Level
+from capture.skeleton import LOST, SkeletonFrame
+from engine_bridge.service.character_player import Role
+from engine_bridge.service.memory import pack, unpack
+from engine_bridge.service.protocol.frame import Frame
+from engine_bridge.service.user_assignment import Casting, People, Presence
+from puppetline.errors import ServiceError
+
+VERSION = 3
+"""Of the memory."""
+
+BLIND = 5 * TICK
+"""Seconds without any event after which it was not the people who were away: a source gives ticks while it runs."""
+
+
+@dataclass(frozen=True)
+class Direction:
+    """How a stage treats the people before it.
+
+    Attributes
+    ----------
+    people : {"each", "nearest", "queue"}
+    turn : float
+        Seconds of a turn in a queue.
+    lost_after : float
+        Seconds after which somebody who is not seen has left.
+    least_confidence : float
+        A joint of less is lost.
+    """
+
+    people: People = "each"
+    turn: float = 60.0
+    lost_after: float = 0.5
+    least_confidence: float = 0.25
+
+
+class Stage:
+    """Characters, and the performers of one source.
+
+    Parameters
+    ----------
+    name : str
+    roles : sequence of Role
+        At least one; each name once.
+    direction : Direction
+    """
+
+    def __init__(self, name: str, roles: Sequence[Role], direction: Direction) -> None:
+        self.name = name
+        self.roles = list(roles)
+        self._direction = direction
+        self.casting = Casting(direction.people, direction.turn, [None] * len(self.roles))
+        self._latest: dict[int, float] = {}
+        self._time = -math.inf
+
+    def step(self, event: Event, received: int) -> list[Frame]:
+        """Take an event and return the frames of the characters that it moves.
+
+        Parameters
+        ----------
+        event : Event
+            No earlier than the one before.
+        received : int
+            `time.monotonic_ns` at which it came.
+
+        Raises
+        ------
+        ServiceError
+            A cue that cannot be followed.
+        """
+        if event.time - self._time > BLIND and math.isfinite(self._time):
+            self.casting.blind(event.time - self._time)
+        self._time = event.time
+        match event:
+            case SkeletonFrame():
+                return self._perform(event, received)
+            case Lost():
+                self.casting.gone(event.user)
+            case Cue():
+                self._follow(event)
+            case Tick():
+                pass
+        self._recast(event.time)
+        return self._pass_time(event.time, received)
+
+    def _perform(self, frame: SkeletonFrame, received: int) -> list[Frame]:
+        confidence = np.where(frame.confidence < self._direction.least_confidence, np.float32(LOST), frame.confidence)
+        known = confidence > LOST
+        if known.any() and frame.time > self._latest.get(frame.user, -np.inf):
+            self.casting.see(frame.user, frame.time, _distance(frame.positions[known]))
+        self._recast(frame.time)
+        if frame.user not in self.casting.present or frame.time <= self._latest.get(frame.user, -np.inf):
+            return self._pass_time(frame.time, received)
+        self._latest[frame.user] = frame.time
+        frame = replace(frame, confidence=confidence)
+        shown = [role.perform(frame, received) for role in self.roles if role.user == frame.user]
+        return shown + self._pass_time(frame.time, received)
+
+    def _recast(self, time: float) -> None:
+        """Let people come and go."""
+        casting = self.casting
+        for user, presence in list(casting.present.items()):
+            if time - presence.seen > self._direction.lost_after:
+                casting.gone(user)
+        casting.recast(time)
+        for role, performer in zip(self.roles, casting.cast, strict=True):
+            if role.user == performer:
+                continue
+            if role.user is not None:
+                role.leave(time)
+            if performer is not None:
+                role.enter(performer, time)
+        self._latest = {user: self._latest[user] for user in self._latest if user in casting.present}
+
+    def _pass_time(self, time: float, received: int) -> list[Frame]:
+        return [frame for role in self.roles if (frame := role.pass_time(time, received)) is not None]
+
+    def _follow(self, cue: Cue) -> None:
+        chosen = self._named(cue.arguments.get("character"))
+        match cue.do:
+            case "calibrate":
+                if not [role for role in chosen if role.calibrate(cue.time)]:
+                    raise self._nobody(cue.arguments.get("character"))
+            case "mirror":
+                for role in chosen:
+                    on = cue.arguments.get("on")
+                    role.set_mirror(not role.mirror if on is None else bool(on), cue.time)
+            case "begin":
+                for role in chosen:
+                    role.begin(cue.time)
+            case "choose_user":
+                self._choose(chosen[0], cue.arguments.get("user"), cue.time)
+            case "level":
+                level = self._level_of(cue)
+                for role in chosen:
+                    role.set_level(level, cue.time)
+
+    def _named(self, character: str | None) -> list[Role]:
+        """Return the role of that name, or all roles for None."""
+        names = [role.character.name for role in self.roles]
+        if character is not None and character not in names:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"no character {character!r}",
+                expected=f"one of {', '.join(names)}",
+                fix="Name one of these.",
+            )
+        return [role for role in self.roles if character in (None, role.character.name)]
+
+    def _choose(self, role: Role, user: int | None, time: float) -> None:
+        if user is not None and user not in self.casting.present:
+            here = ", ".join(map(str, self.casting.present)) or "nobody"
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"no user {user} before the sensor",
+                expected=f"one of them: {here}",
+                fix="The status of describe says who is there.",
+            )
+        self.casting.choose(self.roles.index(role), user, time)
+
+    def _level_of(self, cue: Cue) -> Level:
+        try:
+            return Level.of_json(cue.arguments)
+        except ValueError as error:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"a sensor that stands like {cue.arguments}",
+                expected="tilt and roll in degrees, height in metres",
+                fix="Measure it again; until then it counts as before.",
+            ) from error
+
+    def _nobody(self, character: str | None) -> ServiceError:
+        return ServiceError(
+            f"stage {self.name}",
+            found=f"nobody who plays {character or 'a character'}",
+            expected="a performer whom the sensor sees",
+            fix="Calibrate when somebody is there.",
+        )
+
+    def replace_roles(self, roles: Sequence[Role]) -> None:
+        """Take over characters that were loaded anew; performers stay with those of the same name."""
+        names = [role.character.name for role in self.roles]
+        before = [names.index(name) if name in names else None for name in (role.character.name for role in roles)]
+        for role, k in zip(roles, before, strict=True):
+            if k is not None:
+                role.succeed(self.roles[k])
+        self.casting.rearrange(before)
+        self.roles = list(roles)
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What the stage carries from event to event, as JSON has it, for the beginning of a take."""
+        casting = self.casting
+        people = [[user, p.waits_since, p.seen, p.distance, p.nearer_since] for user, p in casting.present.items()]
+        packed: dict[str, Any] = pack(
+            {
+                "version": VERSION,
+                "characters": self._characters(),
+                "direction": asdict(self._direction),
+                "time": self._time,
+                "cast": casting.cast,
+                "since": casting.since,
+                "chosen": sorted(casting.chosen),
+                "present": people,
+                "latest": [[user, time] for user, time in self._latest.items()],
+                "roles": [role.memory for role in self.roles],
+            }
+        )
+        return packed
+
+    def recall(self, memory: Mapping[str, Any]) -> bool:
+        """Go on where another stage of the same characters was, treating people as it did.
+
+        Returns
+        -------
+        bool
+            False, and nothing changes, if it had others.
+
+        Raises
+        ------
+        ValueError
+            The memory is damaged. The stage is of no use after that.
+        """
+        if memory.get("version") != VERSION or memory.get("characters") != self._characters():
+            return False
+        try:
+            values = unpack(dict(memory))
+            direction = Direction(**values["direction"])
+            casting = Casting(direction.people, direction.turn, list(values["cast"]), list(values["since"]))
+            casting.present = {int(user): Presence(*presence) for user, *presence in values["present"]}
+            casting.chosen = set(map(int, values["chosen"]))
+            for role, role_memory in zip(self.roles, values["roles"], strict=True):
+                role.memory = role_memory
+            if [role.user for role in self.roles] != casting.cast or len(casting.since) != len(casting.cast):
+                raise ValueError("roles that were given to others")
+            self._latest = {int(user): float(time) for user, time in values["latest"]}
+            self._time = float(values["time"])
+        except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
+            raise ValueError(f"{type(error).__name__}: {error}") from error
+        self._direction, self.casting = direction, casting
+        return True
+
+    def _characters(self) -> list[list[str]]:
+        """Return what tells whether another stage can go on where this one is."""
+        return [[role.character.name, role.digest] for role in self.roles]
+
+
+def _distance(joints: NDArray[np.float64]) -> float:
+    """Return how far the middle of a body is from the sensor, along the floor; metres."""
+    x, z = np.sort(joints[:, ::2], axis=0)[len(joints) // 2]  # a median, without np.median's 40 µs
+    return float(np.hypot(x, z))

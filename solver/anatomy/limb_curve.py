@@ -1,0 +1,212 @@
+"""A curve inside a limb, from its end to the trunk, and where the joints are on it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from solver.anatomy.solid import Solid
+
+UPPER_ARM, THIGH = 0.48, 0.51
+"""Share of the way from shoulder to wrist that is upper arm, and from hip to ankle that is thigh, where the limb is
+straight: the mean of people and of game characters."""
+
+WRIST, WRIST_SPREAD = 0.70, 0.15
+"""Where the wrist is on the way from shoulder to fingertip, and how far from there it may be."""
+
+HIPS, SHOULDERS = 0.6, 2.3
+"""A hip is where two legs' curves part: half their distance is this many times their distance to the surface. A
+shoulder is this many times as far from the trunk's curve as from the surface."""
+
+THIN, HELD, ROD = 0.5, 0.6, 0.8
+"""What is thinner than this share of the arm over more than this share of its length is held in the hand; so much of it
+has to be as thin, for there are no thick parts in a sword."""
+
+BENT = 20.0, 50.0
+"""Degrees at a joint from which the bend says something about where it is, and from which it says all."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimbCurve:
+    """A smoothed curve through cells.
+
+    Attributes
+    ----------
+    cells : (k,) int64
+        From the end of the limb to where it meets the trunk.
+    points : (k, 3) float64
+        Left, up and front.
+    depth : (k,) float64
+        Distance to the surface.
+    along : (k,) float64
+        Way from the end.
+    """
+
+    cells: NDArray[np.int64]
+    points: NDArray[np.float64]
+    depth: NDArray[np.float64]
+    along: NDArray[np.float64]
+
+    @property
+    def length(self) -> float:
+        """Way from the end to the trunk."""
+        return float(self.along[-1])
+
+    def at(self, way: float) -> NDArray[np.float64]:
+        """Return the point (3,) so far from the end."""
+        return np.array([np.interp(way, self.along, column) for column in self.points.T])
+
+    def index(self, way: float) -> int:
+        """Return the first cell that is so far from the end."""
+        return min(int(np.searchsorted(self.along, way)), len(self.along) - 1)
+
+
+def curve_through(solid: Solid, cells: Sequence[int]) -> LimbCurve:
+    """Return the curve through some cells, each point averaged with its neighbours over the limb's thickness."""
+    chosen = np.array(cells, dtype=np.int64)
+    points, depth = solid.centers[chosen], solid.depth[chosen]
+    reach = max(2, round(float(np.median(depth)) / solid.size))
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(points, axis=0)])
+    place = np.arange(len(points))
+    either = np.minimum(np.minimum(place, place[::-1]), reach)
+    smooth = (sums[place + either + 1] - sums[place - either]) / (2 * either + 1)[:, None]
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(smooth, axis=0), axis=1))])
+    return LimbCurve(chosen, smooth, depth, along)
+
+
+def shoulder_way(arm: LimbCurve, trunk: LimbCurve) -> float:
+    """Return where an arm leaves the body, on the way from its end."""
+    away, _ = cKDTree(trunk.points).query(arm.points)
+    inside = np.flatnonzero((away < SHOULDERS * arm.depth) & (np.asarray(away) < 0.5 * np.max(away)))
+    return float(arm.along[inside[0]]) if len(inside) else arm.length
+
+
+def arm_joints(
+    arms: Sequence[LimbCurve], shoulders: Sequence[float], around: Sequence[NDArray[np.float64]], size: float
+) -> tuple[list[NDArray[np.float64]], list[float]]:
+    """Return the joints of two arms.
+
+    Parameters
+    ----------
+    arms : 2 of LimbCurve
+    shoulders : 2 of float
+        From `shoulder_way`.
+    around : 2 of (m, 3) float64
+        Centres of the cells of each arm.
+    size : float
+        Of a cell.
+
+    Returns
+    -------
+    points : 2 of (4, 3) float64
+        Shoulder, elbow, wrist and the end of the hand.
+    ends : 2 of float
+        Where the hands end, on the way from the tips: before what they hold.
+    """
+    ends = [_end_of_hand(arm, shoulder) for arm, shoulder in zip(arms, shoulders, strict=True)]
+    wrists = [
+        _narrowest(arm, end, shoulder, cells, size)
+        for arm, end, shoulder, cells in zip(arms, ends, shoulders, around, strict=True)
+    ]
+    elbows = _between(arms, wrists, shoulders, UPPER_ARM)
+    ways = zip(shoulders, elbows, wrists, ends, strict=True)
+    return [np.array([arm.at(way) for way in four]) for arm, four in zip(arms, ways, strict=True)], ends
+
+
+def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.float64]], float]:
+    """Return the joints of two legs whose curves end at the same cell.
+
+    Parameters
+    ----------
+    legs : 2 of LimbCurve
+    size : float
+        Of a cell.
+
+    Returns
+    -------
+    points : 2 of (4, 3) float64
+        Hip, knee, ankle and the end of the foot.
+    parted : float
+        How far the hips are from where the curves end.
+    """
+    inwards = np.arange(0.0, min(leg.length for leg in legs), size / 2)
+    left, right = (np.array([leg.at(leg.length - way) for way in inwards]) for leg in legs)
+    depth = np.mean([np.interp(leg.length - inwards, leg.along, leg.depth) for leg in legs], axis=0)
+    apart = np.linalg.norm(left - right, axis=1) / 2 / depth
+    thighs = inwards < 0.6 * inwards[-1]
+    parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, 2))
+    hips = [leg.length - parted for leg in legs]
+    ankles = [_ankle(leg, way) for leg, way in zip(legs, hips, strict=True)]
+    knees = _between(legs, ankles, hips, THIGH)
+    points = []
+    for leg, top, knee, ankle in zip(legs, hips, knees, ankles, strict=True):
+        straight = min(top, leg.length - clear)  # the curve bends inwards above
+        thigh = leg.at(straight) - leg.at(straight - 0.25 * (straight - ankle))
+        hip = leg.at(straight) + (top - straight) * thigh / max(float(np.linalg.norm(thigh)), 1e-12)
+        points.append(np.array([hip, leg.at(knee), leg.at(ankle), leg.at(0.0)]))
+    return points, parted
+
+
+def _ankle(leg: LimbCurve, hip: float) -> float:
+    """Return where the curve turns from the foot into the shin."""
+    ways = np.linspace(0.0, 0.4 * hip, 81)
+    return float(ways[_aside(leg, ways, 0.0, 0.5 * hip).argmax()])
+
+
+def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[float], usual: float) -> list[float]:
+    """Return where elbows or knees are: where the limbs are bent, or where joints usually are; at one share of both.
+
+    Parameters
+    ----------
+    limbs : 2 of LimbCurve
+    lows, highs : 2 of float
+        Wrists and shoulders, or ankles and hips.
+    usual : float
+        Share of the upper bone.
+    """
+    total, weights = 0.25 * usual, 0.25
+    for limb, low, high in zip(limbs, lows, highs, strict=True):
+        ways = np.linspace(low + 0.3 * (high - low), low + 0.7 * (high - low), 41)
+        corner = float(ways[_aside(limb, ways, low, high).argmax()])
+        inner = limb.at(high - 0.15 * (high - low)) - limb.at(corner)  # without the curve into the body
+        outer = limb.at(corner) - limb.at(low)
+        cosine = inner @ outer / max(float(np.linalg.norm(inner) * np.linalg.norm(outer)), 1e-12)
+        angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+        weight = float(np.clip((angle - BENT[0]) / (BENT[1] - BENT[0]), 0, 1))
+        total += weight * (high - corner) / max(high - low, 1e-12)
+        weights += weight
+    return [high - total / weights * (high - low) for low, high in zip(lows, highs, strict=True)]
+
+
+def _aside(limb: LimbCurve, ways: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """Return how far points of a limb are from the straight line between two others."""
+    start, chord = limb.at(low), limb.at(high) - limb.at(low)
+    chord /= max(float(np.linalg.norm(chord)), 1e-12)
+    away = np.array([limb.at(way) for way in ways]) - start
+    return np.asarray(np.linalg.norm(away - (away @ chord)[:, None] * chord, axis=1))
+
+
+def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:
+    """Return where a hand ends, on the way from the tip: before what is long and thin up to its own end."""
+    top = arm.index(shoulder)
+    for place in range(top - 1, 0, -1):
+        so_far = shoulder - arm.along[place]
+        thin = arm.depth[:place] < THIN * np.median(arm.depth[place:top])
+        if so_far > 3 * arm.depth[top] and thin[-1] and thin.mean() > ROD and arm.along[place] > HELD * so_far:
+            return float(arm.along[place])
+    return 0.0
+
+
+def _narrowest(arm: LimbCurve, end: float, shoulder: float, around: NDArray[np.float64], size: float) -> float:
+    """Return where the wrist is, on the way from the tip: where the arm is narrow, near where wrists are."""
+    _, nearest = cKDTree(arm.points).query(around)
+    ways, length = arm.along[nearest], shoulder - end
+    share = np.linspace(WRIST - WRIST_SPREAD, WRIST + WRIST_SPREAD, 31)
+    places = end + (1 - share) * length
+    reach = max(0.04 * length, 1.5 * size)
+    room = np.array([np.count_nonzero(np.abs(ways - way) < reach) for way in places], dtype=np.float64)
+    radius = np.sqrt(np.maximum(room, 1))
+    unlikely = radius / np.median(radius) + 0.3 * ((share - WRIST) / WRIST_SPREAD) ** 2
+    return float(places[unlikely.argmin()])

@@ -1,0 +1,487 @@
+"""Where the limbs of a character are, found from its shape alone.
+
+The space inside the character has a tree of curves, one curve a limb (`solver.anatomy.curve_skeleton`). Its ends are
+named by where they are and how they hang together: feet stand on the ground in pairs, the head is the highest and
+front-most of the middle, arms are a pair that branches off between legs and head. The joints lie on the curves
+(`solver.anatomy.limb_curve`).
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from solver.anatomy.curve_skeleton import curve_skeleton
+from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
+from solver.anatomy.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_way
+from solver.anatomy.solid import fill
+from solver.surface.mesh import SolverMesh
+
+LOW, GROUND = 0.2, 0.1
+"""Legs end below the first of these shares of the height, and one of each pair below the second."""
+
+LEVEL = 0.05
+"""Two feet stand on the ground within this share of the height; of several pairs the one that is farthest apart."""
+
+TOES = 0.15
+"""Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
+
+STRIDE = 0.25
+"""Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
+and length."""
+
+MIDDLE, BEHIND = 0.15, -0.15
+"""How far aside a tail may end, and how far to the front."""
+
+LEAST_ARM = -0.2
+"""What is less like arms than this is none."""
+
+SHORTEST_ARM, LONGEST_ARM = 0.06, 0.35
+"""An arm reaches at least this far out of the body; beyond the second length it is no better an arm."""
+
+SHEET_REACH, SHEET = 5.0, 1.6
+"""Within so many times its thickness, a sheet has more than this many times the room of a rod."""
+
+MEET = 1.0
+"""A branch ends where it is this near to the trunk's curve, as a share of its distance to the surface there."""
+
+SHORTEST_WING = 0.25
+"""A wing is at least this long."""
+
+LIKE = 0.3
+"""Feet, ears or wings whose places differ by more than this from mirroring each other are no pair."""
+
+SYMMETRIC = 0.06
+"""Limbs of left and right that mirror each other to this share of the height are made equal."""
+
+BULB = 8.0
+"""What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
+
+LEGS = 0.1
+"""What leaves the trunk below this share of the way from hips to crown and ends low is no arm."""
+
+SKULLS = 0.35, 0.2, 0.12
+"""The head's thickest place is on this last share of the way from hips to crown; on a smaller one if the chest or neck
+is at its beginning."""
+
+LONG_NECK = 0.3
+"""A neck of at least this share of the trunk's length is a limb of its own."""
+
+HIDDEN = 1.3
+"""Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
+LONG_LEGS = 0.75
+"""Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
+HIP_HEIGHT, HIP_WIDTH = 0.63, 0.5
+"""Height of the hips, and distance between them, as a share of those of the shoulders."""
+
+UPRIGHT = np.cos(np.radians(50))
+"""Cosine between up and the way from trunk to head up to which the head stands on the trunk."""
+
+ONE_IMAGE = np.array([-1.0, 1.0, 1.0])
+
+Points = NDArray[np.float64]
+_Pair = tuple[int, int]
+
+
+def find_limbs(
+    mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points] = MappingProxyType({})
+) -> Limbs:
+    """Find a character's limbs.
+
+    Parameters
+    ----------
+    mesh : SolverMesh
+    basis : (3, 3) float64
+        Rows are the mesh's directions of the character's left, up and front.
+    ends : mapping of str to (3,) float64
+        Where limbs end that the user knows, by their names; mesh file's coordinates.
+    """
+    finder = _Finder(mesh, basis, {name: basis @ np.asarray(end) for name, end in ends.items()})
+    chains = tuple(LimbChain(name, points @ basis) for name, points in finder.limbs().items())
+    return Limbs(chains, tuple(finder.notes))
+
+
+class _Finder:
+    """A character in its own directions: left, up, front."""
+
+    def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
+        self.basis, self.notes = basis, list[str]()
+        self.solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
+        self.skeleton = curve_skeleton(self.solid)
+        self.cells = self.solid.centers
+        self.ends = {name: int(np.linalg.norm(self.cells - end, axis=1).argmin()) for name, end in ends.items()}
+        self.low, self.high = self.cells.min(axis=0), self.cells.max(axis=0)
+        self.height = float(self.high[1] - self.low[1]) + self.solid.size
+        self.unit = float((self.high - self.low).max()) + self.solid.size
+        self.middle = float(self.cells[:, 0].mean())
+        self.feet = self._feet()
+        self.four_legged = len(self.feet) > 1
+        self.head = self._head()
+        self.legs: dict[str, Points] = {}
+        self.thighs: set[int] = set()
+        for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
+            fork = self.skeleton.fork(*pair)
+            curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
+            points, parted = leg_joints(curves, self.solid.size)
+            self.legs |= self._sides(name, points)
+            if name != "front leg":
+                self.trunk = self._trunk(curves, parted)
+            for curve in curves:
+                self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
+        if not self.feet:
+            self.trunk = curve_through(self.solid, self.skeleton.between(self._base(), self.head))
+
+    def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
+        """Return the curve from between the hips to the end of the head.
+
+        Where the curves of the legs run side by side through the trunk, it is in their middle.
+        """
+        ways = np.arange(parted, 0.0, -self.solid.size)
+        middle = np.mean([[leg.at(leg.length - way) for way in ways] for leg in legs], axis=0).reshape(-1, 3)
+        depth = np.mean([np.interp(leg.length - ways, leg.along, leg.depth) for leg in legs], axis=0)
+        above = curve_through(self.solid, self.skeleton.between(int(legs[0].cells[-1]), self.head))
+        points = np.concatenate([middle, above.points])
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        cells = np.concatenate([np.full(len(ways), legs[0].cells[-1]), above.cells])
+        return LimbCurve(cells, points, np.concatenate([depth, above.depth]), along)
+
+    @cached_property
+    def skull(self) -> int:
+        """Where the head is thickest, an index into the trunk's curve: beyond the neck, if there is one."""
+        for share in SKULLS:
+            last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)
+            thickest = int(self.trunk.depth[last].argmax())
+            if thickest > 2:
+                break
+        return int(last[thickest])
+
+    @property
+    def _chin(self) -> float:
+        """Where the head begins on the trunk's curve."""
+        return float(self.trunk.along[self.skull] - 0.5 * self.trunk.depth[self.skull])
+
+    def limbs(self) -> dict[str, Points]:
+        """Return the points of each limb by its name."""
+        found: dict[str, Points] = {}
+        branches = self._branches()
+        arms = None if self.four_legged else self._arms(branches)
+        if arms is not None:
+            found |= self._sides("arm", self._arm_points(arms))
+        found |= self.legs
+        self._uncover_legs(found)
+        used = list(arms or ())
+        tail = self._tail([branch for branch in branches if branch not in used])
+        if tail is not None:
+            used.append(tail)
+            found["tail"] = evenly(tail.points[::-1], 4)
+        wings = self._wings([branch for branch in branches if branch not in used])
+        if wings is not None:
+            found |= self._sides("wing", [evenly(wing.points[::-1], 4) for wing in wings])
+        self._say_what_is_missing(found)
+        return self._trunk_and_head(found) | found
+
+    def _place(self, cell: int) -> Points:
+        """Return how far left of the middle, over the ground and before the middle a cell is."""
+        middle = np.array([self.middle, self.low[1], (self.low[2] + self.high[2]) / 2])
+        return np.asarray((self.cells[cell] - middle) / [self.unit, self.height, self.unit])
+
+    def _unlike(self, one: Points, other: Points) -> float:
+        """Return how far two places are from mirroring each other."""
+        image = other * ONE_IMAGE + [2 * self.middle, 0.0, 0.0]
+        return float(np.linalg.norm(one - image) / self.unit)
+
+    # feet and head ---------------------------------------------------------------------------------------------------
+
+    def _feet(self) -> list[_Pair]:
+        """Return no feet, a pair of feet, or hind feet and front feet; of a pair the left one first."""
+        low: list[int] = []
+        for tip in self.skeleton.tips.tolist():
+            if self._place(tip)[1] >= LOW:
+                continue
+            others = [other for other in low if self._same_foot(tip, other)]
+            if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
+                low = [*(other for other in low if other not in others), tip]
+        left = [tip for tip in low if self._place(tip)[0] > 0]
+        right = [tip for tip in low if self._place(tip)[0] <= 0]
+        unlike = np.array([[self._unlike(self.cells[a], self.cells[b]) for b in right] for a in left])
+        rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
+        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True) if unlike[i, j] < LIKE]
+        pairs = [pair for pair in pairs if min(self._place(tip)[1] for tip in pair) < GROUND]
+        pairs.sort(key=lambda pair: sum(self._place(tip)[2] for tip in pair))
+        for given in ("leg", "hind leg", "front leg"):
+            if {f"left {given}", f"right {given}"} <= self.ends.keys():
+                pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
+                pairs = [pair] if given != "front leg" else [pairs[0], pair]
+        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > STRIDE:
+            return [pairs[0], pairs[-1]]
+        heights = [max(self._place(tip)[1] for tip in pair) for pair in pairs]
+        lowest = [pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + LEVEL]
+        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+
+    def _stride(self, hind: _Pair, front: _Pair) -> float:
+        places = [np.mean([self._place(tip)[2] for tip in pair]) for pair in (hind, front)]
+        return float(places[1] - places[0])
+
+    def _same_foot(self, tip: int, other: int) -> bool:
+        if self._place(self.skeleton.fork(tip, other))[1] < TOES:
+            return True
+        one_side = (self._place(tip)[0] > 0) == (self._place(other)[0] > 0)
+        return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOES * self.unit)
+
+    def _head(self) -> int:
+        """Return the end of the head: far to the front and up, near the middle, and thick."""
+        if "head" in self.ends:
+            return self.ends["head"]
+        extent = np.array([self.unit, self.height, self.unit])
+        left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
+        left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
+        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
+        feet = [foot for pair in self.feet for foot in pair]
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        scores = {cell: float(forwards[cell]) + BULB * self._bulb(cell) for cell in [int(forwards.argmax()), *tips]}
+        return max(scores, key=lambda cell: scores[cell])
+
+    def _bulb(self, cell: int) -> float:
+        """Return how thick the end of a limb is, as a share of the height."""
+        curve = curve_through(self.solid, self.skeleton.path(cell))
+        return float(curve.depth[curve.along <= LOW * self.height].max() / self.height)
+
+    def _base(self) -> int:
+        """Return a cell in the middle of what a body without feet stands on."""
+        low = np.flatnonzero(self.cells[:, 1] < self.low[1] + LOW * self.height)
+        return int(low[self.solid.depth[low].argmax()])
+
+    # what branches off the trunk ------------------------------------------------------------------------------------
+
+    def _branches(self) -> list[LimbCurve]:
+        """Return the curves of what branches off the trunk, one a limb, the longest first."""
+        feet = [foot for pair in self.feet for foot in pair]
+        near = cKDTree(self.trunk.points)
+        found = []
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        for tip in [*self.ends.values(), *tips]:
+            way = self.skeleton.between(tip, self.head)
+            away, _ = near.query(self.cells[way])
+            stop = int(np.argmax(away <= np.maximum(MEET * self.solid.depth[way], self.solid.size)))
+            if stop > 2 and not self.thighs & set(way[:stop]):
+                found.append(curve_through(self.solid, way[: stop + 1]))
+        given = set(self.ends.values())
+        found.sort(key=lambda branch: (int(branch.cells[0]) not in given, -branch.length))
+        kept: list[LimbCurve] = []
+        for branch in found:
+            outside = branch.cells[branch.along < branch.length - 0.5 * branch.depth[-1]]
+            if len(outside) and not any(np.isin(outside, other.cells).any() for other in kept):
+                kept.append(branch)
+        return kept
+
+    def _leaves_at(self, branch: LimbCurve) -> float:
+        """Return where a branch leaves the trunk, from 0 at the hips to 1 at the end of the head."""
+        place = np.linalg.norm(self.trunk.points - branch.points[-1], axis=1).argmin()
+        return float(self.trunk.along[place] / self.trunk.length)
+
+    def _given(self, branches: Sequence[LimbCurve], limb: str) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the pair whose ends the user has given."""
+        by_end = {int(branch.cells[0]): branch for branch in branches}
+        pair = [by_end.get(self.ends.get(f"{side} {limb}", -1)) for side in ("left", "right")]
+        return (pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
+
+    def _arms(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the pair of branches that is most like arms, the left one first."""
+        given = self._given(branches, "arm")
+        if given is not None:
+            return given
+        scores: dict[tuple[int, int], float] = {}
+        shoulders = [self._shoulder_place(branch) for branch in branches]
+        for i, one in enumerate(branches):
+            for j, other in enumerate(branches[:i]):
+                beside = (self._aside(one) - self.middle) * (self._aside(other) - self.middle) < 0
+                if beside and all(self._below_head(branches[k], shoulders[k]) for k in (i, j)):
+                    scores[i, j] = self._like_arms(one, other)
+        best = max(scores, key=lambda pair: scores[pair], default=None)
+        if best is None or scores[best] < LEAST_ARM:
+            return None
+        one, other = (branches[i] for i in best)
+        return (one, other) if self._aside(one) > self._aside(other) else (other, one)
+
+    def _below_head(self, branch: LimbCurve, shoulder: float) -> bool:
+        """Return whether a branch with its shoulder there is no ear, horn or leg."""
+        hangs = branch.points[0, 1] < branch.points[-1, 1]
+        high = self._place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
+        return bool(high and (shoulder < self._chin or hangs))
+
+    def _like_arms(self, one: LimbCurve, other: LimbCurve) -> float:
+        """Return how much two branches are like arms: long, equal, low, leaving at one height, not behind."""
+        lengths = [branch.length / self.height for branch in (one, other)]
+        leaves = [self._leaves_at(branch) for branch in (one, other)]
+        ends = [self.cells[branch.cells[0]] for branch in (one, other)]
+        behind = -np.mean([self._place(int(branch.cells[0]))[2] for branch in (one, other)])
+        return float(
+            min(*lengths, LONGEST_ARM)
+            - SHORTEST_ARM
+            - 0.3 * abs(lengths[0] - lengths[1]) / sum(lengths)
+            - 0.5 * abs(leaves[0] - leaves[1])
+            - 0.2 * max(leaves)
+            - 0.25 * min(self._unlike(*ends), LIKE)
+            - 0.2 * max(behind, 0.0)
+        )
+
+    def _shoulder_place(self, branch: LimbCurve) -> float:
+        """Return where on the trunk's curve a branch would have its shoulder."""
+        shoulder = branch.at(shoulder_way(branch, self.trunk))
+        return float(self.trunk.along[np.linalg.norm(self.trunk.points - shoulder, axis=1).argmin()])
+
+    def _aside(self, branch: LimbCurve) -> float:
+        """Return how far left a branch is, its outer half that may cross the body left aside."""
+        return float(branch.points[branch.along > 0.5 * branch.length, 0].mean())
+
+    def _tail(self, branches: list[LimbCurve]) -> LimbCurve | None:
+        """Return the longest rod in the middle behind."""
+        if "tail" in self.ends:
+            return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
+        behind = []
+        for branch in branches:
+            left, _, front = self._place(int(branch.cells[0]))
+            if abs(left) < MIDDLE and front < BEHIND and self._leaves_at(branch) < 0.4 and not self._is_flat(branch):
+                behind.append(branch)
+        return max(behind, key=lambda branch: branch.length, default=None)
+
+    def _is_flat(self, branch: LimbCurve) -> bool:
+        """Return whether a branch is a sheet, such as a cape: there is much more around it than a rod has."""
+        outer = branch.along < 0.5 * branch.length
+        points, thickness = branch.points[outer], branch.depth[outer] + self.solid.size / 2
+        reach = np.maximum(SHEET_REACH * thickness, SHEET_REACH * self.solid.size)
+        around = self._tree.query_ball_point(points, reach, return_length=True)
+        rod = 2 * np.pi * thickness**2 * reach
+        return bool(np.median(around * self.solid.size**3 / rod) > SHEET)
+
+    def _wings(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
+        """Return the longest pair that mirrors itself and branches off the trunk."""
+        given = self._given(branches, "wing")
+        if given is not None:
+            return given
+        pairs = []
+        for i, one in enumerate(branches):
+            for other in branches[:i]:
+                shortest = min(one.length, other.length) / self.unit
+                alike = self._unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
+                below = all(self._shoulder_place(branch) < self._chin for branch in (one, other))
+                below = below and all(self._place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
+                if shortest > SHORTEST_WING and alike and below:
+                    pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
+        return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+    # joints ----------------------------------------------------------------------------------------------------------
+
+    def _arm_points(self, arms: tuple[LimbCurve, LimbCurve]) -> list[Points]:
+        shoulders = [shoulder_way(arm, self.trunk) for arm in arms]
+        around = [
+            self.cells[self.skeleton.beyond(int(arm.cells[arm.index(shoulder)]))]
+            for arm, shoulder in zip(arms, shoulders, strict=True)
+        ]
+        points, ends = arm_joints(arms, shoulders, around, self.solid.size)
+        for arm, side, end in zip(arms, ("left", "right"), ends, strict=True):
+            if end > 0 and f"{side} arm" not in self.ends:
+                self.notes.append(
+                    f"Something long and thin at the end of the {side} arm is not part of it. If it is, give the end "
+                    f"of the arm: --limb '{side} arm={self._text(arm.points[0])}'"
+                )
+        return points
+
+    def _text(self, place: Points) -> str:
+        return ",".join(f"{value:.4g}" for value in place @ self.basis)
+
+    def _sides(self, limb: str, pair: Sequence[Points]) -> dict[str, Points]:
+        """Name a left and a right limb; limbs that nearly mirror each other are made equal."""
+        left, right = pair
+        offset = np.array([left[0, 0] + right[0, 0], 0.0, 0.0])
+        apart = np.linalg.norm(left - (right * ONE_IMAGE + offset), axis=1)
+        if apart.max() < SYMMETRIC * self.height:
+            left = (left + right * ONE_IMAGE + offset) / 2
+            right = left * ONE_IMAGE + offset
+        elif apart[0] < SYMMETRIC * self.height:
+            keep_left = _straightness(left) > _straightness(right)
+            image = (left if keep_left else right) * ONE_IMAGE + offset
+            if self._inside(image):  # whatever hides the other limb, such as a shield, hides this as well
+                left, right = (left, image) if keep_left else (image, right)
+        return {f"left {limb}": left, f"right {limb}": right}
+
+    def _inside(self, points: Points) -> bool:
+        """Return whether bones run inside the body."""
+        away, _ = self._tree.query(evenly(points, 30))
+        return bool(np.quantile(away, 0.9) < self.solid.size)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.cells)
+
+    def _uncover_legs(self, found: dict[str, Points]) -> None:
+        """Lengthen legs that a skirt hides, by the proportions of people."""
+        if not {"left leg", "left arm"} <= found.keys():
+            return
+        legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
+        seen, reach = (
+            np.mean([np.linalg.norm(np.diff(points[:3], axis=0), axis=1).sum() for points in limbs])
+            for limbs in (legs, arms)
+        )
+        shoulders = np.mean([points[0, 1] for points in arms]) - self.low[1]
+        usual = self.low[1] + HIP_HEIGHT * shoulders
+        if reach < LONG_LEGS * seen:
+            for leg in legs:
+                leg[0, 1] = max(leg[0, 1], min(usual, leg[0, 1] + 0.1 * self.height))
+        if reach < HIDDEN * seen:
+            return
+        for side, leg in zip(("left", "right"), legs, strict=True):
+            shoulder = found[f"{side} arm"][0]
+            aside = HIP_WIDTH * (shoulder[0] - self.trunk.points[0, 0])
+            hip = np.array([self.trunk.points[0, 0] + aside, usual, leg[2, 2]])
+            found[f"{side} leg"] = np.array([hip, (hip + leg[2]) / 2, leg[2], leg[3]])
+        self.notes.append(
+            "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If that is "
+            "wrong, change the points of the legs in the puppet file."
+        )
+
+    def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
+        trunk = self.trunk
+        near = cKDTree(trunk.points)
+        legs, arms = ("hind leg", "front leg") if self.four_legged else ("leg", "arm")
+        low, high = trunk.points[0], trunk.at(0.6 * trunk.length)
+        if f"left {legs}" in found:
+            low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
+        if f"left {arms}" in found:
+            high = (found[f"left {arms}"][0] + found[f"right {arms}"][0]) / 2
+        place = int(near.query(high)[1])
+        start = int(near.query(low)[1])
+        high = trunk.points[place]
+        result = {"trunk": np.array([low, trunk.points[(start + place) // 2], high])}
+        crown = trunk.points[-1]
+        skull = trunk.points[self.skull]
+        stands = skull - high
+        if not self.four_legged and stands[1] > UPRIGHT * np.linalg.norm(stands) > 0:
+            crown = skull + trunk.depth[self.skull] * stands / np.linalg.norm(stands)
+        elif self.skull > place:
+            neck = trunk.along[self.skull] - trunk.depth[self.skull] - trunk.along[place]
+            if neck > LONG_NECK * (trunk.along[place] - trunk.along[start]):
+                way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
+                return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
+        return result | {"head": np.array([high, crown])}
+
+    def _say_what_is_missing(self, found: dict[str, Points]) -> None:
+        if not self.feet:
+            self.notes.append(
+                "No legs were found. If there are any, give where they end: "
+                "--limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+            )
+        if not self.four_legged and "left arm" not in found and "left wing" not in found:
+            self.notes.append(
+                "No arms were found. If there are any, give where they end: "
+                "--limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'"
+            )
+
+
+def _straightness(points: Points) -> float:
+    """Return the distance between the ends of a chain as a share of its length."""
+    return float(np.linalg.norm(points[-1] - points[0]) / np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -1,0 +1,223 @@
+"""Which way a character stands, which way it looks, and how large it is: proposed from its shape alone.
+
+A character has a left and a right that mirror each other, stands on feet that are spread and keep clear of the middle,
+points its toes forwards, carries its head in the front, and its modeller spent the most vertices on its face. Each of
+the 24 ways to stand along the axes is judged by these signs. Their weights are those of a conditional logistic
+regression over thirty characters (people, animals, dinosaurs, machines), rounded.
+"""
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from solver.surface.mesh import SolverMesh
+
+SURE_UP, SURE_FRONT = 0.8, 0.6
+"""Probabilities from which the shape is believed over the convention of the file format."""
+
+NEARLY = 0.6
+"""Where the shape is not sure, the convention stands if it is at least this likely beside the likeliest."""
+
+SAMPLES = 6000
+"""Surface points that are looked at."""
+
+WEIGHTS = {
+    "symmetry": 2.3,
+    "stance": 6.0,
+    "parting": -15.0,
+    "height": 1.0,
+    "ground": 3.0,
+    "toes": 28.0,
+    "head": 5.0,
+    "face": 27.0,
+    "spine": 23.0,
+}
+"""What each sign of `_signs` counts, in logits a unit."""
+
+UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
+"""Metres of the units that characters come in, the likelier first."""
+SHORTEST, TALLEST = 0.2, 10.0
+"""Metres: the height of a character that needs no explanation."""
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """How a mesh stands in its own coordinates.
+
+    Attributes
+    ----------
+    up, front : str
+        x, -x, y, -y, z or -z. Where the shape does not say, y and z as in glTF, or z and -y.
+    scale : float
+        Metres a mesh unit.
+    confidence : float
+        Probability from 0 to 1 of both axes, by the shape alone.
+    reasons : tuple of 3 str
+        For up, front and scale: what was seen or assumed, for a person to read.
+    """
+
+    up: str
+    front: str
+    scale: float
+    confidence: float
+    reasons: tuple[str, ...]
+
+
+def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -> Orientation:
+    """Propose a character's axes and unit.
+
+    A character turned by right angles about the origin gets the same answer, turned, wherever the shape is clear.
+
+    Parameters
+    ----------
+    mesh : SolverMesh
+    up, front : str, optional
+        What is known already; two different axes.
+    """
+    known = (up, front)
+    chances = {
+        axes: chance
+        for axes, chance in _chances(mesh).items()
+        if all(given in (None, axis) for given, axis in zip(known, axes, strict=True))
+    }
+    ups = dict.fromkeys((axes[0] for axes in chances), 0.0)
+    for (axis, _), chance in chances.items():
+        ups[axis] += chance
+    up, up_is_clear = _choose(ups, SURE_UP, "y")
+    fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
+    front, front_is_clear = _choose(fronts, SURE_FRONT, {"y": "z", "z": "-y"}.get(up))
+    scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
+    unclear = "not clear from the shape: taken as"
+    reasons = (
+        f"{up} looks like up: {_posture(up, front)}" if up_is_clear else f"up is {unclear} {up}",
+        f"{front} looks like the front" if front_is_clear else f"the front is {unclear} {front}",
+        size,
+    )
+    return Orientation(up, front, scale, chances[up, front] / sum(chances.values()), reasons)
+
+
+def _choose(chances: dict[str, float], sure: float, convention: str | None) -> tuple[str, bool]:
+    """Return the likeliest direction, or the convention's where that is nearly as likely; and whether it is sure."""
+    likeliest = max(chances, key=lambda each: chances[each])
+    if chances[likeliest] >= sure * sum(chances.values()):
+        return likeliest, True
+    if convention is not None and chances.get(convention, 0.0) >= NEARLY * chances[likeliest]:
+        return convention, False
+    return likeliest, False
+
+
+def _posture(up: str, front: str) -> str:
+    """Say how a character appears to somebody who takes y for up."""
+    if up == "y":
+        return "it stands"
+    if up == "-y":
+        return "it is upside down"
+    return {"y": "it lies on its back", "-y": "it lies on its face"}.get(front, "it lies on its side")
+
+
+def _unit(height: float) -> tuple[float, str]:
+    """Return metres a unit for a character of so many units, and the reason."""
+    for name, metres in UNITS.items():
+        if SHORTEST <= height * metres <= TALLEST:
+            return metres, f"{height:.3g} units tall: {name}"
+    return 1.0, f"{height:.3g} units tall: the unit is not clear, taken as metres"
+
+
+def _chances(mesh: SolverMesh) -> dict[tuple[str, str], float]:
+    """Return the probability of each up and front."""
+    points = _sample(mesh)
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    mirroring = [_mirroring(points, axis, diagonal) for axis in range(3)]
+    detail = mesh.vertices.mean(axis=0) - points.mean(axis=0)
+    logits = {}
+    for up, front in permutations(range(3), 2):
+        left = 3 - up - front
+        middle, mismatch = mirroring[left]
+        for up_sign in (1, -1):
+            for front_sign in (1, -1):
+                signs = _signs(
+                    (points[:, left] - middle) / diagonal,
+                    up_sign * points[:, up] / diagonal,
+                    front_sign * points[:, front] / diagonal,
+                )
+                signs["symmetry"] = -np.log(mismatch)
+                signs["face"] = float(np.clip(front_sign * detail[front] / diagonal, -0.1, 0.1))
+                name = "-" * (up_sign < 0) + "xyz"[up], "-" * (front_sign < 0) + "xyz"[front]
+                logits[name] = sum(WEIGHTS[sign] * value for sign, value in signs.items())
+    highest = max(logits.values())
+    odds = {name: float(np.exp(logit - highest)) for name, logit in logits.items()}
+    total = sum(odds.values())
+    return {name: each / total for name, each in odds.items()}
+
+
+def _signs(left: NDArray[np.float64], up: NDArray[np.float64], front: NDArray[np.float64]) -> dict[str, float]:
+    """Measure how well surface points fit a character that stands along these axes.
+
+    Parameters
+    ----------
+    left, up, front : (n,) float64
+        In diagonals, the first from the middle plane; either sign of it gives the same.
+    """
+    aside = np.abs(left)
+    over_ground = up - up.min()
+    height, length = max(float(np.ptp(up)), 1e-9), max(float(np.ptp(front)), 1e-9)  # a cardboard figure is flat
+    share = over_ground / height
+    in_the_middle = aside < 0.01
+    feet, shins = over_ground < 0.03, (over_ground > 0.06) & (over_ground < 0.18)
+    crown = (share > 0.75) & (aside < 0.1)
+    rear = front < front.min() + 0.15 * length
+    footprint = _spread(left, front)
+    return {
+        # feet that are as far apart as the body is wide
+        "stance": min(_spread(left[feet], front[feet]) / footprint, 0.7) if footprint else 0.0,
+        # legs do not touch the middle plane, but heads and backs do
+        "parting": min(float(in_the_middle[share < 0.12].mean()), 0.1),
+        "height": float(np.log(height / length)),
+        # modellers put the feet at 0
+        "ground": float(abs(up.min()) < 0.01 * height),
+        "toes": float(np.clip(front[feet].mean() - front[shins].mean(), -0.1, 0.1)) if shins.any() else 0.0,
+        "head": float(front[crown].mean() - front.mean()) / length if crown.any() else 0.0,
+        # tails, rumps and backs are in the middle; faces reach around it
+        "spine": min(float(in_the_middle[rear].mean()), 0.1),
+    }
+
+
+def _spread(left: NDArray[np.float64], front: NDArray[np.float64]) -> float:
+    """Return the area over which points are spread: the product of the standard deviations along their main axes."""
+    left, front = left - left.mean(), front - front.mean()
+    squared = float(np.mean(left**2) * np.mean(front**2) - np.mean(left * front) ** 2)
+    return float(np.sqrt(max(squared, 0.0)))
+
+
+def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple[float, float]:
+    """Return where the middle plane across an axis lies, and how far the mirrored points are from the surface.
+
+    In diagonals, and no point counts more than 0.03: a sword in one hand does not make a body lopsided.
+    """
+    along = points[:, axis]
+    tree = cKDTree(points)
+    found = []
+    for middle in (0.0, along.mean(), np.median(along), (along.min() + along.max()) / 2):
+        mirrored = points[::3].copy()
+        mirrored[:, axis] = 2 * middle - mirrored[:, axis]
+        distance, _ = tree.query(mirrored, distance_upper_bound=0.03 * diagonal)
+        found.append((float(np.minimum(np.asarray(distance) / diagonal, 0.03).mean()), float(middle)))
+    mismatch, middle = min(found)
+    return middle, max(mismatch, 1e-4)
+
+
+def _sample(mesh: SolverMesh) -> NDArray[np.float64]:
+    """Return (SAMPLES, 3) points spread evenly over the surface, the same ones however the mesh is turned."""
+    corners = mesh.vertices[mesh.faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    up_to = np.cumsum(areas)
+    number = np.arange(SAMPLES)
+    face = np.searchsorted(up_to, (number + 0.5) / SAMPLES * up_to[-1])
+    # the R2 sequence of Roberts fills the unit square evenly
+    first, second = np.sqrt(number * 0.7548776662466927 % 1), number * 0.5698402909980532 % 1
+    shares = np.column_stack([1 - first, first * (1 - second), first * second])
+    points: NDArray[np.float64] = np.einsum("nk,nkc->nc", shares, corners[face])
+    return points

@@ -1,0 +1,177 @@
+"""Vertices of many frames at a time, frames side by side: so a recording's stretch, errors and normals are measured.
+
+Between the same isolines of every field, in one *cell* of the surface, vertices blend the same transforms: with
+u_i in [0, 1] the place between two isolines of field i, X = [x y z 1] (T + Σ_i u_i D_i), T and D_i sums and differences
+of rows of R. These are gathered once a cell, frames side by side, and then every vertex is one row of a small matrix
+product.
+"""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.model.reduced_model import ReducedModel
+from solver.surface.mesh import SolverMesh
+
+FRAMES = 64
+"""Frames that are worth taking at a time."""
+
+FEWEST, LARGEST = 8, 6_000_000
+"""Frames that are still worth it where there are many vertices, and numbers that should be returned at a time."""
+
+
+class BatchBinding:
+    """Rest positions with their ladder coordinates, sorted by cells.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    rest : (n, 3) float
+        Mesh file's coordinates.
+    follows : (n,) int64
+        The solver vertex whose ladder coordinates each of them takes.
+    """
+
+    def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
+        self._model, self._given = model, (rest, follows)
+        ladder = model.ladder[follows]
+        below = np.minimum(ladder.astype(np.int32), model.isolines - 2)
+        self._order = np.lexsort(below.T)
+        below = below[self._order]
+        new = np.ones(len(below), dtype=bool)
+        new[1:] = (below[1:] != below[:-1]).any(axis=1)
+        self._cells = np.append(np.flatnonzero(new), len(below))
+        self._below = below[self._cells[:-1]] + model.isolines * np.arange(below.shape[1], dtype=np.int32)
+        self._between = (ladder[self._order] - below).astype(np.float32)
+        places = model.to_model(rest[self._order].astype(np.float64))
+        self._rest = np.column_stack([places, np.ones(len(places))]).astype(np.float32)
+
+    @classmethod
+    def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "BatchBinding":
+        """Bind the solver mesh itself."""
+        return cls(model, mesh.vertices, np.arange(len(mesh.vertices)))
+
+    def __len__(self) -> int:
+        """Return the number of vertices."""
+        return len(self._order)
+
+    def only(self, chosen: NDArray[np.integer]) -> "BatchBinding":
+        """Return the binding of some of the vertices, by index."""
+        rest, follows = self._given
+        return BatchBinding(self._model, rest[chosen], follows[chosen])
+
+    @property
+    def at_a_time(self) -> int:
+        """How many frames `vertices` should be asked for at a time."""
+        return min(FRAMES, max(FEWEST, LARGEST // (3 * len(self))))
+
+    def vertices(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return X = W R of some frames, in the mesh file's coordinates.
+
+        Parameters
+        ----------
+        R : (F, 4m, 3)
+            Control variables, model units.
+
+        Returns
+        -------
+        (n, 3, F) float32
+        """
+        return self._blended(R, self._model.center)
+
+    def displacements(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Return W R in mesh units, as `vertices` does, but from the middle of the character.
+
+        So of differences of control variables what they displace; and of control variables themselves places that
+        stay precise however far from the origin the character is.
+        """
+        return self._blended(R, np.zeros(3))
+
+    def farthest(self, R: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        """Find the vertices that are moved farthest.
+
+        Parameters
+        ----------
+        R : (F, 4m, 3)
+            Differences of control variables, model units.
+
+        Returns
+        -------
+        distance : (F,) float32
+            Of that vertex, mesh units.
+        vertex : (F,) int64
+        """
+        square, place = np.full(len(R), -1, dtype=np.float32), np.zeros(len(R), dtype=np.int64)
+        lines, slopes = self._side_by_side(R, np.zeros(3))
+        _farthest(self._rest, self._between, self._cells, self._below, lines, slopes, square, place)
+        return np.sqrt(square), self._order[place]
+
+    def _blended(self, R: NDArray[np.floating], origin: NDArray[np.float64]) -> NDArray[np.float32]:
+        out = np.empty((len(self._rest), 3 * len(R)), dtype=np.float32)
+        lines, slopes = self._side_by_side(R, origin)
+        _blend(self._rest, self._between, self._cells, self._below, lines, slopes, self._order, out)
+        return out.reshape(len(out), 3, len(R))
+
+    def _side_by_side(
+        self, R: NDArray[np.floating], origin: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return each isoline's transform, all frames side by side, and the difference to the next isoline's."""
+        model = self._model
+        weights = np.repeat(model.weights * model.diagonal, model.isolines)
+        lines = R.transpose(1, 2, 0).reshape(len(weights), 4, 3, len(R)) * weights[:, None, None, None]
+        lines[: model.isolines, 3] += origin[:, None]  # once: through the first field
+        lines = lines.reshape(len(weights), 4, 3 * len(R))
+        slopes = np.diff(lines, axis=0, append=0)
+        return lines.astype(np.float32), slopes.astype(np.float32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _gather(below, lines, slopes, cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Collect what a cell blends into cell (4 + 4 n_e, columns): T, then each D_i."""
+    cell[:4] = 0
+    for i in range(len(below)):
+        for c in range(4):
+            cell[4 * (i + 1) + c] = slopes[below[i], c]
+            cell[c] += lines[below[i], c]
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True)
+def _place(rest, between, cell, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Blend one vertex into out (columns,)."""
+    x, y, z, one = rest[0], rest[1], rest[2], rest[3]
+    for s in range(len(out)):
+        out[s] = x * cell[0, s] + y * cell[1, s] + z * cell[2, s] + one * cell[3, s]
+    for i in range(len(between)):
+        k = 4 * (i + 1)
+        u = between[i]
+        a, b, c = u * x, u * y, u * z
+        for s in range(len(out)):
+            out[s] += a * cell[k, s] + b * cell[k + 1, s] + c * cell[k + 2, s] + u * cell[k + 3, s]
+
+
+@numba.njit(cache=True, nogil=True)
+def _blend(rest, between, cells, below, lines, slopes, order, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Blend all vertices into out (n, columns), in the order in which they came."""
+    cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
+    for number in range(len(below)):
+        _gather(below[number], lines, slopes, cell)
+        for v in range(cells[number], cells[number + 1]):
+            _place(rest[v], between[v], cell, out[order[v]])
+
+
+@numba.njit(cache=True, nogil=True)
+def _farthest(rest, between, cells, below, lines, slopes, square, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Keep each frame's largest squared length and whose it is."""
+    frames = len(square)
+    cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
+    moved = np.empty(3 * frames, dtype=np.float32)
+    for number in range(len(below)):
+        _gather(below[number], lines, slopes, cell)
+        for v in range(cells[number], cells[number + 1]):
+            _place(rest[v], between[v], cell, moved)
+            x, y, z = moved[:frames], moved[frames : 2 * frames], moved[2 * frames :]
+            for f in range(frames):
+                length = x[f] * x[f] + y[f] * y[f] + z[f] * z[f]
+                if length > square[f]:
+                    square[f] = length
+                    place[f] = v

@@ -1,0 +1,166 @@
+"""Vertices that follow a reduced model: its own, or those of a mesh that is rendered."""
+
+import threading
+from copy import copy
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.model import kernels
+from solver.model.reduced_model import ReducedModel
+from solver.model.row import WIDTH
+from solver.motion.deformer import Controls
+from solver.surface import tangents
+from solver.surface.mesh import SolverMesh
+
+
+class _Tables(threading.local):
+    """Each thread's own tables for `kernels`: no frame allocates one, and no thread writes into another's."""
+
+    def __init__(self) -> None:
+        self._by_length: dict[int, NDArray[np.float32]] = {}
+
+    def of(self, rows: int) -> NDArray[np.float32]:
+        """Return a (rows, 16) float32 table."""
+        if rows not in self._by_length:
+            self._by_length[rows] = np.zeros((rows, WIDTH), dtype=np.float32)
+        return self._by_length[rows]
+
+
+_tables = _Tables()
+
+
+class Binding:
+    """Rest positions with their ladder coordinates: all that a vertex needs at run time.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    rest : (n, 3) float
+        Mesh file's coordinates.
+    follows : (n,) int64
+        The solver vertex whose ladder coordinates each of them takes.
+    """
+
+    def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
+        self.rest = np.ascontiguousarray(rest, dtype=np.float32)
+        self._ladder = np.ascontiguousarray(model.ladder[follows])
+        self._weights = model.weights
+        self._transforms = (len(model.weights) * model.isolines, 3, 4)
+
+    @classmethod
+    def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "Binding":
+        """Bind the solver mesh itself."""
+        return cls(model, mesh.vertices, np.arange(len(mesh.vertices)))
+
+    def only(self, chosen: NDArray[np.integer]) -> Self:
+        """Return the binding of some of the vertices, by index."""
+        part = copy(self)
+        part.rest, part._ladder = self.rest[chosen], self._ladder[chosen]
+        return part
+
+    def _check(self, controls: Controls, out: NDArray[np.float32]) -> None:
+        """Refuse what compiled loops would read or write beyond."""
+        if controls.shape != self._transforms or out.shape != self.rest.shape:
+            raise ValueError(
+                f"controls {controls.shape} for vertices {out.shape}, expected {self._transforms} for {self.rest.shape}"
+            )
+
+    def vertices(self, controls: Controls, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """Return X = W R.
+
+        Parameters
+        ----------
+        controls : (m, 3, 4) float32
+            Absolute, or of a displacement: the result is of the same kind.
+        out : (n, 3) float32, optional
+            Written to, and returned.
+
+        Returns
+        -------
+        (n, 3) float32
+            Mesh file's coordinates.
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes.
+        """
+        out = np.empty_like(self.rest) if out is None else out
+        self._check(controls, out)
+        kernels.blend_positions(self.rest, self._ladder, controls, self._weights, _tables.of(len(controls)), out)
+        return out
+
+
+class ShadedBinding(Binding):
+    """Vertices with normals that follow the deformed surface.
+
+    Parameters
+    ----------
+    model, rest, follows
+        As for `Binding`.
+    normals : (n, 3) float
+        Unit rest normals, smooth or with hard edges; a deformation keeps these hard.
+    triangles : (t, 3) int64
+        Of these vertices.
+    """
+
+    def __init__(
+        self,
+        model: ReducedModel,
+        rest: NDArray[np.floating],
+        follows: NDArray[np.int64],
+        normals: NDArray[np.floating],
+        triangles: NDArray[np.int64],
+    ) -> None:
+        super().__init__(model, rest, follows)
+        self._tangents = tangents.tangents(normals)
+        self._slopes = tangents.slopes(rest, triangles, self._ladder, follows, normals, self._tangents)
+
+    def only(self, chosen: NDArray[np.integer]) -> Self:
+        """Return the binding of some of the vertices, by index."""
+        part = super().only(chosen)
+        part._tangents, part._slopes = self._tangents[chosen], self._slopes[chosen]
+        return part
+
+    def vertices_and_normals(
+        self,
+        controls: Controls,
+        out: NDArray[np.float32] | None = None,
+        normals: NDArray[np.float32] | None = None,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the positions and the unit normals of the deformed surface.
+
+        Parameters
+        ----------
+        controls : (m, 3, 4) float32
+            Absolute.
+        out, normals : (n, 3) float32, optional
+            Written to, and returned.
+
+        Returns
+        -------
+        positions, normals : (n, 3) float32
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes.
+        """
+        out = np.empty_like(self.rest) if out is None else out
+        normals = np.empty_like(self.rest) if normals is None else normals
+        self._check(controls, out)
+        self._check(controls, normals)
+        kernels.blend_normals(
+            self.rest,
+            self._tangents,
+            self._slopes,
+            self._ladder,
+            controls,
+            self._weights,
+            _tables.of(len(controls)),
+            out,
+            normals,
+        )
+        return out, normals

@@ -1,0 +1,160 @@
+"""Products of the tall sparse matrices of a reduced model, a chunk of rows at a time.
+
+Rows are taken cluster by cluster, which brings vertices together that lie between the same isolines. Few columns are
+then not zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.model.fields import blends
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+CHUNK = 384
+"""Rows at a time at most: with more of them more columns are not zero, with less there is more to do in between."""
+
+
+class Products(NamedTuple):
+    """What is left of the tall matrices.
+
+    Attributes
+    ----------
+    A : (4m, 4m) float64
+        (KW)ᵀ(KW).
+    B : (4m, 3m) float64
+        (KW)ᵀ M^(−1/2) W_δ.
+    gram : (4m, 4m) float64
+        WᵀW.
+    dirichlet : (4m, 4m) float64
+        −WᵀLW of the surface, without ties.
+    B_clusters : (4m, 3r) float64
+        In the columns of each cluster (KW)ᵀ M^(−1/2) δ, over its vertices alone.
+    """
+
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    gram: NDArray[np.float64]
+    dirichlet: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
+
+
+def products(
+    L: "csr_matrix",
+    surface: "csr_matrix",
+    mass: NDArray[np.float64],
+    rest: NDArray[np.float64],
+    ladder: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    isolines: int,
+    cluster: NDArray[np.int32],
+) -> Products:
+    """Multiply W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with K = M^(−1/2) L, δ = L rest and W_δ = w_i φ_ik(v) δ(v).
+
+    Parameters
+    ----------
+    L : (n, n) sparse float64
+        Of the energy, with ties between parts.
+    surface : (n, n) sparse float64
+        Without them; the same as L where there is but one part.
+    mass : (n,) float64
+        Diagonal of M.
+    rest : (n, 3) float64
+    ladder : (n, n_e) float64
+    weights : (n_e,) float64
+    isolines : int
+        n_iso; there are m = n_e · n_iso in all.
+    cluster : (n,) int32
+        Rotation cluster of each vertex, from 0 to r − 1.
+    """
+    m = len(weights) * isolines
+    A, gram, dirichlet = np.zeros((3, 4 * m, 4 * m))
+    B, B_clusters = np.zeros((4 * m, 3 * m)), np.zeros((4 * m, 3 * (int(cluster.max()) + 1)))
+    below, upper = blends(ladder, isolines)
+    levels = np.arange(isolines)
+    order = np.lexsort((*below.T[::-1], cluster))
+    for rows in _chunks(order, cluster):
+        lowest, highest = _span(rows, L.indptr, L.indices, below)
+        others = (rest, below, upper, weights, lowest, highest - lowest + 1)
+        W, KW, W_delta, delta = _rows(rows, L.indptr, L.indices, L.data, mass, *others)
+        untied = KW if surface is L else _rows(rows, surface.indptr, surface.indices, surface.data, mass, *others)[1]
+        there = np.flatnonzero((lowest[:, None] <= levels) & (levels <= highest[:, None]))
+        four, three = _columns(there, 4), _columns(there, 3)
+        gram[np.ix_(four, four)] += W.T @ W
+        A[np.ix_(four, four)] += KW.T @ KW
+        B[np.ix_(four, three)] += KW.T @ W_delta
+        dirichlet[np.ix_(four, four)] -= W.T @ (np.sqrt(mass[rows])[:, None] * untied)
+        B_clusters[np.ix_(four, _columns(cluster[rows[:1]], 3))] += KW.T @ delta
+    return Products(A, B, gram, (dirichlet + dirichlet.T) / 2, B_clusters)
+
+
+def _chunks(order: NDArray[np.int64], cluster: NDArray[np.int32]) -> Iterator[NDArray[np.int64]]:
+    """Take vertices in order, no more than `CHUNK` at a time and of one cluster."""
+    for members in np.split(order, np.flatnonzero(np.diff(cluster[order])) + 1):
+        yield from np.array_split(members, -(-len(members) // CHUNK))
+
+
+def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:
+    return (each * isolines[:, None] + np.arange(each)).ravel()
+
+
+@numba.njit(cache=True, nogil=True)
+def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the lowest and highest isoline of each field that bounds a vertex of some rows of L."""
+    count = below.shape[1]
+    lowest, highest = below[rows[0]].copy(), below[rows[0]] + 1
+    for v in rows:
+        for entry in range(starts[v], starts[v + 1]):
+            for i in range(count):
+                level = below[neighbours[entry], i]
+                lowest[i] = min(lowest[i], level)
+                highest[i] = max(highest[i], level + 1)
+    return lowest, highest
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside a field's span."""
+    count = len(weights)
+    first = np.cumsum(width) - width - lowest
+    total = width.sum()
+    W, KW, W_delta, deltas = (
+        np.zeros((len(rows), 4 * total)),
+        np.zeros((len(rows), 4 * total)),
+        np.zeros((len(rows), 3 * total)),
+        np.zeros((len(rows), 3)),
+    )
+    h = np.ones(4)
+    for r in range(len(rows)):
+        v = rows[r]
+        per_area, delta = 1 / np.sqrt(mass[v]), deltas[r]
+        for entry in range(starts[v], starts[v + 1]):
+            u, factor = neighbours[entry], entries[entry] * per_area
+            for c in range(3):
+                h[c] = factor * rest[u, c]
+                delta[c] += h[c]
+            h[3] = factor
+            for i in range(count):
+                here = 4 * (first[i] + below[u, i])
+                b = weights[i] * upper[u, i]
+                a = weights[i] - b
+                for c in range(4):
+                    KW[r, here + c] += a * h[c]
+                    KW[r, here + 4 + c] += b * h[c]
+        h[:3], h[3] = rest[v], 1
+        for i in range(count):
+            here = first[i] + below[v, i]
+            b = weights[i] * upper[v, i]
+            a = weights[i] - b
+            for c in range(4):
+                W[r, 4 * here + c] = a * h[c]
+                W[r, 4 * here + 4 + c] = b * h[c]
+            for c in range(3):
+                W_delta[r, 3 * here + c] = a * delta[c]
+                W_delta[r, 3 * here + 3 + c] = b * delta[c]
+    return W, KW, W_delta, deltas

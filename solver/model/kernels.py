@@ -1,0 +1,105 @@
+"""The loops that touch every vertex: control variables to positions and normals.
+
+X = W R without W: a vertex blends the transforms of two isolines a field and applies the sum to its rest position.
+Each transform is a row of a table, field weights multiplied in; a vertex sums 16 of them (`row`).
+"""
+
+import numba
+import numpy as np
+
+from solver.model.row import item, load, plus_scaled, zeros
+
+ZERO, ONE = np.float32(0), np.float32(1)
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write each transform as a row, the field weights multiplied in."""
+    isolines = len(controls) // len(weights)
+    for j in range(len(controls)):
+        weight = np.float32(weights[j // isolines])
+        for row in range(3):
+            for column in range(4):
+                rows[j, 4 * row + column] = weight * controls[j, row, column]
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Write the positions of vertices.
+
+    Parameters
+    ----------
+    rest, out : (n, 3) float32
+    ladder : (n, n_e) float32
+    controls : (m, 3, 4) float32
+    weights : (n_e,) float64
+        Of the fields.
+    rows : (m, 16) float32
+        A place for the table; written to, its last four columns left alone.
+    """
+    _fill(rows, controls, weights)
+    isolines = len(controls) // len(weights)
+    last = np.float32(isolines - 2)
+    for v in range(len(ladder)):
+        total = zeros()
+        for i in range(ladder.shape[1]):
+            below = int(min(ladder[v, i], last))
+            upper = ladder[v, i] - np.float32(below)
+            total = plus_scaled(total, ONE - upper, load(rows, i * isolines + below))
+            total = plus_scaled(total, upper, load(rows, i * isolines + below + 1))
+        x, y, z = _moved(total, rest[v, 0], rest[v, 1], rest[v, 2], ONE)
+        out[v, 0], out[v, 1], out[v, 2] = x, y, z
+
+
+@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
+def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Write the positions and the unit normals of vertices.
+
+    x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so that the derivative along a tangent a is
+    Σ_i (T_i a + (∂t_i/∂a) (T_i,k+1 − T_i,k) x₀): the tangents are carried by the surface itself, not only by its
+    transforms. Their cross product is the normal.
+
+    Parameters
+    ----------
+    rest, ladder, controls, weights, rows, out
+        As in `blend_positions`.
+    tangents : (n, 2, 3) float32
+        Their cross product is the rest normal.
+    slopes : (n, n_e, 2) float32
+        How fast each ladder coordinate changes along them.
+    normals : (n, 3) float32
+        Zero where the surface is squashed to a line.
+    """
+    _fill(rows, controls, weights)
+    isolines = len(controls) // len(weights)
+    last = np.float32(isolines - 2)
+    for v in range(len(ladder)):
+        total, along_a, along_b = zeros(), zeros(), zeros()
+        for i in range(ladder.shape[1]):
+            below = int(min(ladder[v, i], last))
+            lower, upper = load(rows, i * isolines + below), load(rows, i * isolines + below + 1)
+            step = plus_scaled(upper, -ONE, lower)
+            total = plus_scaled(plus_scaled(total, ONE, lower), ladder[v, i] - np.float32(below), step)
+            along_a = plus_scaled(along_a, slopes[v, i, 0], step)
+            along_b = plus_scaled(along_b, slopes[v, i, 1], step)
+        x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
+        out[v, 0], out[v, 1], out[v, 2] = _moved(total, x, y, z, ONE)
+        ax, ay, az = _moved(along_a, x, y, z, ONE)
+        bx, by, bz = _moved(along_b, x, y, z, ONE)
+        a = _moved(total, tangents[v, 0, 0], tangents[v, 0, 1], tangents[v, 0, 2], ZERO)
+        b = _moved(total, tangents[v, 1, 0], tangents[v, 1, 1], tangents[v, 1, 2], ZERO)
+        ax, ay, az, bx, by, bz = ax + a[0], ay + a[1], az + a[2], bx + b[0], by + b[1], bz + b[2]
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        scale = ONE / length if length > 0 else np.float32(0)
+        normals[v, 0], normals[v, 1], normals[v, 2] = nx * scale, ny * scale, nz * scale
+
+
+@numba.njit(inline="always")
+def _moved(transform, x, y, z, w):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Apply a row's transform to (x, y, z, w)."""
+    return (
+        item(transform, 0) * x + item(transform, 1) * y + item(transform, 2) * z + item(transform, 3) * w,
+        item(transform, 4) * x + item(transform, 5) * y + item(transform, 6) * z + item(transform, 7) * w,
+        item(transform, 8) * x + item(transform, 9) * y + item(transform, 10) * z + item(transform, 11) * w,
+    )

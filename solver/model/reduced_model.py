@@ -1,0 +1,228 @@
+"""What is pre-computed once for a mesh (Section 3.1): 320 unknowns and a few small matrices stand for every vertex.
+
+X = W R, with R the stack of 4 × 3 affine transforms of the isolines (row vectors: x' = [x y z 1] · R_ik) and
+W = w_i φ_ik(v) [x y z 1]. The energy ‖M^(−1/2) (L X − δ)‖², an integral over the surface, becomes Rᵀ A R − 2 Rᵀ B Rot
+with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L; A and B are the two matrices that the paper stores.
+
+Everything here is in *model units*: the character centred on its bounding box, whose diagonal is 1.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from puppetline.errors import MeshError
+from solver.model import clusters, energy_matrices, rotations
+from solver.model import fields as propagation
+from solver.surface.contacts import contacts
+from solver.surface.mesh import SolverMesh, snap
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+NULL_SPACE = 1e-14
+"""Eigenvalues of WᵀW below this fraction of the largest belong to directions that move no vertex."""
+
+
+@dataclass(frozen=True)
+class ModelParameters:
+    """What a reduced model depends on besides the mesh.
+
+    Attributes
+    ----------
+    fields : int
+        n_e, propagation fields.
+    isolines : int
+        n_iso, isolines a field.
+    """
+
+    fields: int = 8
+    isolines: int = 10
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """A mesh, reduced.
+
+    Attributes
+    ----------
+    center : (3,) float64
+        Middle of the bounding box in the mesh file's coordinates.
+    diagonal : float64 scalar array
+        Its diagonal: one model unit.
+    weights : (n_e,) float64
+        Field weights w_i.
+    ladder : (n, n_e) float32
+        Ladder coordinates t_i(v) of each solver vertex.
+    A : (4m, 4m) float64
+        Energy, with m = n_e · n_iso isolines.
+    B : (4m, 3m) float64
+        Energy against the stacked isoline rotations.
+    gram : (4m, 4m) float64
+        WᵀW: what a difference of control variables is worth in vertices.
+    null_space : (4m, 4m) float64
+        Projector on the directions that move no vertex (every field reproduces the same affine maps, so there are
+        always at least 4 (n_e − 1) of them).
+    covariance : (3m, 4m) float64
+        Q of `rotations.covariance_map`.
+    edges : (2 · m · 10, 4m) float64
+        T of `rotations.edge_map`.
+    cluster : (n,) int32
+        Rotation cluster of each solver vertex, from 0 to r − 1.
+    A_clusters : (4m, 4m) float64
+        Energy where vertices of a cluster turn together, from `clusters.energy`.
+    B_clusters : (4m, 3r) float64
+        That energy against the stacked rotations of the clusters; its transpose reads them off the surface.
+    """
+
+    center: NDArray[np.float64]
+    diagonal: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    ladder: NDArray[np.float32]
+    A: NDArray[np.float64]
+    B: NDArray[np.float64]
+    gram: NDArray[np.float64]
+    null_space: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    edges: NDArray[np.float64]
+    cluster: NDArray[np.int32]
+    A_clusters: NDArray[np.float64]
+    B_clusters: NDArray[np.float64]
+
+    @property
+    def isolines(self) -> int:
+        """n_iso, isolines in each field."""
+        return self.B.shape[1] // 3 // len(self.weights)
+
+    @property
+    def rest_controls(self) -> NDArray[np.float64]:
+        """(4m, 3) float64: R of the rest pose, the identity for every isoline."""
+        return np.tile(np.eye(4, 3), (self.B.shape[1] // 3, 1))
+
+    def rows(self, mesh: SolverMesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return Φ W for the surface points nearest to some points.
+
+        Parameters
+        ----------
+        mesh : SolverMesh
+            The mesh that this model was made of.
+        points : (h, 3) float64
+            In the mesh file's coordinates.
+
+        Returns
+        -------
+        (h, 4m) float64
+            Times R: where those points are, in model units.
+        """
+        corners, blend = snap(mesh, points)
+        rest = self.to_model(mesh.vertices[corners.ravel()])
+        W = position_matrix(rest, self.ladder[corners.ravel()].astype(np.float64), self.weights, self.isolines)
+        return np.einsum("hc,hcj->hj", blend, W.toarray().reshape(*corners.shape, -1))
+
+    def to_model(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Turn (..., 3) points of the mesh file into model units."""
+        return (points - self.center) / self.diagonal
+
+
+def position_matrix(
+    rest: NDArray[np.float64], ladder: NDArray[np.float64], weights: NDArray[np.float64], isolines: int
+) -> "csr_matrix":
+    """Build W for some vertices.
+
+    Parameters
+    ----------
+    rest : (n, 3) float64
+        Model units.
+    ladder : (n, n_e) float64
+    weights : (n_e,) float64
+    isolines : int
+
+    Returns
+    -------
+    (n, 4m) sparse float64
+    """
+    phi = scipy.sparse.csr_matrix(
+        propagation.interpolation(ladder, isolines) @ scipy.sparse.diags(np.repeat(weights, isolines))
+    )
+    homogeneous = np.column_stack([rest, np.ones(len(rest))])
+    columns = (4 * phi.indices[:, None] + np.arange(4)).ravel()
+    entries = (phi.data[:, None] * homogeneous[np.repeat(np.arange(len(rest)), np.diff(phi.indptr))]).ravel()
+    return scipy.sparse.csr_matrix((entries, columns, 4 * phi.indptr), shape=(len(rest), 4 * phi.shape[1]))
+
+
+def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> ReducedModel:
+    """Pre-compute the reduced model of a mesh.
+
+    Parameters
+    ----------
+    mesh : SolverMesh
+    parameters : ModelParameters, optional
+
+    Returns
+    -------
+    ReducedModel
+
+    Raises
+    ------
+    MeshError
+        A mesh with too few vertices for that many fields.
+    """
+    parameters = parameters or ModelParameters()
+    if len(mesh.vertices) < 2 * (parameters.fields + 2):
+        raise MeshError(
+            mesh.name,
+            found=f"{len(mesh.vertices)} vertices",
+            expected=f"at least {2 * (parameters.fields + 2)} for {parameters.fields} propagation fields",
+            fix="Subdivide the mesh, or ask for fewer fields in the puppet file's [solver] table.",
+        )
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    center, diagonal = (low + high) / 2, np.asarray(mesh.diagonal)
+    rest = (mesh.vertices - center) / diagonal
+    unit = SolverMesh(vertices=rest, faces=mesh.faces, of_render=mesh.of_render)
+
+    surface, mass = propagation.laplacian(unit)
+    ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
+    try:
+        tied = propagation.for_fields(surface, ties, unit.diagonal)
+        modes = propagation.propagation_fields(tied, mass, rest, parameters.fields)
+    except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
+        raise MeshError(
+            mesh.name,
+            found=f"a surface that has no smooth functions ({error})",
+            expected="parts that are near each other for their size, and triangles that are not all needles",
+            fix="Remove what lies far away from the character, or remesh it.",
+        ) from error
+    weights = propagation.field_weights(rest, mass, modes)
+    ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
+
+    L = propagation.for_energy(surface, ties, mass, unit.diagonal)
+    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
+    covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
+    A_clusters, B_clusters = clusters.energy(reduced, covariance)
+    strips = rotations.crossed_triangles(ladder, unit.faces, parameters.isolines)
+    sampled = unit.faces[rotations.sample_strips(unit, strips)].ravel()
+    return ReducedModel(
+        center=center,
+        diagonal=diagonal,
+        weights=weights,
+        ladder=ladder.astype(np.float32),
+        A=reduced.A,
+        B=reduced.B,
+        gram=reduced.gram,
+        null_space=_null_projector(reduced.gram),
+        covariance=rotations.covariance_map(unit, strips, ladder, weights),
+        edges=rotations.edge_map(position_matrix(rest[sampled], ladder[sampled], weights, parameters.isolines)),
+        cluster=cluster,
+        A_clusters=A_clusters,
+        B_clusters=B_clusters,
+    )
+
+
+def _null_projector(gram: NDArray[np.float64]) -> NDArray[np.float64]:
+    values, vectors = np.linalg.eigh(gram)
+    null = vectors[:, values < NULL_SPACE * values[-1]]
+    return null @ null.T

@@ -1,0 +1,1 @@
+"""Motion of a reduced model: joints to bones and handles, bones and handles to controls."""

@@ -1,0 +1,228 @@
+"""Arms of a body that is built otherwise: kept out of a wide body, and hands that meet where the performer's meet."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.motion import quaternions as quat
+from solver.motion.bones import Bones
+from solver.motion.retarget import FARTHEST
+from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, pole
+
+TOGETHER, APART = 0.15, 0.4
+"""Distance between a performer's hands, in lengths of their arm, up to which the character's hands are drawn together
+in full, and from which they are left alone."""
+
+MEET_SECONDS = 0.1
+"""Time constant with which the pull comes and goes, in seconds."""
+
+MOST = 0.75
+"""Greatest distance that a hand is drawn, in lengths of the character's arm."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm of the character, and the hand of the performer that it follows.
+
+    Attributes
+    ----------
+    upper, lower, last : int
+        Bones: upper arm, forearm, and the one at the tip, which may be the forearm.
+    joint : int
+        The performer's joint at the tip.
+    """
+
+    upper: int
+    lower: int
+    last: int
+    joint: int
+
+
+class _Plan(NamedTuple):
+    """What does not change from frame to frame."""
+
+    arms: NDArray[np.int64]  # (2, 3): left and right; upper, lower and last bone
+    joints: NDArray[np.int64]  # (2,)
+    heads: NDArray[np.float64]  # (b, 3)
+    tails: NDArray[np.float64]  # (b, 3)
+    parents: NDArray[np.int64]  # (b,)
+    poles: NDArray[np.float64]  # (2, 3)
+    basis: NDArray[np.float64]  # (3, 3)
+    performers: float  # length of the performer's arm, metres
+    own: float  # length of the character's, mesh units
+    space: float  # radians
+    meet: bool
+
+
+class _State(NamedTuple):
+    """What is carried from frame to frame."""
+
+    clock: NDArray[np.float64]  # (2,): time; how much the hands are drawn together
+
+
+class Arms:
+    """Moves the arms of a character that is built otherwise than its performer.
+
+    Parameters
+    ----------
+    bones : Bones
+    left, right : Arm
+    performers : float
+        Length of the performer's arm from shoulder to wrist, metres.
+    basis : (3, 3) float64, optional
+        Rows: the mesh file's directions of the character's left, up and forward.
+    space : float
+        Radians by which an arm that hangs down is held away from the body; less the more it is raised, and 0 for one
+        that is level.
+    meet : bool
+        Whether the hands meet when the performer's do.
+    """
+
+    def __init__(
+        self,
+        bones: Bones,
+        left: Arm,
+        right: Arm,
+        performers: float,
+        basis: NDArray[np.float64] | None = None,
+        *,
+        space: float = 0.0,
+        meet: bool = True,
+    ) -> None:
+        basis = np.eye(3) if basis is None else np.ascontiguousarray(basis, dtype=np.float64)
+        arms: Sequence[Arm] = (left, right)
+        elbows = -2 * basis[2] - basis[1]
+        self._plan = _Plan(
+            arms=np.array([(arm.upper, arm.lower, arm.last) for arm in arms], dtype=np.int64),
+            joints=np.array([arm.joint for arm in arms], dtype=np.int64),
+            heads=np.ascontiguousarray(bones.heads, dtype=np.float64),
+            tails=np.ascontiguousarray(bones.tails, dtype=np.float64),
+            parents=bones.parents,
+            poles=np.array([pole(bones, arm.upper, arm.lower, elbows) for arm in arms]),
+            basis=basis,
+            performers=float(performers),
+            own=float(np.mean([bones.lengths[[arm.upper, arm.lower]].sum() for arm in arms])),
+            space=float(space),
+            meet=bool(meet),
+        )
+        self._state = _State(clock=np.array([-np.inf, 0.0]))
+
+    def step(
+        self,
+        time: float,
+        positions: NDArray[np.float64],
+        confidence: NDArray[np.float32],
+        motions: NDArray[np.float64],
+        heading: float = 0.0,
+    ) -> None:
+        """Move the arms of one frame.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, increasing from call to call.
+        positions : (j, 3) float64
+            The performer's joints: metres, character axes.
+        confidence : (j,) float32
+            0 where a joint is lost.
+        motions : (b, 4, 3) float64
+            Motions of the bones, mesh file's coordinates; written to.
+        heading : float
+            Radians about the upright axis by which the performer turns and the character does not.
+        """
+        _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
+
+    @property
+    def memory(self) -> dict[str, NDArray[np.float64]]:
+        """The state carried from frame to frame; setting it continues where another one of the same arms was."""
+        return {"clock": self._state.clock.copy()}
+
+    @memory.setter
+    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
+        self._state.clock[:] = memory["clock"]
+
+
+@numba.njit(cache=True, nogil=True)
+def _step(plan, state, time, positions, confidence, motions, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring the state up to a frame, and change its motions."""
+    clock = state.clock
+    elapsed = max(0.0, time - clock[0]) if math.isfinite(clock[0]) else math.inf
+    clock[0] = time
+    if plan.space != 0:
+        for arm in range(2):
+            _hold_away(plan, arm, motions)
+    gap = _gap(plan, positions, confidence, heading)
+    if plan.meet and math.isfinite(gap[0]):
+        near = (APART - length(gap) / plan.performers) / (APART - TOGETHER)
+        near = min(max(near, 0.0), 1.0)
+        near *= near * (3 - 2 * near)
+        clock[1] = near + math.exp(-elapsed / MEET_SECONDS) * (clock[1] - near)
+        if clock[1] > 1e-6:
+            _draw_together(plan, clock[1], gap, motions)
+
+
+@numba.njit
+def _hold_away(plan, arm, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Turn an arm about the forward axis of what it hangs on, the more the more it hangs down."""
+    upper = plan.arms[arm, 0]
+    shoulder = moved(motions[upper], plan.heads[upper])
+    along = quat.unit(minus(moved(motions[upper], plan.tails[upper]), shoulder))
+    turn = (1.0, 0.0, 0.0, 0.0)
+    if plan.parents[upper] >= 0:
+        turn = quat.of_rows(motions[plan.parents[upper]])
+    down = quat.rotated(turn, (-plan.basis[1, 0], -plan.basis[1, 1], -plan.basis[1, 2]))
+    forward = quat.rotated(turn, (plan.basis[2, 0], plan.basis[2, 1], plan.basis[2, 2]))
+    angle = plan.space * max(0.0, quat.dot(along, down)) * (1.0 if arm == 0 else -1.0)
+    before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
+    turned = quat.product(quat.about(forward, angle), quat.of_rows(motions[upper]))
+    place(motions[upper], turned, plan.heads[upper], shoulder)
+    changed[upper] = True
+    carry_along(motions, before, plan.parents, changed)
+
+
+@numba.njit
+def _gap(plan, positions, confidence, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the way from the performer's right hand to the left one, metres, mesh file's axes; NaN where unknown."""
+    left, right = plan.joints
+    if not (confidence[left] > 0 and confidence[right] > 0):
+        return (np.nan, np.nan, np.nan)
+    gap = minus(positions[left], positions[right])
+    if not max(abs(gap[0]), abs(gap[1]), abs(gap[2])) < FARTHEST:
+        return (np.nan, np.nan, np.nan)
+    c, s = math.cos(heading), math.sin(heading)
+    x, y, z = c * gap[0] - s * gap[2], gap[1], s * gap[0] + c * gap[2]
+    B = plan.basis
+    return (
+        x * B[0, 0] + y * B[1, 0] + z * B[2, 0],
+        x * B[0, 1] + y * B[1, 1] + z * B[2, 1],
+        x * B[0, 2] + y * B[1, 2] + z * B[2, 2],
+    )
+
+
+@numba.njit
+def _draw_together(plan, share, gap, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Move both hands by half of what is missing, so that they are as far apart as the performer's."""
+    left, right = plan.arms[0, 2], plan.arms[1, 2]
+    now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))
+    scale = plan.own / plan.performers
+    missing = minus((scale * gap[0], scale * gap[1], scale * gap[2]), now)
+    share *= 0.5 * min(1.0, 2 * MOST * plan.own / max(length(missing), 1e-300))
+    before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
+    for arm in range(2):
+        upper, lower = plan.arms[arm, 0], plan.arms[arm, 1]
+        way = share if arm == 0 else -share
+        shift = (way * missing[0], way * missing[1], way * missing[2])
+        if length(shift) > 1e-12 * plan.own:
+            # the hand keeps its direction, so its tip goes where the wrist goes
+            hand = lower + 1 if plan.arms[arm, 2] != lower else -1
+            end = bend(motions, plan.heads, plan.tails, upper, lower, plan.poles[arm], shift)
+            changed[upper] = changed[lower] = True
+            if hand >= 0:
+                place(motions[hand], quat.of_rows(motions[hand]), plan.heads[hand], end)
+                changed[hand] = True
+    carry_along(motions, before, plan.parents, changed)

@@ -1,0 +1,388 @@
+"""A reduced model bound to handles and bones: their motion in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
+
+from copy import copy
+from typing import NamedTuple
+
+import numba
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from puppetline.errors import MeshError
+from solver.model import lanes, rotations
+from solver.model.lanes import ROWS, add_product, place_of_row, turn_on
+from solver.model.polar import nearest_rotations
+from solver.model.reduced_model import ReducedModel
+from solver.model.rotations import RotationMode
+from solver.motion import twist
+from solver.motion.bone_terms import bone_shares, bone_terms, prior, turned_together, turns_nearby
+from solver.motion.bones import Bones, bone_regions
+from solver.surface.mesh import SolverMesh
+
+HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0, "triangles": 1.0}
+"""λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): the Armadillo's handles are met to 3e-5 of its diagonal. The energy of
+clusters withstands them more."""
+
+ON_A_LINE = 0.02
+"""Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
+
+NO_BONES = Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+
+Controls = NDArray[np.float32]
+"""(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
+the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) · n_iso − 1."""
+
+
+class _Affine(NamedTuple):
+    """Something that depends on the rotations, the handles' targets and the bones' motions, laid out by `lanes`."""
+
+    turns: NDArray[np.float64]
+    inputs: NDArray[np.float64]
+    constant: NDArray[np.float64]
+
+
+class Deformer:
+    """Moves a reduced model by its handles and bones, each frame starting where the last one ended.
+
+    The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + the null-space projector is factored once. W always has
+    directions that move no vertex, and Eq. 8 says nothing about them; the projector pins just these to the rest pose,
+    so that N is positive definite and no deformation is biased. G_b = λ W_bᵀ M_b W_b holds the surface around bone b
+    to its motion T_b. Since all of W R is an affine map of the rest pose where every transform is that map, its
+    right-hand side W_bᵀ M_b [X_b 1] T_b is G_b times a stack of T_b.
+
+    The iteration of Eq. 9 is folded into the space of rotations: with P the linear map that reads the surface
+    (`rotations`, `clusters`), P R = P N⁻¹ (B Rot + λ (ΦW)ᵀ C + Σ_b G_b T_b + …), so an iteration is one small product
+    and a polar decomposition for each rotation, and R itself is solved for once a frame. What turns together is drawn
+    to the rotation of the bone that holds it: S_c + μ Σ_b a_cb s_c Q_b is decomposed instead of S_c, with a_cb the
+    share of c's area that bone b holds, s_c a third of the trace of S_c at rest, and Q_b the linear part of T_b. From
+    frame to frame rotations turn on with the bones nearby, so that a character that turns as a whole stays as it is.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    mesh : SolverMesh
+        What the model was made of.
+    handles : (h, 3) float64
+        Rest positions in the mesh file's coordinates, taken to the nearest surface point; at least one if there is no
+        bone.
+    bones : Bones, optional
+    iterations : int
+        Rotation updates a frame.
+    mode : {"clusters", "covariance", "triangles"}, optional
+        A rotation for each cluster of vertices, the default where there are bones; or for each isoline, from all
+        triangles that it crosses, the default where there are none; or from 10 of them as in the paper, which are
+        not drawn to the bones. Clusters stretch edges least, but what no bone holds follows its handles with a delay:
+        it takes many iterations to settle.
+
+    Raises
+    ------
+    MeshError
+        A surface so broken that its energy has no minimum, or bones that hold nothing of it where there is no handle.
+    """
+
+    def __init__(
+        self,
+        model: ReducedModel,
+        mesh: SolverMesh,
+        handles: NDArray[np.float64],
+        *,
+        bones: Bones | None = None,
+        iterations: int = 4,
+        mode: RotationMode | None = None,
+    ) -> None:
+        handles = np.asarray(handles, dtype=np.float64).reshape(-1, 3)
+        self.bones = NO_BONES if bones is None else bones
+        if not len(handles) and not len(self.bones):
+            raise ValueError("a deformer needs at least one handle or bone")
+        self.model = model
+        self.iterations = iterations
+        rest = model.rest_controls
+        rows = model.rows(mesh, handles) if len(handles) else np.zeros((0, len(rest)))
+        self.handles = (rows @ rest) * model.diagonal + model.center
+        """(h, 3) float64: the handles on the surface, in the mesh file's coordinates."""
+
+        self._mode: RotationMode = mode or ("clusters" if len(self.bones) else "covariance")
+        A, B, reader = {
+            "clusters": (model.A_clusters, model.B_clusters, model.B_clusters.T),
+            "covariance": (model.A, model.B, model.covariance),
+            "triangles": (model.A, model.B, model.edges),
+        }[self._mode]
+        scale = np.trace(A)
+        regions = bone_regions(mesh, self.bones)
+        if not len(handles) and not regions.held.any():
+            raise MeshError(
+                mesh.name,
+                found="bones that hold no part of the surface",
+                expected="bones inside the character",
+                fix="Move the points of the limbs into the mesh.",
+            )
+        held = bone_terms(model, mesh, regions, len(self.bones), scale)
+        stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
+        pin = scale / len(A)
+        try:
+            factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pin * model.null_space)
+        except np.linalg.LinAlgError as error:
+            raise MeshError(
+                mesh.name,
+                found=f"a surface whose deformation has no single answer ({error})",
+                expected="one whose triangles are not all needles or crossed",
+                fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
+            ) from error
+        from_turns = scipy.linalg.cho_solve(factor, B)
+        from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull]))
+        constant = scipy.linalg.cho_solve(factor, pin * model.null_space @ rest)
+        self._place_of_turns = lanes.of_matrices(B.shape[1] // 3)
+        self._place_of_seen = lanes.of_rows(len(reader)) if self._mode == "triangles" else self._place_of_turns
+        place_of_inputs = lanes.of_rows(from_inputs.shape[1])
+
+        def laid_out(
+            reader: NDArray[np.float64], row: NDArray[np.int64], prior: NDArray[np.float64] | float
+        ) -> _Affine:
+            from_all = reader @ from_inputs
+            from_all[:, len(rows) :] += prior
+            return _Affine(
+                lanes.matrix(reader @ from_turns, row, self._place_of_turns),
+                lanes.matrix(from_all, row, place_of_inputs),
+                lanes.pack(reader @ constant, row),
+            )
+
+        together = turned_together(model, self._mode)
+        held_shares = bone_shares(together, regions.area, np.where(regions.held, regions.owner, -1), len(self.bones))
+        near = turns_nearby(bone_shares(together, regions.area, regions.owner, len(self.bones)))
+        self._near_bones = lanes.matrix(
+            np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
+        )
+        drawn: NDArray[np.float64] | float = 0.0
+        if self._mode != "triangles":
+            size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
+            drawn = prior(held_shares, size)
+        self._surface = laid_out(reader, self._place_of_seen, drawn)
+        self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)), 0.0)
+        self._inputs = lanes.pack(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
+        self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))
+        self._rest_frames = rotations.triangle_frames(model.edges @ rest)
+        spread = (
+            np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False) if len(handles) else np.zeros(3)
+        )
+        on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
+        self._rolls = on_a_line and not len(self.bones)
+        self._unturned = lanes.pack(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
+        self._turns, self._near, self._carried, self._now_carried = (self._unturned.copy() for _ in range(4))
+        self._started = False
+        self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
+        self._result = np.empty_like(self._controls.constant)
+
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """(3r, 3) float64: the rotations in the last frame, for row vectors: of the clusters, or of the isolines."""
+        return lanes.unpack(self._turns, self._place_of_turns)
+
+    @property
+    def memory(self) -> dict[str, NDArray[np.float64]]:
+        """What is carried from frame to frame; setting it goes on where another of the same handles and bones was."""
+        return {
+            "turns": self._turns.copy(),
+            "carried": self._carried.copy(),
+            "started": np.array(float(self._started)),
+        }
+
+    @memory.setter
+    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
+        self._turns[:], self._carried[:] = memory["turns"], memory["carried"]
+        self._started = bool(memory["started"])
+
+    def another(self, iterations: int) -> "Deformer":
+        """Return one of the same character, handles and bones, with a state of its own."""
+        other = copy(self)
+        other.iterations = iterations
+        for buffer in ("_inputs", "_turns", "_near", "_carried", "_now_carried", "_fixed", "_now", "_result"):
+            setattr(other, buffer, getattr(self, buffer).copy())
+        other.reset()
+        return other
+
+    def reset(self) -> None:
+        """Forget the last frame: the next one starts from the bones, or the rigid motion that fits the handles best."""
+        self._started = False
+        self._turns[:], self._carried[:] = self._unturned, self._unturned
+
+    def solve(
+        self,
+        targets: NDArray[np.float64],
+        motions: NDArray[np.float64] | None = None,
+        out: NDArray[np.float64] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the control variables R that bring the handles to their targets, and what the bones hold with them.
+
+        Parameters
+        ----------
+        targets : (h, 3) float64
+            In the mesh file's coordinates.
+        motions : (b, 4, 3) float64, optional
+            T_b of x' = [x 1] T_b, in the mesh file's coordinates; by default all bones are at rest.
+        out : (4m, 3) float64, optional
+            Written to, and returned.
+
+        Returns
+        -------
+        (4m, 3) float64
+            Model units.
+
+        Raises
+        ------
+        ValueError
+            Arrays of other shapes, or numbers that are not finite.
+        """
+        out = np.empty_like(self.model.rest_controls) if out is None else out
+        targets = np.ascontiguousarray(targets, dtype=np.float64)
+        motions = self._at_rest if motions is None else np.ascontiguousarray(motions, dtype=np.float64)
+        if targets.shape != self.handles.shape or out.shape != (len(self.model.A), 3):
+            raise ValueError(f"{targets.shape} targets into {out.shape}: there are {self.handles.shape} handles")
+        if motions.shape != self._at_rest.shape:
+            raise ValueError(f"{motions.shape} motions: there are {len(self.bones)} bones")
+        if not _pack_inputs(targets, motions, self.model.center, float(self.model.diagonal), self._inputs):
+            raise ValueError("a handle's target or a bone's motion is not a finite number")
+        if len(self.bones):
+            _carry(self._near_bones, self._inputs, self._near, self._carried, self._now_carried, self._turns)
+        elif not self._started:
+            start = twist.rigid_fit(self.handles, targets)
+            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
+        self._started = True
+        if self._mode == "triangles":
+            self._compare_triangles()
+        else:
+            _turn(*self._surface, self._inputs, self.iterations, self._turns, self._fixed, self._now)
+        if self._rolls:
+            start = twist.rigid_fit(self.handles, targets)
+            twist.take_back(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
+        _settle(*self._controls, self._inputs, self._turns, self._result, out)
+        return out
+
+    def _compare_triangles(self) -> None:
+        """Update the turns as the paper does, from sampled triangles."""
+        _fix(self._surface.inputs, self._surface.constant, self._inputs, self._fixed)
+        for _ in range(self.iterations):
+            self._now[:] = self._fixed
+            add_product(self._surface.turns, self._turns, self._now)
+            found = rotations.from_edges(lanes.unpack(self._now, self._place_of_seen), self._rest_frames)
+            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._place_of_turns)
+
+    def step(self, targets: NDArray[np.float64], motions: NDArray[np.float64] | None = None) -> Controls:
+        """Solve for the next frame, warm-started from the previous call.
+
+        Parameters
+        ----------
+        targets : (h, 3) float64
+            In the mesh file's coordinates.
+        motions : (b, 4, 3) float64, optional
+            As for `solve`.
+
+        Returns
+        -------
+        Controls
+            (m, 3, 4) float32.
+        """
+        return to_file_units(self.solve(targets, motions), self.model)
+
+
+def _line_through(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the direction (3,) in which points spread most; zero where all are at one place."""
+    _, spread, directions = np.linalg.svd(points - points.mean(axis=0))
+    return directions[0] if spread[0] > 1e-12 * np.abs(points).max() else np.zeros(3)
+
+
+@numba.njit(cache=True, nogil=True)
+def _pack_inputs(targets, motions, center, diagonal, packed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Lay (h, 3) targets and (b, 4, 3) motions out in blocks, in model units; say whether all are finite."""
+    finite = True
+    for h in range(len(targets)):
+        place = place_of_row(h)
+        for axis in range(3):
+            packed[place + axis * ROWS] = (targets[h, axis] - center[axis]) / diagonal
+            finite = finite and np.isfinite(targets[h, axis])
+    for b in range(len(motions)):
+        for axis in range(3):
+            moved = motions[b, 3, axis] - center[axis]
+            for row in range(3):
+                packed[place_of_row(len(targets) + 4 * b + row) + axis * ROWS] = motions[b, row, axis]
+                moved += center[row] * motions[b, row, axis]
+            packed[place_of_row(len(targets) + 4 * b + 3) + axis * ROWS] = moved / diagonal
+            finite = finite and np.isfinite(moved)
+    return finite
+
+
+@numba.njit(cache=True, nogil=True)
+def _fix(of_inputs, constant, inputs, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write what does not depend on the turns."""
+    out[:] = constant
+    add_product(of_inputs, inputs, out)
+
+
+@numba.njit(cache=True, nogil=True)
+def _carry(near_bones, inputs, near, carried, now, turns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Turn everything on by as much as the bones nearby have turned since the last frame."""
+    near[:] = 0
+    add_product(near_bones, inputs, near)
+    nearest_rotations(near, now)  # into another array: in place, several could not be done at once
+    turn_on(turns, carried, now)
+    carried[:] = now
+
+
+@numba.njit(cache=True, nogil=True)
+def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Look at the surface and turn with it, again and again."""
+    _fix(of_inputs, constant, inputs, fixed)
+    for _ in range(iterations):
+        now[:] = fixed
+        add_product(of_turns, turns, now)
+        nearest_rotations(now, turns)
+
+
+@numba.njit(cache=True, nogil=True)
+def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the (4m, 3) control variables for these turns."""
+    _fix(of_inputs, constant, inputs, packed)
+    add_product(of_turns, turns, packed)
+    for row in range(len(out)):
+        place = place_of_row(row)
+        for axis in range(3):
+            out[row, axis] = packed[place + axis * ROWS]
+
+
+def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | None = None) -> Controls:
+    """Turn control variables in model units into affine transforms of the mesh file's coordinates.
+
+    Parameters
+    ----------
+    R : (..., 4m, 3)
+    model : ReducedModel
+    out : (..., m, 3, 4) float32, optional
+        Written to, and returned.
+
+    Returns
+    -------
+    (..., m, 3, 4) float32
+
+    Raises
+    ------
+    ValueError
+        An array of another shape to write to.
+    """
+    shape = (*R.shape[:-2], R.shape[-2] // 4, 3, 4)
+    out = np.empty(shape, dtype=np.float32) if out is None else out
+    if out.shape != shape:
+        raise ValueError(f"control variables {R.shape} into transforms {out.shape}, expected {shape}")
+    stack = np.ascontiguousarray(R).reshape(-1, 4, 3)
+    _transforms(stack, model.center, float(model.diagonal), out.reshape(-1, 3, 4))
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _transforms(R, center, diagonal, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write (k, 4, 3) control variables, which act on rows of model units, as (k, 3, 4) maps of the file's columns."""
+    for k in range(len(R)):
+        for row in range(3):
+            offset = R[k, 3, row] * diagonal + center[row]
+            for column in range(3):
+                out[k, row, column] = R[k, column, row]
+                offset -= R[k, column, row] * center[column]
+            out[k, row, 3] = offset

@@ -1,0 +1,338 @@
+"""Feet that stand: where a performer's foot rests, the character's stays where it is, on the floor.
+
+A foot of the performer that is slow, and near the lowest place of either foot, rests. The character's foot is then held
+at its place, flat as at rest, and its knee bends to reach it; it is let go when the performer's moves or rises, or when
+it would have to be held too far from where the leg points, and closes the distance smoothly. The height of the whole
+character follows from its legs: the lower foot is on the floor, unless both feet of the performer leave it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.motion import quaternions as quat
+from solver.motion.bones import Bones
+from solver.motion.retarget import FARTHEST, RETURN_TIME
+from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, plus, pole
+
+SLOW, FAST = 0.15, 0.4
+"""Metres per second of a performer's foot below which it comes to rest, and above which it no longer rests."""
+
+LOW, HIGH = 0.06, 0.1
+"""Metres over the floor below which a performer's foot comes to rest, and above which it no longer rests."""
+
+FAR = 0.2
+"""Metres of the performer's that a foot is held at most from where the leg points."""
+
+NEAR = 0.03
+"""Metres of the performer's to which a foot that was let go comes near where the leg points before it is held again."""
+
+JUMP = 0.05
+"""Metres that both of a performer's feet leave the floor before the character leaves its own."""
+
+VELOCITY_SECONDS = 0.05
+"""Time constant of the mean velocity of a performer's foot, in seconds: joints shake, though they are smoothed."""
+
+FLOOR_SECONDS = 0.2
+"""Time constant with which the floor is where the lower foot rests, in seconds."""
+
+STEP_SECONDS = 1.0
+"""The same where that is higher than a foot at rest: longer than the moment at the top of a jump."""
+
+SETTLE_SECONDS = 0.08
+"""Time constant with which a foot that is held comes to lie flat on the floor, in seconds."""
+
+DRIFT_SECONDS = 2.0
+"""The same where no foot rests: long against a jump, and short against a walk towards a tilted sensor."""
+
+SEEN = 0.6
+"""Confidence from which a performer's foot counts; sensors guess where feet out of sight are."""
+
+FALL = 3.0
+"""Metres per second of the performer's by which the character rises or sinks at most."""
+
+VOTES = 3
+"""Frames of which most must say that a foot rests."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A leg of the character and the foot of the performer that it follows.
+
+    Attributes
+    ----------
+    thigh, shin, foot : int
+        Bones; foot is −1 where the leg ends at the ankle.
+    joint : int
+        The performer's ankle.
+    """
+
+    thigh: int
+    shin: int
+    foot: int
+    joint: int
+
+
+class _Plan(NamedTuple):
+    """What does not change from frame to frame."""
+
+    legs: NDArray[np.int64]  # (l, 3): thigh, shin and foot
+    joints: NDArray[np.int64]  # (l,)
+    heads: NDArray[np.float64]  # (b, 3)
+    tails: NDArray[np.float64]  # (b, 3)
+    parents: NDArray[np.int64]  # (b,)
+    poles: NDArray[np.float64]  # (l, 3): where the knee of a straight leg bends to at rest
+    up: NDArray[np.float64]  # (3,)
+    metre: float  # mesh units for a metre of the performer's
+
+
+class _State(NamedTuple):
+    """What is carried from frame to frame."""
+
+    place: NDArray[np.float64]  # (l, 3): where each foot is held
+    offset: NDArray[np.float64]  # (l, 3): from where the leg points to where the foot is shown
+    held: NDArray[np.float64]  # (l,): 1 while a foot is held
+    flat: NDArray[np.float64]  # (l,): how far it lies flat, 0 to 1
+    last: NDArray[np.float64]  # (l, 3): the performer's foot in the last frame; NaN before it was seen
+    velocity: NDArray[np.float64]  # (l, 3)
+    votes: NDArray[np.float64]  # (l, VOTES)
+    clock: NDArray[np.float64]  # (4,): time; height of the performer's floor; of the character over its own; its root's
+
+
+TIME, FLOOR, LIFT, HEIGHT = range(4)
+
+
+class Feet:
+    """Holds the feet of a character on the floor.
+
+    Parameters
+    ----------
+    bones : Bones
+    legs : sequence of Leg
+        At least one; at rest their feet are flat on the floor.
+    metre : float
+        Mesh units that the character travels for a metre of the performer's: the ratio of their legs' lengths.
+    basis : (3, 3) float64, optional
+        Rows: the mesh file's directions of the character's left, up and forward.
+    """
+
+    def __init__(
+        self, bones: Bones, legs: Sequence[Leg], metre: float, basis: NDArray[np.float64] | None = None
+    ) -> None:
+        basis = np.eye(3) if basis is None else np.asarray(basis, dtype=np.float64)
+        count = len(legs)
+        chains = np.array([(leg.thigh, leg.shin, leg.foot) for leg in legs], dtype=np.int64)
+        self._plan = _Plan(
+            legs=chains,
+            joints=np.array([leg.joint for leg in legs], dtype=np.int64),
+            heads=np.ascontiguousarray(bones.heads, dtype=np.float64),
+            tails=np.ascontiguousarray(bones.tails, dtype=np.float64),
+            parents=bones.parents,
+            poles=np.array([pole(bones, leg.thigh, leg.shin, basis[2]) for leg in legs]),
+            up=np.ascontiguousarray(basis[1]),
+            metre=float(metre),
+        )
+        self._state = _State(
+            place=np.zeros((count, 3)),
+            offset=np.zeros((count, 3)),
+            held=np.zeros(count),
+            flat=np.zeros(count),
+            last=np.full((count, 3), np.nan),
+            velocity=np.zeros((count, 3)),
+            votes=np.zeros((count, VOTES)),
+            clock=np.array([-np.inf, np.nan, 0.0, 0.0]),
+        )
+
+    def step(
+        self,
+        time: float,
+        positions: NDArray[np.float64],
+        confidence: NDArray[np.float32],
+        motions: NDArray[np.float64],
+        root: NDArray[np.float64],
+    ) -> None:
+        """Put the feet of one frame on the floor.
+
+        Parameters
+        ----------
+        time : float
+            Seconds, increasing from call to call.
+        positions : (j, 3) float64
+            The performer's joints: metres, character axes (up +y).
+        confidence : (j,) float32
+            0 where a joint is lost.
+        motions : (b, 4, 3) float64
+            Motions of the bones without the root's translation, mesh file's coordinates; written to.
+        root : (3,) float64
+            Translation of the whole character, mesh file's coordinates; its height is written.
+        """
+        _step(self._plan, self._state, float(time), positions, confidence, motions, root)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(l,) bool: the feet that are held."""
+        return self._state.held > 0
+
+    @property
+    def memory(self) -> dict[str, NDArray[np.float64]]:
+        """The state carried from frame to frame; setting it continues where another one of the same legs was."""
+        return {name: values.copy() for name, values in self._state._asdict().items()}
+
+    @memory.setter
+    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
+        for name, values in self._state._asdict().items():
+            values[:] = memory[name]
+
+
+@numba.njit(cache=True, nogil=True)
+def _step(plan, state, time, positions, confidence, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring the state up to a frame, and change its motions and the root's height."""
+    clock = state.clock
+    began = math.isfinite(clock[TIME])
+    elapsed = max(0.0, time - clock[TIME]) if began else math.inf
+    clock[TIME] = time
+    rests = _performers_feet(plan, state, positions, confidence, elapsed)
+    _set_height(plan, state, motions, root, rests, elapsed)
+    changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()
+    for leg in range(len(plan.legs)):
+        _hold(plan, state, leg, rests[leg], motions, root, elapsed, began)
+        _bend(plan, state, leg, motions, changed)
+    carry_along(motions, before, plan.parents, changed)
+
+
+@numba.njit
+def _performers_feet(plan, state, positions, confidence, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return which of the performer's feet rest, and bring their velocities and the floor up to date."""
+    _follow(plan, state, positions, confidence, elapsed)
+    lowest, slowest = np.inf, np.inf
+    for leg in range(len(plan.joints)):
+        if state.last[leg, 1] < lowest:  # which NaN is not
+            lowest, slowest = state.last[leg, 1], length(state.velocity[leg])
+    rests = np.zeros(len(plan.joints), dtype=np.bool_)
+    if not math.isfinite(lowest):
+        return rests
+    _find_floor(plan, state.clock, lowest, slowest, elapsed)
+    for leg in range(len(plan.joints)):
+        held = state.held[leg] > 0
+        speed, height = length(state.velocity[leg]), state.last[leg, 1] - state.clock[FLOOR]
+        state.votes[leg, :-1] = state.votes[leg, 1:]
+        slow = speed < (FAST if held else SLOW) and height < (HIGH if held else LOW)
+        state.votes[leg, -1] = 1.0 if slow else 0.0
+        rests[leg] = 2 * state.votes[leg].sum() > VOTES
+    return rests
+
+
+@numba.njit
+def _follow(plan, state, positions, confidence, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring the velocities of the performer's feet up to date; a lost foot stays where it was."""
+    fading = math.exp(-elapsed / VELOCITY_SECONDS)
+    for leg in range(len(plan.joints)):
+        j = plan.joints[leg]
+        farthest = max(abs(positions[j, 0]), abs(positions[j, 1]), abs(positions[j, 2]))
+        if not (confidence[j] > SEEN and farthest < FARTHEST):
+            continue
+        for axis in range(3):
+            moved = positions[j, axis] - state.last[leg, axis]
+            if 0 < elapsed < np.inf and math.isfinite(moved):
+                velocity = moved / elapsed
+                state.velocity[leg, axis] = velocity + fading * (state.velocity[leg, axis] - velocity)
+            state.last[leg, axis] = positions[j, axis]
+
+
+@numba.njit
+def _find_floor(plan, clock, lowest, slowest, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring the height of the performer's floor up to date, and how far both feet are over it."""
+    if not math.isfinite(clock[FLOOR]):
+        clock[FLOOR] = lowest
+    if lowest < clock[FLOOR] or (slowest < SLOW and lowest < clock[FLOOR] + HIGH):
+        clock[FLOOR] = lowest + math.exp(-elapsed / FLOOR_SECONDS) * (clock[FLOOR] - lowest)
+    else:  # a foot rests higher, on a step, or the sensor is tilted
+        seconds = STEP_SECONDS if slowest < SLOW else DRIFT_SECONDS
+        clock[FLOOR] = lowest + math.exp(-elapsed / seconds) * (clock[FLOOR] - lowest)
+    clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - JUMP)
+
+
+@numba.njit
+def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
+
+    That is the height of the lower foot, and of both if both rest: the leg that reaches less far must reach.
+    """
+    up, heights = (plan.up[0], plan.up[1], plan.up[2]), np.empty(len(plan.legs))
+    for leg in range(len(plan.legs)):
+        shin, foot = plan.legs[leg, 1], plan.legs[leg, 2]
+        ankle = plan.tails[shin]
+        height = quat.dot(minus(moved(motions[shin], ankle), ankle), up)
+        # a foot that lies flat is as high as its ankle; another may be lower with its tip
+        flat = 1.0 if rests[leg] else 0.0
+        state.flat[leg] = flat + math.exp(-elapsed / SETTLE_SECONDS) * (state.flat[leg] - flat)
+        if foot >= 0:
+            tip = quat.dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
+            height += (1 - state.flat[leg]) * min(0.0, tip - height)
+        heights[leg] = height
+    lowest = heights.min()
+    wanted = state.clock[LIFT] - lowest - (state.flat * (heights - lowest)).max()
+    farthest = plan.metre * FALL * elapsed
+    last = state.clock[HEIGHT]
+    state.clock[HEIGHT] = min(max(wanted, last - farthest), last + farthest)
+    rise = state.clock[HEIGHT] - quat.dot((root[0], root[1], root[2]), up)
+    for axis in range(3):
+        root[axis] += rise * up[axis]
+
+
+@numba.njit
+def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Decide whether a foot is held, and where it is shown against where its leg points."""
+    shin, up = plan.legs[leg, 1], (plan.up[0], plan.up[1], plan.up[2])
+    floor = quat.dot((plan.tails[shin, 0], plan.tails[shin, 1], plan.tails[shin, 2]), up)
+    points = plus(moved(motions[shin], plan.tails[shin]), root, 1.0)
+    offset = (state.offset[leg, 0], state.offset[leg, 1], state.offset[leg, 2])
+    if state.held[leg] == 0:
+        fading = math.exp(-elapsed / RETURN_TIME) if began else 0.0
+        offset = (fading * offset[0], fading * offset[1], fading * offset[2])
+        if rests and length(offset) < NEAR * plan.metre:
+            state.held[leg] = 1.0
+            state.place[leg] = plus(points, offset, 1.0)
+    if state.held[leg] > 0:
+        there = (state.place[leg, 0], state.place[leg, 1], state.place[leg, 2])
+        sink = (floor - quat.dot(there, up)) * (1 - math.exp(-elapsed / SETTLE_SECONDS))
+        there = plus(there, up, sink)
+        state.place[leg] = there
+        offset = minus(there, points)
+        if not rests or length(plus(offset, up, -quat.dot(offset, up))) > FAR * plan.metre:
+            state.held[leg] = 0.0
+    sunk = floor - quat.dot(plus(points, offset, 1.0), up)
+    state.offset[leg] = plus(offset, up, max(0.0, sunk))
+
+
+@numba.njit
+def _bend(plan, state, leg, motions, changed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bend a leg so that its ankle is where it is shown, and lay its foot flat as far as it rests."""
+    thigh, shin, foot = plan.legs[leg]
+    ankle = moved(motions[shin], plan.tails[shin])
+    if length(state.offset[leg]) > 1e-9 * plan.metre:
+        ankle = bend(motions, plan.heads, plan.tails, thigh, shin, plan.poles[leg], state.offset[leg])
+        changed[thigh] = changed[shin] = True
+    if foot >= 0 and (state.flat[leg] > 1e-6 or changed[shin]):
+        turn = quat.of_rows(motions[foot])
+        # flat as at rest, but for the heading
+        twist = quat.normalised(_twist_about(turn, plan.up))
+        level = quat.to_vector(quat.product(twist, quat.inverse(turn)))
+        share = state.flat[leg]
+        level = (share * level[0], share * level[1], share * level[2])
+        place(motions[foot], quat.product(quat.from_vector(level), turn), plan.heads[foot], ankle)
+        changed[foot] = True
+
+
+@numba.njit
+def _twist_about(q, axis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the part of a rotation that is about a unit axis."""
+    along = q[1] * axis[0] + q[2] * axis[1] + q[3] * axis[2]
+    if q[0] * q[0] + along * along < 1e-12:
+        return (1.0, 0.0, 0.0, 0.0)
+    return (q[0], along * axis[0], along * axis[1], along * axis[2])

@@ -1,0 +1,123 @@
+"""Limbs: chains of bones inside a character that follow chains of a performer's joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.motion.bones import Bones
+
+Follow = Literal["direction", "turn"]
+
+TRUNK = "trunk"
+"""Name of the limb whose roll comes from the performer's hips and shoulders, and on which other limbs hang."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limb:
+    """A chain of bones inside a character that does what a chain of the performer's joints does.
+
+    Attributes
+    ----------
+    name : str
+        `TRUNK` for the limb whose roll comes from hips and shoulders.
+    points : (k, 3) float64
+        Root to tip, mesh file's coordinates; k ≥ 2, so k − 1 bones.
+    joints : (k,) of tuple of int
+        The performer's joints, one for each point; a tuple of several joints is averaged.
+    follow : {"direction", "turn"}
+    gain : float
+        Factor on the angle by which each bone turns from its rest against the bone it hangs on.
+    parent : str or None
+        The limb it hangs on.
+    """
+
+    name: str
+    points: NDArray[np.float64]
+    joints: tuple[tuple[int, ...], ...]
+    follow: Follow = "direction"
+    gain: float = 1.0
+    parent: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Performer:
+    """What has to be known of a performer's joints to tell the sides of the body.
+
+    Attributes
+    ----------
+    hips, shoulders : (int, int)
+        The left and the right joint.
+    opposite : (j,) int64
+        Each joint's counterpart on the other side.
+    """
+
+    hips: tuple[int, int]
+    shoulders: tuple[int, int]
+    opposite: NDArray[np.int64]
+
+
+def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
+    """Return limbs in an order in which each comes after the one that it hangs on.
+
+    Raises
+    ------
+    ValueError
+        A parent that is not there, or limbs that hang on each other in a circle.
+    """
+    ordered: list[Limb] = []
+    waiting = list(limbs)
+    while waiting:
+        placed = {limb.name for limb in ordered}
+        ready = [limb for limb in waiting if limb.parent is None or limb.parent in placed]
+        if not ready:
+            raise ValueError(f"limbs without a way to a root: {[limb.name for limb in waiting]}")
+        ordered += ready
+        waiting = [limb for limb in waiting if limb not in ready]
+    return ordered
+
+
+def bones_of(limbs: Sequence[Limb]) -> Bones:
+    """Return the bones of limbs, limb after limb as in `parents_first`, from root to tip.
+
+    The first bone of a limb hangs on that bone of its parent limb which is nearest to the limb's first point.
+
+    Parameters
+    ----------
+    limbs : sequence of Limb
+
+    Returns
+    -------
+    Bones
+    """
+    heads: list[NDArray[np.float64]] = []
+    tails: list[NDArray[np.float64]] = []
+    parents: list[int] = []
+    first: dict[str, int] = {}
+    count: dict[str, int] = {}
+    for limb in parents_first(limbs):
+        first[limb.name], count[limb.name] = len(heads), len(limb.points) - 1
+        on = -1
+        if limb.parent is not None:
+            start = first[limb.parent]
+            candidates = range(start, start + count[limb.parent])
+            on = min(candidates, key=lambda bone: _distance(limb.points[0], heads[bone], tails[bone]))
+        for head, tail in zip(limb.points[:-1], limb.points[1:], strict=True):
+            parents.append(on)
+            on = len(heads)
+            heads.append(head)
+            tails.append(tail)
+    return Bones(
+        np.array(heads, dtype=np.float64).reshape(-1, 3),
+        np.array(tails, dtype=np.float64).reshape(-1, 3),
+        np.array(parents, dtype=np.int64),
+    )
+
+
+def _distance(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
+    """Return how far a point is from a segment."""
+    along = end - start
+    share = min(max(float((point - start) @ along) / max(float(along @ along), 1e-300), 0.0), 1.0)
+    return float(np.linalg.norm(point - start - share * along))

@@ -1,0 +1,106 @@
+"""Motions of bones between two others: bones turn on the shortest way against what they hang on, and stay joined."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.motion import quaternions as quat
+from solver.motion.bones import Bones
+
+
+def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what takes the motions `start` to the motions `end`.
+
+    Parameters
+    ----------
+    bones : Bones
+    start, end : (b, 4, 3) float64
+        Motions for row vectors, rotations and translations.
+
+    Returns
+    -------
+    (b, 6) float64
+        For each bone, the rotation against what it hangs on as axis times angle, and how far its head moves beside.
+    """
+    out = np.empty((len(bones.parents), 6))
+    _difference(bones.parents, bones.heads, start, end, out)
+    return out
+
+
+def moved_by(
+    bones: Bones, motions: NDArray[np.float64], apart: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    """Return motions that have gone a share of a difference.
+
+    With share 0 these are the motions, and with 1 and `difference(bones, motions, end)` they are `end`.
+
+    Parameters
+    ----------
+    bones : Bones
+    motions : (b, 4, 3) float64
+    apart : (b, 6) float64
+        From `difference`.
+    share : float
+
+    Returns
+    -------
+    (b, 4, 3) float64
+    """
+    out = np.empty_like(motions)
+    _move(bones.parents, bones.heads, motions, apart, float(share), out)
+    return out
+
+
+@numba.njit
+def _place(motions, bone, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return where a bone's motion takes a point; where the point is, for bone −1."""
+    x, y, z = point[0], point[1], point[2]
+    if bone < 0:
+        return (x, y, z)
+    T = motions[bone]
+    return (
+        x * T[0, 0] + y * T[1, 0] + z * T[2, 0] + T[3, 0],
+        x * T[0, 1] + y * T[1, 1] + z * T[2, 1] + T[3, 1],
+        x * T[0, 2] + y * T[1, 2] + z * T[2, 2] + T[3, 2],
+    )
+
+
+@numba.njit
+def _against_parent(motions, parents, bone):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return a bone's rotation against that of the bone that it hangs on."""
+    own = quat.of_rows(motions[bone])
+    if parents[bone] < 0:
+        return own
+    return quat.product(quat.inverse(quat.of_rows(motions[parents[bone]])), own)
+
+
+@numba.njit(cache=True, nogil=True)
+def _difference(parents, heads, start, end, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    for bone in range(len(parents)):
+        before, after = _against_parent(start, parents, bone), _against_parent(end, parents, bone)
+        turn = quat.to_vector(quat.product(after, quat.inverse(before)))
+        carried = _place(start, parents[bone], heads[bone]), _place(end, parents[bone], heads[bone])
+        was, becomes = _place(start, bone, heads[bone]), _place(end, bone, heads[bone])
+        for axis in range(3):
+            out[bone, axis] = turn[axis]
+            out[bone, 3 + axis] = (becomes[axis] - carried[1][axis]) - (was[axis] - carried[0][axis])
+
+
+@numba.njit(cache=True, nogil=True)
+def _move(parents, heads, motions, apart, share, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    turns = np.empty((len(parents), 4))
+    for bone in range(len(parents)):
+        parent = parents[bone]
+        turn = quat.from_vector((share * apart[bone, 0], share * apart[bone, 1], share * apart[bone, 2]))
+        turn = quat.product(turn, _against_parent(motions, parents, bone))
+        if parent >= 0:
+            turn = quat.product((turns[parent, 0], turns[parent, 1], turns[parent, 2], turns[parent, 3]), turn)
+        turns[bone] = turn
+        quat.write_rows(turn, out[bone])
+        carried, place = _place(motions, parent, heads[bone]), _place(motions, bone, heads[bone])
+        now = _place(out, parent, heads[bone])
+        for axis in range(3):
+            there = now[axis] + place[axis] - carried[axis] + share * apart[bone, 3 + axis]
+            for i in range(3):
+                there -= heads[bone, i] * out[bone, i, axis]
+            out[bone, 3, axis] = there

@@ -1,0 +1,121 @@
+"""The turn that handles leave open: all of it with one handle, and with several on a line that about the line.
+
+Neither the deformation energy nor such handles hold a character against it. Left alone, it would roll a little with
+every motion and never come back.
+"""
+
+import numba
+import numpy as np
+
+from solver.model.lanes import BLOCK, LANES, ROWS, place_of_matrix
+from solver.model.polar import nearest_rotations
+
+
+@numba.njit(cache=True, nogil=True)
+def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return the (3, 3) rotation, for row vectors, nearest to the motion of some points; the least that fits.
+
+    Parameters
+    ----------
+    rest, now : (h, 3) float64
+    """
+    middle, moved = np.zeros(3), np.zeros(3)
+    for h in range(len(rest)):
+        middle += rest[h] / len(rest)
+        moved += now[h] / len(rest)
+    S = np.zeros((3, 3))
+    for h in range(len(rest)):
+        for i in range(3):
+            for j in range(3):
+                S[i, j] += (rest[h, i] - middle[i]) * (now[h, j] - moved[j])
+    # handles at one point differ by rounding, which has no direction
+    size = np.abs(rest).max() * np.abs(now).max()
+    least = 1e-9 * np.sqrt((S * S).sum()) + 1e-24 * len(rest) * size + 1e-300
+    for i in range(3):
+        S[i, i] += least
+    return _nearest(S)
+
+
+@numba.njit(cache=True, nogil=True)
+def take_back(turns, count, start, line):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Turn all isolines until their mean has no roll left against a rotation.
+
+    Parameters
+    ----------
+    turns : (blocks · BLOCK,) float64
+        The isolines' rotations in the layout of `lanes`, for row vectors; written to.
+    count : int
+        How many there are.
+    start : (3, 3) float64
+        What the mean is measured against, from `rigid_fit`.
+    line : (3,) float64
+        Direction of the line through the handles, of unit length; zero for a single handle, which leaves all open.
+    """
+    total = np.zeros((3, 3))
+    for k in range(count):
+        place = place_of_matrix(k)
+        for i in range(3):
+            for j in range(3):
+                total[i, j] += turns[place + j * ROWS + i * LANES]
+    roll = _about(line, _product(_nearest(total).T, start))
+    row = np.empty(3)
+    for k in range(count):
+        place = place_of_matrix(k)
+        for i in range(3):
+            for j in range(3):
+                row[j] = turns[place + j * ROWS + i * LANES]
+            for j in range(3):
+                turns[place + j * ROWS + i * LANES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest(S):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    packed, R = np.zeros(BLOCK), np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            packed[j * ROWS + i * LANES] = S[i, j]
+    nearest_rotations(packed, packed)
+    for i in range(3):
+        for j in range(3):
+            R[i, j] = packed[j * ROWS + i * LANES]
+    return R
+
+
+@numba.njit(cache=True, nogil=True)
+def _product(A, B):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    C = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                C[i, j] += A[i, k] * B[k, j]
+    return C
+
+
+@numba.njit(cache=True, nogil=True)
+def _about(line, R):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the part of a rotation that is about a line: swing and twist, taken apart by its quaternion."""
+    # four times the products of the components with each other; the row of the largest is the quaternion, to scale
+    squares = np.array(
+        [
+            1 + R[0, 0] + R[1, 1] + R[2, 2],
+            1 + R[0, 0] - R[1, 1] - R[2, 2],
+            1 - R[0, 0] + R[1, 1] - R[2, 2],
+            1 - R[0, 0] - R[1, 1] + R[2, 2],
+        ]
+    )
+    a, b, c = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    d, e, f = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    products = ((squares[0], a, b, c), (a, squares[1], d, e), (b, d, squares[2], f), (c, e, f, squares[3]))
+    w, x, y, z = products[squares.argmax()]
+    if line[0] != 0 or line[1] != 0 or line[2] != 0:
+        along = x * line[0] + y * line[1] + z * line[2]
+        x, y, z = along * line[0], along * line[1], along * line[2]
+    square = w * w + x * x + y * y + z * z
+    s = 2 / square if square > 0 else 0.0
+    return np.array(
+        [
+            [1 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
+            [s * (x * y + w * z), 1 - s * (x * x + z * z), s * (y * z - w * x)],
+            [s * (x * z - w * y), s * (y * z + w * x), 1 - s * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,331 @@
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import capture.sources.replay
+from capture.clip import SkeletonClip
+from capture.events import TICK, Cue, Lost, Tick
+from capture.formats import FARTHEST, read_log, recognize
+from capture.recording import HEADER, Recorder, as_recorded, encode
+from capture.skeleton import LOST, SkeletonFrame
+from capture.sources.replay import BATCH, GAP, PATIENCE, TakeSource
+from puppetline.errors import SkeletonLogError, SourceError
+
+
+class Clock:
+    """A monotonic clock that goes on when it is told to."""
+
+    def __init__(self):
+        self.now = 5000.0
+
+    def monotonic(self):
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(capture.sources.replay, "time", clock)
+    return clock
+
+
+def make_frame(moment, user=1):
+    rng = np.random.default_rng(abs(int(moment * 1000)) + user)
+    confidence = rng.choice([1.0, 0.5, LOST], size=20).astype(np.float32)
+    positions = np.where(confidence[:, None] == LOST, np.nan, rng.normal(size=(20, 3)))
+    return SkeletonFrame(moment, user, positions, confidence)
+
+
+def make_clip(times, user=1):
+    frames = [make_frame(moment, user) for moment in times]
+    return SkeletonClip(
+        "made",
+        user,
+        np.array(times, dtype=np.float64),
+        np.stack([frame.positions for frame in frames]),
+        np.stack([frame.confidence for frame in frames]),
+    )
+
+
+def take(path, events, state=None):
+    with Recorder(path) as recorder:
+        if state is not None:
+            recorder.write_beginning(state)
+        for event in events:
+            recorder.write(event)
+    return path
+
+
+def play(source, clock, step=1 / 120, most=10_000):
+    """Call the source as the service does until it ends; return what came, with the clock's time of each."""
+    came = []
+    for _ in range(most):
+        try:
+            came += [(clock.now, event) for event in source.receive()]
+        except SourceError:
+            return came
+        clock.now = max(clock.now + step, min(source.due(), clock.now + 10 * step))
+    raise AssertionError("no end")
+
+
+def key(event):
+    """What tells an event from all others, to the bit."""
+    if isinstance(event, SkeletonFrame):
+        return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
+    return event
+
+
+def performance():
+    """Some seconds with everything in it: a gap of a second without ticks, several events at one time."""
+    for k in range(60):
+        yield make_frame(100 + k / 30, user=1 + k % 2)
+        if k % 10 == 7:
+            yield Cue(100 + k / 30, "mirror", {"character": {"name": "dog", "at": k / 7}})
+    yield Lost(102.0, 2)
+    yield Tick(102.033)
+    yield make_frame(103.1)
+
+
+def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock):
+    written = list(performance())
+    state = {"roles": {"dog": [1 / 3, None]}}
+    source = TakeSource.of_file("replay:take", take(tmp_path / "take", written, state))
+    assert (source.name, source.beginning, source.fileno()) == ("replay:take", state, None)
+    expected = [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
+    assert [key(event) for _, event in play(source, clock)] == expected
+    assert (source.counts.received, source.counts.dropped, source.counts.refused) == (len(written), 0, {})
+
+
+def test_each_event_comes_at_its_time_and_no_earlier(tmp_path, clock):
+    start = clock.now
+    came = play(TakeSource.of_file("r", take(tmp_path / "take", performance(), {})), clock, step=0.001)
+    late = [moment - start - (event.time - 100) for moment, event in came]
+    assert min(late) >= -1e-9
+    assert max(late) <= 0.001 + 1e-9
+
+
+def test_the_recordings_clock_stands_still_until_somebody_listens(clock):
+    source = TakeSource.of_clips("demo:x", [make_clip([3.0, 3.5])])
+    clock.now += 100
+    assert source.now() == 3.0
+    assert source.due() == clock.now
+    assert [event.time for event in source.receive()] == [3.0]
+    assert source.due() == clock.now + GAP - 2 * TICK
+
+
+def test_a_late_caller_gets_all_that_is_due_in_order(clock):
+    source = TakeSource.of_clips("demo:x", [make_clip(np.arange(90) / 30)])
+    source.receive()
+    clock.now += PATIENCE - 0.01
+    assert [event.time for event in source.receive()] == [k / 30 for k in range(1, 30)]
+    assert source.counts.dropped == 0
+
+
+def test_a_caller_who_was_away_for_long_finds_the_recording_where_it_was(clock):
+    times = np.arange(90) / 30
+    source = TakeSource.of_clips("demo:x", [make_clip(times)])
+    came = source.receive()
+    clock.now += 60
+    came += source.receive()
+    assert [event.time for event in came] == [0.0, 1 / 30]
+    assert source.now() == 1 / 30
+    came += [event for _, event in play(source, clock)]
+    np.testing.assert_array_equal([event.time for event in came], times)
+
+
+def test_the_end_is_an_error_that_says_so_and_stays(clock):
+    source = TakeSource.of_clips("demo:x", [make_clip([0.0])])
+    assert len(source.receive()) == 1
+    for _ in range(2):
+        with pytest.raises(SourceError, match=r"demo:x: found that it has ended; .* \?loop"):
+            source.receive()
+        assert source.due() == clock.now
+
+
+def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
+    written = list(performance())
+    users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
+    whole = len(written) + len(users)
+    source = TakeSource.of_file("r", take(tmp_path / "take", written, {}), loop=True)
+    came = []
+    while len(came) < 3 * whole:
+        came += source.receive()
+        clock.now = max(clock.now, source.due())
+    passes = [came[k * whole : (k + 1) * whole] for k in range(3)]
+    first, second, third = (each[: len(written)] for each in passes)
+    assert [key(e) for e in first] == [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
+    period = first[-1].time - first[0].time + TICK
+    for number, again in ((1, second), (2, third)):
+        shifts = [event.time - earlier.time for event, earlier in zip(again, first, strict=True)]
+        np.testing.assert_allclose(shifts, number * period, rtol=0, atol=1e-9)
+        assert [key(replace(event, time=0)) for event in again] == [key(replace(event, time=0)) for event in first]
+    for each in passes:  # or they would jump from the end to the beginning
+        assert each[len(written) :] == [Lost(each[len(written) - 1].time, user) for user in users]
+    times = [event.time for event in came]
+    assert times == sorted(times)
+
+
+def test_several_performers_play_together(clock):
+    clips = [make_clip([0.0, 0.05, 0.1], user=4), make_clip([0.02, 0.05], user=7)]
+    came = [event for _, event in play(TakeSource.of_clips("demo:x", clips), clock)]
+    assert [(event.time, event.user) for event in came] == [(0.0, 4), (0.02, 7), (0.05, 4), (0.05, 7), (0.1, 4)]
+    assert [key(e) for e in came if e.user == 7] == [key(frame) for frame in clips[1].frames()]
+
+
+def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
+    clip = make_clip([1.0, 1.05, 2.0, 2.09])
+    ticks = [1.05 + k * TICK for k in range(1, 29)]
+    expected = [1.0, 1.05, *ticks, 2.0, 2.09]
+    for source in (
+        TakeSource.of_clips("demo:x", [clip]),
+        TakeSource.of_file("r", take(tmp_path / "take", map(as_recorded, clip.frames()))),
+    ):
+        came = [event for _, event in play(source, clock)]
+        assert [event.time for event in came] == expected
+        assert [event for event in came if isinstance(event, Tick)] == list(map(Tick, ticks))
+
+
+def test_a_foreign_log_plays_as_it_reads(tmp_path, clock):
+    rng = np.random.default_rng(0)
+    rows = [(frame, *rng.normal(size=60).round(3) + 2) for frame in (1, 2, 3, 4, 30)]
+    log = tmp_path / "utkinect.txt"
+    log.write_text("\n".join(" ".join(map(str, row)) for row in rows) + "\n")
+    (clip,) = read_log(log)
+    came = [event for _, event in play(TakeSource.of_file("replay:log", log), clock)]
+    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(frame) for frame in clip.frames()]
+    assert sum(isinstance(event, Tick) for event in came) == 25
+
+
+def test_real_logs_play_all_their_frames(real_logs, clock):
+    logs = [log for log in sorted(real_logs.rglob("*.*"))[::12] if recognize(log)]
+    assert len(logs) > 5
+    for log in logs:
+        clips = read_log(log)
+        played = [event for _, event in play(TakeSource.of_file("replay:log", log), clock, step=0.5, most=100_000)]
+        for clip in clips:
+            frames = [key(e) for e in played if isinstance(e, SkeletonFrame) and e.user == clip.user]
+            assert frames == [key(frame) for frame in clip.frames()]
+
+
+def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
+    """A recording that was continued after a restart of the machine, whose clock began anew."""
+    events = [
+        make_frame(50.0),
+        make_frame(50.05),
+        make_frame(50.05),
+        make_frame(0.5),
+        Tick(0.6),
+        make_frame(50.05, user=2),
+    ]
+    path = take(tmp_path / "take", [*events, make_frame(50.1)])
+    source = TakeSource.of_file("r", path)
+    came = [(event.time, event.user) for _, event in play(source, clock)]
+    assert came == [(50.0, 1), (50.05, 1), (50.05, 2), (50.1, 1)]
+    assert source.counts.refused == {"goes back in time": 3}
+    assert [list(clip.times) for clip in read_log(path)] == [[50.0, 50.05, 50.1], [50.05]]
+
+
+def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
+    source = TakeSource.of_file(
+        "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)], {}), loop=True
+    )
+    times = []
+    while len(times) < 6:
+        times += [event.time for event in source.receive() if not isinstance(event, Lost)]
+        clock.now = source.due()
+    np.testing.assert_allclose(np.diff(times), [0.01, TICK, 0.01, TICK, 0.01], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        (b'{"t": 1, "tick"}\n', "not JSON"),
+        (encode(make_frame(0.02)).replace(b'"p": [[', b'"p": [[9e9, 1, 1], ['), "20"),
+    ],
+)
+def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, error):
+    path = tmp_path / "take"
+    path.write_bytes(HEADER + encode(make_frame(0.0)) + encode(make_frame(0.01)) + line + encode(make_frame(0.03)))
+    source = TakeSource.of_file("r", path)
+    clock.now += 1
+    source.receive()
+    clock.now += 0.5
+    assert [event.time for event in source.receive()] == [0.01]
+    with pytest.raises(SourceError, match=f"line 4.*{error}"):
+        source.receive()
+
+
+def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
+    far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * FARTHEST), np.ones(20, np.float32))
+    source = TakeSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far], {}))
+    assert len(source.receive()) == 1
+    with pytest.raises(SourceError, match=r"2000 m away at second 0\.01"):
+        source.receive()
+
+
+def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
+    (tmp_path / "empty").write_bytes(HEADER)
+    (tmp_path / "other").write_bytes(b"something else")
+    with pytest.raises(SourceError, match="ended"):
+        TakeSource.of_file("r", tmp_path / "empty")
+    for loop in (False, True):
+        with pytest.raises(SourceError, match="ended"):
+            TakeSource.of_clips("r", [], loop)
+    for name in ("other", "none"):
+        with pytest.raises(SkeletonLogError):
+            TakeSource.of_file("r", tmp_path / name)
+
+
+def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
+    source = TakeSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * BATCH + 5), {}))
+    assert [len(source.receive()) for _ in range(3)] == [BATCH, BATCH, 5]
+
+
+@given(
+    start=st.sampled_from([0.0, 1.7e9, -12.5, 0.1]),
+    gaps=st.lists(st.floats(1e-3, 3), min_size=1, max_size=20),
+    steps=st.lists(st.floats(0, 2.5), min_size=1, max_size=50),
+)
+def test_the_time_now_is_never_before_what_came_nor_after_what_comes(start, gaps, steps):
+    """So that a cue stamped with it stands between the events that it came between."""
+    clock = Clock()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(capture.sources.replay, "time", clock)
+        times = np.unique(start + np.cumsum([0.0, *gaps]))
+        source = TakeSource.of_clips("r", [make_clip(times)])
+        stamps = [source.now()]
+        for step in steps:
+            clock.now += step
+            stamps.append(source.now())
+            try:
+                stamps += [event.time for event in source.receive()]
+            except SourceError:
+                break
+            stamps.append(source.now())
+        assert stamps == sorted(stamps)
+
+
+def test_on_the_real_clock_nothing_comes_early(tmp_path):
+    clip = make_clip(np.arange(8) / 100)
+    source = TakeSource.of_clips("demo:x", [clip])
+    came, started = [], None
+    while len(came) < 8:
+        time.sleep(max(0.0, source.due() - time.monotonic()))
+        started = started or time.monotonic()
+        for event in source.receive():
+            assert time.monotonic() - started >= event.time - 1e-3
+            came.append(key(event))
+    assert came == [key(frame) for frame in clip.frames()]
+
+
+def test_closing_lets_go_of_the_file_and_ends_it(tmp_path, clock):
+    source = TakeSource.of_file("r", take(tmp_path / "take", performance(), {}))
+    source.receive()
+    source.close()
+    source.close()
+    with pytest.raises(SourceError):
+        source.receive()

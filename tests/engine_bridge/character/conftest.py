@@ -1,0 +1,44 @@
+"""A cube, as vertices and faces that look outwards; the figures of the exports' tests."""
+
+from types import SimpleNamespace
+
+import igl
+import numpy as np
+import pytest
+
+from ..export.conftest import raw, variant, variants
+
+__all__ = ["raw", "variant", "variants"]
+
+VERTICES = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+QUADS = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [3, 2, 6, 7], [2, 0, 4, 6], [1, 3, 7, 5]]
+
+
+@pytest.fixture
+def cube():
+    """The unit cube: 8 vertices, 6 quads, and the 12 triangles of their fans."""
+    triangles = np.array([[a, *rest] for a, b, c, d in QUADS for rest in ((b, c), (c, d))])
+    return SimpleNamespace(vertices=VERTICES.copy(), quads=[list(quad) for quad in QUADS], triangles=triangles)
+
+
+@pytest.fixture
+def ball():
+    """A round surface of 162 vertices; its edges are all soft."""
+    vertices, triangles = igl.icosahedron()
+    for _ in range(2):
+        vertices, triangles = igl.upsample(vertices, triangles)
+    return SimpleNamespace(
+        vertices=vertices / np.linalg.norm(vertices, axis=1, keepdims=True), triangles=triangles.astype(np.int64)
+    )
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a file and return its path."""
+
+    def write(name, content):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write

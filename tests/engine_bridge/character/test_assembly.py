@@ -1,0 +1,158 @@
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from engine_bridge.character.assembly import assemble
+from engine_bridge.character.character import from_document, load_character
+from engine_bridge.character.document import Document
+from engine_bridge.character.readers import read_surface
+from engine_bridge.character.surfaces.surface import CLAY, Material, Picture, Piece, Surface
+
+CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+
+
+def values(document, primitive, name):
+    return document.array(primitive["attributes"][name])
+
+
+def picture_of(document, index):
+    image = document.gltf["images"][document.gltf["textures"][index]["source"]]
+    view = document.gltf["bufferViews"][image["bufferView"]]
+    return image, bytes(document.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+
+
+@pytest.fixture
+def skin(tmp_path):
+    Image.new("RGB", (4, 4), "red").save(tmp_path / "skin.png")
+    return Picture("skin", "image/png", (tmp_path / "skin.png").read_bytes())
+
+
+@pytest.fixture
+def saved(tmp_path, assert_valid_gltf):
+    """Write a surface as .glb, let the validator look at it, and read it."""
+
+    def run(surface):
+        assemble(surface, "figure").save(tmp_path / "figure.glb")
+        if not any(piece.material.normal_texture for piece in surface.pieces):
+            # it would warn of tangents, which are better left to the viewer where a surface is to be deformed
+            assert_valid_gltf(tmp_path / "figure.glb")
+        return Document.load(tmp_path / "figure.glb")
+
+    return run
+
+
+def test_a_piece_becomes_a_primitive_with_all_that_it_has(saved, skin):
+    rng = np.random.default_rng(5)
+    normals = rng.normal(size=(4, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    uvs, colors = rng.normal(size=(4, 2)), rng.random((4, 4))
+    glass = Material("glass", (0.1, 0.2, 0.3, 0.5), 0.25, 0.75, (0, 1, 0), skin, skin, "BLEND", double_sided=True)
+    document = saved(Surface([Piece("", CORNERS * 0.1, SIDES, glass, normals, uvs, colors)]))
+    (mesh,) = document.gltf["meshes"]
+    (primitive,) = mesh["primitives"]
+    np.testing.assert_array_equal(values(document, primitive, "POSITION"), (CORNERS * 0.1).astype(np.float32))
+    np.testing.assert_array_equal(values(document, primitive, "NORMAL"), normals.astype(np.float32))
+    np.testing.assert_array_equal(values(document, primitive, "TEXCOORD_0"), uvs.astype(np.float32))
+    np.testing.assert_allclose(values(document, primitive, "COLOR_0"), colors, atol=0.5 / 65535 + 1e-7)
+    np.testing.assert_array_equal(document.array(primitive["indices"]), SIDES.ravel())
+    assert document.gltf["materials"] == [
+        {
+            "name": "glass",
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [0.1, 0.2, 0.3, 0.5],
+                "metallicFactor": 0.25,
+                "roughnessFactor": 0.75,
+                "baseColorTexture": {"index": 0},
+            },
+            "normalTexture": {"index": 0},
+            "emissiveFactor": [0, 1, 0],
+            "alphaMode": "BLEND",
+            "doubleSided": True,
+        }
+    ]
+    image, content = picture_of(document, 0)
+    assert (image["name"], image["mimeType"], content) == ("skin", "image/png", skin.content)
+
+
+def test_pieces_of_one_name_are_one_mesh_and_materials_and_pictures_are_there_once(saved, skin):
+    red, same = Material("a", (1, 0, 0, 1), texture=skin), Material("a", (1, 0, 0, 1), texture=skin)
+    blue = Material("b", (0, 0, 1, 1), texture=Picture("skin", "image/png", bytes(skin.content)))
+    uvs = np.zeros((4, 2))
+    document = saved(
+        Surface(
+            [
+                Piece("arm", CORNERS, SIDES, red, uvs=uvs),
+                Piece("", CORNERS, SIDES[:2], CLAY),
+                Piece("leg", CORNERS, SIDES, same, uvs=uvs),
+                Piece("arm", CORNERS, SIDES[1:], blue, uvs=uvs),
+            ]
+        )
+    )
+    gltf = document.gltf
+    shown = [
+        (
+            node["name"],
+            gltf["meshes"][node["mesh"]]["name"],
+            [p["material"] for p in gltf["meshes"][node["mesh"]]["primitives"]],
+        )
+        for node in (gltf["nodes"][index] for index in gltf["scenes"][gltf["scene"]]["nodes"])
+    ]
+    assert shown == [("arm", "arm", [0, 2]), ("figure", "figure", [1]), ("leg", "leg", [0])]
+    assert [len(gltf[name]) for name in ("materials", "textures", "images")] == [3, 1, 1]
+
+
+@pytest.mark.parametrize(("vertices", "kind"), [(4, 5123), (65535, 5123), (65536, 5125)])
+def test_indices_are_as_small_as_they_may_be(saved, vertices, kind):
+    positions = np.random.default_rng(6).random((vertices, 3))
+    triangles = np.array([[0, 1, vertices - 1], [1, 2, vertices - 1]])
+    document = saved(Surface([Piece("", positions, triangles)]))
+    indices = document.gltf["meshes"][0]["primitives"][0]["indices"]
+    assert document.gltf["accessors"][indices]["componentType"] == kind
+    np.testing.assert_array_equal(document.array(indices), triangles.ravel())
+
+
+def test_a_surface_far_from_the_origin_keeps_its_shape_and_its_place(saved, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    vertices = ball.vertices + np.array([5e5, 4.6e6, 120])
+    pieces = [Piece(name, vertices, half) for name, half in zip("ab", np.split(ball.faces, 2), strict=True)]
+    document = saved(Surface(pieces))
+    left, right = (node["translation"] for node in document.gltf["nodes"])
+    assert left == right == np.float32(left).tolist()
+    for character in (from_document(assemble(Surface(pieces), "ball")), load_character(tmp_path / "figure.glb")):
+        np.testing.assert_allclose(character.vertices, np.tile(vertices, (2, 1)), rtol=0, atol=1e-6 * np.sqrt(12))
+
+
+def test_a_surface_near_the_origin_has_no_translation(saved):
+    (node,) = saved(Surface([Piece("", CORNERS + 5, SIDES)])).gltf["nodes"]
+    assert node == {"name": "figure", "mesh": 0}
+
+
+def test_the_document_says_what_the_surface_says_and_is_called_what_it_is_called():
+    document = assemble(Surface([Piece("", CORNERS, SIDES)], ["a hole"]), "figure", "figure.obj")
+    assert (document.notes, document.name) == (["a hole"], "figure.obj")
+    assert assemble(Surface([Piece("", CORNERS, SIDES)]), "figure").name == "figure"
+
+
+@pytest.mark.parametrize(
+    "name", ["makehuman_base.obj", "fuze/fuze.obj", "nasty/busted.STL", "cheburashka.off", "chair_model.obj"]
+)
+def test_real_surfaces_are_found_whole_by_trimesh(real_data, tmp_path, assert_valid_gltf, name):
+    surface = read_surface(real_data / "mesh" / name)
+    path = tmp_path / "figure.glb"
+    assemble(surface, "figure").save(path)
+    assert_valid_gltf(path)
+    peer = trimesh.load_scene(path, process=False)
+    soup = np.concatenate([piece.positions[piece.triangles] for piece in surface.pieces])
+    found = np.concatenate([mesh.triangles for mesh in peer.dump()])
+    in_order = [t.astype(np.float32)[np.lexsort(t.astype(np.float32).reshape(-1, 9).T)] for t in (soup, found)]
+    np.testing.assert_array_equal(*in_order)
+    assert set(peer.graph.nodes_geometry) >= {piece.name or "figure" for piece in surface.pieces} or len(
+        surface.pieces
+    ) > len({piece.name for piece in surface.pieces})
+    if "fuze" in name:
+        (mesh,) = peer.dump()
+        np.testing.assert_allclose(mesh.visual.uv * [1, -1] + [0, 1], surface.pieces[0].uvs, atol=1e-6)
+        stated = Image.open(real_data / "mesh/fuze/fuze uv.jpg")
+        np.testing.assert_array_equal(mesh.visual.material.baseColorTexture, stated)

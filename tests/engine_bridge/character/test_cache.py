@@ -1,0 +1,162 @@
+import logging
+import os
+
+import numpy as np
+import pytest
+
+from engine_bridge.character import cache
+from engine_bridge.character.cache import key_of, recall
+
+KEY = key_of("some arrays")
+
+
+def some_arrays():
+    rng = np.random.default_rng(1)
+    return {"table": rng.normal(size=(7, 3)), "few.numbers": np.arange(5), "scalar": np.array(2.5, np.float32)}
+
+
+def impossible():
+    raise AssertionError("made although it is there")
+
+
+def same(found):
+    expected = some_arrays()
+    assert list(found) == list(expected)
+    for name, array in expected.items():
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+    return True
+
+
+@pytest.fixture
+def kept(tmp_path):
+    """The file that the arrays are kept in."""
+    recall(tmp_path, KEY, some_arrays)
+    return tmp_path / f"{KEY}.npz"
+
+
+def made_anew(kept, caplog):
+    """Recall from a bad file: the right arrays, a warning that names the file, and a good file afterwards."""
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        assert same(recall(kept.parent, KEY, some_arrays))
+    assert len(caplog.records) == 1
+    assert str(kept) in caplog.text
+    assert "made anew" in caplog.text
+    return same(recall(kept.parent, KEY, impossible))
+
+
+def test_arrays_are_made_once_and_then_read_back(tmp_path):
+    assert same(recall(tmp_path / "deep" / "er", KEY, some_arrays))
+    assert same(recall(tmp_path / "deep" / "er", KEY, impossible))
+    assert [path.name for path in (tmp_path / "deep" / "er").iterdir()] == [f"{KEY}.npz"]
+
+
+def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
+    with pytest.raises(AssertionError, match="made although"):
+        recall(tmp_path, KEY, impossible)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_truncated_file_is_made_anew(kept, caplog):
+    whole = kept.read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 50).astype(int):
+        kept.write_bytes(whole[:length])
+        assert made_anew(kept, caplog)
+
+
+def test_no_flipped_byte_of_a_file_gives_other_arrays(kept, caplog):
+    whole = kept.read_bytes()
+    warnings = 0
+    for place in range(0, len(whole), 3):
+        kept.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            assert same(recall(kept.parent, KEY, some_arrays))
+        warnings += len(caplog.records)
+    assert warnings > len(whole) / 3 / 2  # the others hit what a zip archive does not need, such as dates
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"not an archive", b"PK\x03\x04" + bytes(100), b"\x93NUMPY\x01\x00" + bytes(80)]
+)
+def test_a_file_that_is_no_archive_is_made_anew(kept, caplog, content):
+    kept.write_bytes(content)
+    assert made_anew(kept, caplog)
+
+
+def test_a_single_array_and_an_archive_that_lacks_arrays_are_made_anew(kept, caplog):
+    content = np.array([KEY, *some_arrays()])
+    with kept.open("wb") as file:
+        np.save(file, np.arange(5))
+    assert made_anew(kept, caplog)
+    for arrays in ({}, {"content": content}, {"content": content, "table": np.eye(3)}, some_arrays()):
+        with kept.open("wb") as file:
+            np.savez(file, **arrays)
+        assert made_anew(kept, caplog)
+
+
+def test_pickled_objects_are_not_loaded(kept, caplog):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("the cache ran code",))
+
+    with kept.open("wb") as file:
+        np.savez(file, content=np.array([KEY, "table"]), table=np.array([Trap()], dtype=object))
+    assert made_anew(kept, caplog)
+
+
+def test_what_belongs_to_something_else_is_made_anew(kept, caplog):
+    other = key_of("other arrays")
+    recall(kept.parent, other, lambda: {"table": np.eye(3)})
+    (kept.parent / f"{other}.npz").replace(kept)
+    assert made_anew(kept, caplog)
+
+
+def test_a_folder_that_cannot_be_written_costs_a_warning_only(tmp_path, caplog):
+    (tmp_path / "file").write_text("in the way")
+    with caplog.at_level(logging.WARNING):
+        assert same(recall(tmp_path / "file" / "cache", KEY, some_arrays))
+    assert "nothing is kept" in caplog.text
+
+
+def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, caplog):
+    def fill(file, **arrays):
+        file.write(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", fill)
+    assert same(recall(tmp_path, KEY, some_arrays))
+    assert list(tmp_path.iterdir()) == []
+    assert "No space left" in caplog.text
+
+
+def test_the_files_that_were_used_last_are_kept(tmp_path, monkeypatch):
+    keys = [key_of(number) for number in range(4)]
+    for age, key in enumerate(keys[:3]):
+        recall(tmp_path, key, some_arrays)
+        os.utime(tmp_path / f"{key}.npz", (0, 1000 - age))
+    recall(tmp_path, keys[2], impossible)  # the oldest is the one used last now
+    (tmp_path / "notes.txt").write_text("not of the cache")
+    monkeypatch.setattr(cache, "LARGEST", 3 * (tmp_path / f"{keys[0]}.npz").stat().st_size)
+    recall(tmp_path, keys[3], some_arrays)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"{keys[0]}.npz", f"{keys[2]}.npz", f"{keys[3]}.npz", "notes.txt"}
+
+
+def test_keys_are_equal_for_equal_things_only(monkeypatch):
+    table = np.arange(12.0).reshape(4, 3)
+    close = table.copy()
+    close[2, 1] = np.nextafter(close[2, 1], 9)
+    assert key_of("a", table) == key_of("a", np.asfortranarray(table))
+    keys = {
+        key_of("a", table),
+        key_of("b", table),
+        key_of("a", close),
+        key_of("a", table.reshape(3, 4)),
+        key_of("a", table.view(np.int64)),
+        key_of("a", table, None),
+        key_of("a", table[:2], table[2:]),
+    }
+    monkeypatch.setattr(cache, "VERSION", cache.VERSION + 1)
+    assert len(keys | {key_of("a", table)}) == 8

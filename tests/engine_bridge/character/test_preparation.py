@@ -1,0 +1,67 @@
+import dataclasses
+
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.character import preparation
+from engine_bridge.character.preparation import prepare
+from puppetline.errors import MeshError
+from solver.model.reduced_model import ModelParameters, ReducedModel, build
+from solver.surface.mesh import SolverMesh, weld
+
+PARAMETERS = ModelParameters(fields=2, isolines=3)
+
+
+@pytest.fixture(scope="module")
+def render_mesh():
+    """A ball whose triangles have corners of their own, one of them turned over, and a vertex in none."""
+    vertices, faces = igl.upsample(*igl.icosahedron(), 2)
+    faces[7] = faces[7][::-1]
+    return np.concatenate([vertices[faces].reshape(-1, 3), [[0, 0, 2]]]), np.arange(faces.size).reshape(-1, 3)
+
+
+def same(a, b, kind):
+    for field in dataclasses.fields(kind):
+        one, other = getattr(a, field.name), getattr(b, field.name)
+        assert type(one) is type(other)
+        if isinstance(one, np.ndarray):
+            assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    return True
+
+
+def test_it_is_what_welding_and_building_give_made_or_kept(render_mesh, tmp_path, monkeypatch):
+    expected = weld(*render_mesh, "ball")
+    assert expected.repairs.welded
+    assert expected.repairs.turned == expected.repairs.isolated == 1
+    for _ in range(2):
+        mesh, model = prepare(*render_mesh, PARAMETERS, tmp_path, "ball")
+        assert same(mesh, expected, SolverMesh)
+        assert same(model, build(expected, PARAMETERS), ReducedModel)
+        monkeypatch.setattr(preparation, "weld", None)  # the second time neither is called
+        monkeypatch.setattr(preparation, "build", None)
+
+
+def test_another_mesh_and_other_parameters_are_prepared_anew(render_mesh, tmp_path):
+    positions, triangles = render_mesh
+    turned = triangles.copy()
+    turned[3] = turned[3][[1, 2, 0]]
+    for arrays in ((positions, triangles), (positions + 1e-9, triangles), (positions, turned)):
+        for parameters in (PARAMETERS, ModelParameters(fields=3, isolines=3), ModelParameters(fields=2, isolines=4)):
+            prepare(*arrays, parameters, tmp_path)
+    assert len(list(tmp_path.iterdir())) == 9
+
+
+def test_the_name_is_the_one_given_and_not_the_one_of_the_first_time(render_mesh, tmp_path):
+    assert [prepare(*render_mesh, PARAMETERS, tmp_path, name)[0].name for name in ("one", "other")] == ["one", "other"]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_mesh_that_cannot_be_prepared_is_refused_each_time(tmp_path):
+    positions, triangles = np.zeros((3, 3)), np.array([[0, 1, 2]])
+    for _ in range(2):
+        with pytest.raises(MeshError) as caught:
+            prepare(positions, triangles, PARAMETERS, tmp_path, "point.obj")
+        assert (caught.value.where, caught.value.found) == ("point.obj", "all vertices at one point")
+    assert list(tmp_path.iterdir()) == []

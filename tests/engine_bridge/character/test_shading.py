@@ -1,0 +1,211 @@
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.character import shading
+from engine_bridge.character.shading import in_open_part, is_angular, shaded, unit, wrongly_wound
+from engine_bridge.character.surfaces.surface import Material, Piece, Surface
+from puppetline.errors import MeshError
+
+
+def soup(vertices, triangles):
+    """Give every triangle corners of its own."""
+    return vertices[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
+
+
+def turned(triangles, *numbers):
+    triangles = triangles.copy()
+    triangles[list(numbers)] = triangles[list(numbers), ::-1]
+    return triangles
+
+
+@pytest.mark.parametrize("wrong", [(), (3,), (0, 1, 2, 5, 7, 8, 9, 11), tuple(range(12))])
+def test_the_faces_of_a_closed_part_all_look_outwards_afterwards(cube, wrong):
+    assert np.nonzero(wrongly_wound(cube.vertices, turned(cube.triangles, *wrong)))[0].tolist() == list(wrong)
+
+
+def test_parts_are_judged_apart(cube):
+    vertices = np.concatenate([cube.vertices, cube.vertices * 0.1 + 5])
+    triangles = np.concatenate([cube.triangles, turned(cube.triangles, *range(12)) + 8])
+    assert wrongly_wound(vertices, triangles).tolist() == [False] * 12 + [True] * 12
+
+
+def test_two_cubes_that_share_an_edge_are_judged_apart(cube):
+    other = cube.triangles.copy()
+    other += 8
+    vertices = np.concatenate([cube.vertices, cube.vertices - [1, 1, 0]])
+    places = {tuple(vertex): index for index, vertex in enumerate(vertices[:8])}
+    same = np.array([places.get(tuple(vertex), index) for index, vertex in enumerate(vertices)])
+    assert len(np.unique(same)) == 14
+    triangles = same[np.concatenate([cube.triangles, turned(cube.triangles, 4, *range(6, 12)) + 8])]
+    assert np.nonzero(wrongly_wound(vertices, triangles))[0].tolist() == [16, *range(18, 24)]
+
+
+def test_in_an_open_part_the_smaller_area_is_wrong(cube):
+    lid_off = cube.triangles[:-2]
+    assert not wrongly_wound(cube.vertices, turned(lid_off, *range(10))).any()
+    assert np.nonzero(wrongly_wound(cube.vertices, turned(lid_off, 2, 5, 6)))[0].tolist() == [2, 5, 6]
+    vertices = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [1, -1, 0], [10, 1, 0]])
+    small = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 4]])  # two small triangles against a large one
+    large = np.array([[0, 1, 2], [1, 0, 3], [1, 4, 2]])
+    assert wrongly_wound(vertices, small).tolist() == [False, True, True]
+    assert not wrongly_wound(vertices, large).any()
+
+
+def test_a_leaf_of_two_sides_and_degenerate_faces_are_left_alone(cube):
+    leaf = np.array([[0, 1, 3], [0, 3, 2], [1, 0, 2], [1, 2, 3]])
+    assert not wrongly_wound(cube.vertices, leaf).any()
+    with_degenerate = np.concatenate([[[0, 0, 1]], cube.triangles, [[7, 7, 7]]])
+    assert not wrongly_wound(cube.vertices, with_degenerate).any()
+
+
+def test_open_parts_are_those_with_an_end(cube):
+    lid_off = cube.triangles[:-2] + 8
+    doubled = np.concatenate([cube.triangles[:3], cube.triangles[:3, ::-1]]) + 16
+    found = in_open_part(np.concatenate([cube.triangles, lid_off, doubled]), 24)
+    assert found.tolist() == [False] * 12 + [True] * 10 + [False] * 6
+
+
+def test_normals_are_smooth_across_vertices_at_one_place(ball):
+    positions, triangles = soup(ball.vertices, ball.triangles)
+    (piece,) = shaded(Surface([Piece("", positions, triangles)]), "ball").pieces
+    expected = igl.per_vertex_normals(ball.vertices, ball.triangles)[ball.triangles].reshape(-1, 3)
+    np.testing.assert_allclose(piece.normals, expected, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(piece.normals, axis=1), 1)
+    np.testing.assert_array_equal(piece.positions, positions)
+    assert (piece.material.double_sided, piece.uvs) == (False, None)
+
+
+def test_degenerate_and_doubled_faces_do_not_bend_normals(ball):
+    more = np.concatenate([ball.triangles, [[0, 0, 1], [3, 3, 3]], ball.triangles[[4, 7]]])
+    (piece,) = shaded(Surface([Piece("", ball.vertices, more)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-12)
+
+
+def test_backs_that_have_their_own_vertices_look_the_other_way(ball):
+    lid_off = ball.triangles[:-2]
+    both = Surface([Piece("front", ball.vertices, lid_off), Piece("back", ball.vertices, lid_off[:, [1, 0, 2]])])
+    front, back = shaded(both, "box").pieces
+    np.testing.assert_allclose(front.normals, igl.per_vertex_normals(ball.vertices, lid_off), atol=1e-12)
+    np.testing.assert_array_equal(back.normals, -front.normals)
+    np.testing.assert_array_equal(back.triangles, lid_off[:, [1, 0, 2]])
+    assert not front.material.double_sided
+
+
+def test_faceted_surfaces_have_the_normals_of_their_facets(cube):
+    positions, triangles = soup(cube.vertices, turned(cube.triangles, 4))
+    surface = shaded(Surface([Piece("", positions, triangles)], faceted=True), "cube")
+    (piece,) = surface.pieces
+    centre = positions.reshape(-1, 3, 3).mean(axis=1)
+    outward = np.where(np.abs(centre - 0.5) > 0.49, np.sign(centre - 0.5), 0)
+    np.testing.assert_allclose(piece.normals, np.repeat(outward, 3, axis=0), atol=1e-12)
+    assert surface.notes == ["1 triangle of 12 faced the wrong way: turned over."]
+
+
+def test_turned_triangles_stay_in_their_places_across_pieces(cube):
+    triangles = turned(cube.triangles, 1, 8)
+    half = [Piece(name, cube.vertices, part) for name, part in (("a", triangles[:6]), ("b", triangles[6:]))]
+    surface = shaded(Surface(half, ["said before", "said before"]), "cube")
+    np.testing.assert_array_equal(
+        np.concatenate([piece.triangles for piece in surface.pieces]), turned(turned(cube.triangles, 1, 8), 1, 8)
+    )
+    assert [piece.name for piece in surface.pieces] == ["a", "b"]
+    assert surface.notes == ["said before", "2 triangles of 12 faced the wrong way: turned over."]
+
+
+def test_where_the_file_has_normals_its_winding_stays(cube):
+    triangles = turned(cube.triangles, 1, 8)
+    normals = np.tile([0.0, 0.0, 3.0], (8, 1))
+    (piece,) = shaded(Surface([Piece("", cube.vertices, triangles, normals=normals)]), "cube").pieces
+    np.testing.assert_array_equal(piece.triangles, triangles)
+    np.testing.assert_array_equal(piece.normals, normals / 3)
+
+
+def test_normals_without_direction_are_computed(cube):
+    normals = cube.vertices - 0.5
+    normals[2], normals[5], normals[6] = 0, np.nan, [0, np.inf, 0]
+    surface = shaded(Surface([Piece("", cube.vertices, cube.triangles, normals=normals)]), "cube")
+    smooth = igl.per_vertex_normals(cube.vertices, cube.triangles)
+    expected = np.where(np.isin(np.arange(8), [2, 5, 6])[:, None], smooth, (cube.vertices - 0.5) / np.sqrt(0.75))
+    np.testing.assert_allclose(surface.pieces[0].normals, expected, atol=1e-12)
+    assert surface.notes == ["3 normals had no direction: computed."]
+
+
+def test_pieces_of_open_parts_have_two_sides(cube):
+    box = Piece("box", cube.vertices, cube.triangles[:-2], Material(name="paint"))
+    ball = Piece("ball", cube.vertices + 3, cube.triangles, Material(name="paint"))
+    assert [piece.material for piece in shaded(Surface([box, ball]), "cubes").pieces] == [
+        Material(name="paint", double_sided=True), Material(name="paint")
+    ]  # fmt: skip
+
+
+def test_isolated_vertices_have_a_normal_too(ball):
+    positions = np.concatenate([ball.vertices, [[0.0, 0, 9]]])
+    (piece,) = shaded(Surface([Piece("", positions, ball.triangles)]), "ball").pieces
+    assert np.linalg.norm(piece.normals, axis=1) == pytest.approx(1)
+
+
+def test_what_is_no_surface_is_refused(cube):
+    with pytest.raises(MeshError, match="found 2 faces with an area"):
+        shaded(Surface([Piece("", cube.vertices, cube.triangles[:2])]), "cube")
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-200, 1e-31])
+def test_a_surface_without_a_size_to_speak_of_is_refused(cube, size):
+    with pytest.raises(MeshError, match=f"a surface of a size of {size:.3g}"):
+        shaded(Surface([Piece("", cube.vertices * size, cube.triangles)]), "cube")
+
+
+@pytest.mark.parametrize("size", [1e-29, 1e-9, 1e9, 9e17])
+def test_normals_do_not_depend_on_the_size(ball, size):
+    (piece,) = shaded(Surface([Piece("", ball.vertices * size, ball.triangles)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, igl.per_vertex_normals(ball.vertices, ball.triangles), atol=1e-9)
+
+
+def test_what_is_mostly_hard_edges_stays_without_normals_and_a_ball_does_not(cube, ball):
+    assert shaded(Surface([Piece("", cube.vertices, cube.triangles)]), "cube").pieces[0].normals is None
+    (piece,) = shaded(Surface([Piece("", ball.vertices, ball.triangles)]), "ball").pieces
+    np.testing.assert_allclose(piece.normals, ball.vertices, atol=0.02)
+
+
+@pytest.mark.parametrize(("angle", "hard"), [(39, False), (41, True)])
+def test_an_edge_is_hard_from_40_degrees_on(angle, hard):
+    turn = np.radians(angle)
+    ridge = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [-np.cos(turn), 0, -np.sin(turn)]])
+    assert is_angular(ridge, np.array([[0, 2, 1], [0, 1, 3]])) is hard
+
+
+@pytest.mark.parametrize("case", ["smooth", "turned", "angular", "open", "faceted", "with normals"])
+def test_what_is_taken_from_the_cache_is_what_was_computed(cube, ball, tmp_path, monkeypatch, case):
+    made = cube if case == "angular" else ball
+    triangles = {"turned": turned(made.triangles, 3, 9), "open": made.triangles[:-5]}.get(case, made.triangles)
+    normals = np.where(np.arange(len(made.vertices))[:, None] % 3, made.vertices, 0) if case == "with normals" else None
+    surface = Surface([Piece("a", made.vertices, triangles, normals=normals)], faceted=case == "faceted")
+    expected = shaded(surface, case)
+    for _ in range(2):
+        found = shaded(surface, case, tmp_path)
+        assert found.notes == expected.notes
+        (one,), (other,) = found.pieces, expected.pieces
+        assert one.material == other.material
+        np.testing.assert_array_equal(one.triangles, other.triangles)
+        np.testing.assert_array_equal(one.normals, other.normals)
+        monkeypatch.setattr(shading, "weld", None)  # the second time nothing is computed
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_shading_with_normals_of_its_own_or_facets_is_another(ball, tmp_path):
+    smooth = Piece("a", ball.vertices, ball.triangles)
+    for surface in (
+        Surface([smooth]),
+        Surface([smooth], faceted=True),
+        Surface([Piece("a", ball.vertices, ball.triangles, normals=ball.vertices)]),
+    ):
+        shaded(surface, "ball", tmp_path)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_what_has_no_direction_gets_another_or_stays_nothing():
+    vectors = np.array([[0, 3e-200, 4e-200], [0, 0, 0], [np.nan, 1, 1], [np.inf, 0, 0], [3e200, 0, 4e200]])
+    kept = [[0, 0.6, 0.8], *[[0, 1, 0]] * 3, [0.6, 0, 0.8]]
+    np.testing.assert_allclose(unit(vectors, (0.0, 2.0, 0.0)), kept, rtol=1e-15)
+    np.testing.assert_allclose(unit(vectors, 0.0), [kept[0], *[[0, 0, 0]] * 3, kept[4]], rtol=1e-15)

@@ -1,0 +1,142 @@
+"""Two sensors from their recordings to a service, as a user runs it."""
+
+import json
+import threading
+import time
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from puppetline.examples.performances import clean
+
+from capture.formats import read_log
+from capture.pose import Pose
+from capture.recording import Recorder
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from engine_bridge.cli.main import main
+
+POSE = Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
+HERE = Pose(np.eye(3), np.zeros(3))
+
+
+def seen(frame, pose, clock=0.0):
+    positions = (frame.positions - pose.position) @ pose.rotation
+    return SkeletonFrame(frame.time + clock, frame.user, positions, frame.confidence)
+
+
+@pytest.fixture
+def recordings(tmp_path):
+    """What two sensors recorded of a walk, the second with a clock that is 20 ms ahead."""
+    for name, pose, clock in (("left", HERE, 0.0), ("right", POSE, 0.02)):
+        with Recorder(tmp_path / f"{name}.log") as recorder:
+            for frame in clean("walk").frames():
+                recorder.write(seen(frame, pose, clock))
+    return tmp_path
+
+
+@pytest.fixture
+def sender_pair(sender):
+    second = type(sender)()
+    yield sender, second
+    second.socket.close()
+
+
+@pytest.fixture
+def run(recordings, monkeypatch):
+    monkeypatch.chdir(recordings)
+
+    def invoke(*arguments, code=0):
+        result = CliRunner().invoke(main, [str(each) for each in arguments])
+        assert result.exit_code == code, result.output
+        return result
+
+    return invoke
+
+
+def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(run, recordings):
+    (recordings / "set").mkdir()
+    [found] = json.loads(run("align", "left.log", "right.log", "-o", "set/two.toml", "--json").output)
+    np.testing.assert_allclose(found["position"], POSE.position, atol=1e-3)
+    np.testing.assert_allclose(found["rotation"], [4.0, -75.0, 2.0], atol=0.02)
+    assert found["clock"] == pytest.approx(0.02, abs=1e-3)
+    assert found["residual_cm"] < 0.1
+    assert found["source"] == "replay:../right.log"
+    run("record", "--source", "fused:set/two.toml", "-o", "fused.log", "--seconds", 2)
+    [clip] = read_log(recordings / "fused.log")
+    walk = clean("walk")
+    assert 40 < len(clip.times) < 70
+    np.testing.assert_allclose(clip.positions, walk.positions[: len(clip.times)], atol=0.01)
+
+
+def test_the_words_say_where_it_stands_and_how_well_it_fits(run, recordings):
+    text = run("align", "left.log", "right.log", "-o", "two.toml", "--source", "osc:1", "--source", "osc:2").output
+    assert "right.log: at (2.40, 0.30, 1.90) m, tilt 4.0°, turn -75.0°, roll 2.0°, clock +20.0 ms" in text
+    assert "joints 0.0 cm apart (mean) in 9.2 s; left and right differ in 0 % of the frames" in text
+    assert 'source = "osc:2"' in (recordings / "two.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["left.log", "-o", "two.toml"], 2, "Give two recordings or more."),
+        (["left.log", "none.log", "-o", "two.toml"], 1, "none.log"),
+        (["left.log", "right.log", "-o", "two.txt"], 1, "two.toml"),
+        (["left.log", "right.log", "-o", "two.toml", "--source", "osc:1"], 1, "1 times --source and 2 recordings"),
+        (["left.log", "other.log", "-o", "two.toml"], 1, "left.log and other.log: found"),
+    ],
+)
+def test_what_cannot_be_aligned_is_told_and_no_file_is_written(run, recordings, arguments, code, message):
+    with Recorder(recordings / "other.log") as recorder:
+        for frame in clean("lean").frames():
+            recorder.write(frame)
+    result = run("align", *arguments, code=code)
+    assert message in (result.output if code == 2 else str(result.exception) + result.output)
+    assert not (recordings / "two.toml").exists()
+
+
+@pytest.mark.slow
+def test_a_service_plays_a_performer_whom_each_sensor_sees_one_side_of(serve, blob_puppet, sender_pair, tmp_path):
+    """And goes on with the rest when one of them falls silent."""
+    file = tmp_path / "two.toml"
+    first, second = sender_pair
+    position, rotation = POSE.position.tolist(), list(POSE.degrees)
+    file.write_text(
+        f'[[sensor]]\nsource = "{first.uri}"\n\n'
+        f'[[sensor]]\nsource = "{second.uri}"\nposition = {position}\nrotation = {rotation}\n'
+    )
+    service = serve("--puppet", blob_puppet, "--source", f"fused:{file}", "--calibrate", "at_once")
+    left = [joint for name, joint in JOINT_INDEX.items() if name.endswith("_left")]
+    right = [joint for name, joint in JOINT_INDEX.items() if name.endswith("_right")]
+    pose_of_all = clean("kung_fu").positions[0]  # who stands still looks the same however long it takes
+    stop, one_alone = threading.Event(), threading.Event()
+
+    def half(missing):
+        confidence = np.ones(20, dtype=np.float32)
+        confidence[missing] = 0
+        return SkeletonFrame(0.0, 1, pose_of_all, confidence)
+
+    def perform():
+        while not stop.is_set():
+            if not one_alone.is_set():
+                first.send(half(right))
+            second.send(seen(half(left), POSE), user=4)
+            time.sleep(1 / 30)
+
+    performer = threading.Thread(target=perform)
+    performer.start()
+    try:
+        client = service.client("blob/joints")
+
+        def whole(message):
+            return (message.body[:, 3] == 1).all()
+
+        joints = client.until(whole, "joints")[-1]
+        np.testing.assert_allclose(joints.body[:, :3], pose_of_all, atol=0.01)
+        one_alone.set()
+        alone = client.until(lambda message: (message.body[left, 3] < 1).all(), "joints")
+        assert (alone[-1].body[right, 3] == 1).all()
+        assert {message.header.user for message in alone} == {joints.header.user}
+    finally:
+        stop.set()
+        performer.join()
+    assert service.stop() == 0

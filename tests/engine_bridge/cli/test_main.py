@@ -1,0 +1,389 @@
+"""The command as a user runs it: processes, exit codes, and what is on which stream."""
+
+import json
+import os
+import pty
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from engine_bridge.cli.main import main
+
+COMMAND = str(Path(sys.executable).with_name("puppetline"))
+ALSO = pytest.mark.slow
+"""A case that its module's own tests have as well; each process takes over a second."""
+COMMANDS = [
+    "demo",
+    "new",
+    "convert",
+    "inspect",
+    "bench",
+    "serve",
+    "record",
+    "look",
+    "listen",
+    "align",
+    "bake",
+    "ladder",
+    "doctor",
+    "token",
+    "keys",
+]
+
+if not Path(COMMAND).exists():
+    pytest.skip("the command is not installed beside this Python", allow_module_level=True)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Run the command in an empty folder; returns the finished process."""
+
+    def start(*arguments, **more):
+        return subprocess.run(
+            [COMMAND, *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True, check=False, **more
+        )
+
+    return start
+
+
+@pytest.fixture
+def stage(tmp_path, take, blob_file, write_puppet):
+    """Put a log, a mesh and a puppet file into the folder."""
+    shutil.copy(take, tmp_path / "take.log")
+    shutil.copy(blob_file, tmp_path / "blob.glb")
+    return write_puppet(tmp_path / "blob.toml", "blob.glb")
+
+
+@pytest.fixture(scope="module")
+def long_take(record, dance, tmp_path_factory):
+    """A log that takes its time."""
+    return record(tmp_path_factory.mktemp("long") / "long.log", np.tile(dance(), (500, 1, 1)))
+
+
+def names(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def assert_one_line(result, *parts):
+    """One line on standard error, nothing elsewhere, and no traceback in it."""
+    assert result.stdout == ""
+    assert result.stderr.startswith("puppetline: ")
+    assert (result.stderr.count("\n"), result.stderr[-1]) == (1, "\n")
+    assert "a fault in Puppetline itself" not in result.stderr
+    for part in parts:
+        assert part in result.stderr
+
+
+@pytest.mark.parametrize("command", [[], *([command] for command in COMMANDS)], ids=lambda c: " ".join(c) or "all")
+def test_help_of_every_command_is_there(run, command):
+    result = run(*command, "--help")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.startswith(f"Usage: puppetline {' '.join(command)}".rstrip())
+
+
+def test_every_command_is_among_those_tested(run):
+    listed = run("--help").stdout.split("Commands:")[1].splitlines()
+    assert {line.split()[0] for line in listed if line.strip() and line[2] != " "} >= set(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["dance"],
+        ["convert", "take.log"],
+        ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--fps", "0"],
+        ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", "--targets", "none"],
+        ["new", "blob.glb", "-o", "x.toml", "--handle", "head"],
+        ["inspect"],
+        ["demo", "dragon"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_use_is_exit_code_2_with_the_usage(run, stage, tmp_path, arguments):
+    before = names(tmp_path)
+    result = run(*arguments)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr.startswith("Usage: puppetline")
+    assert "Traceback" not in result.stderr
+    assert names(tmp_path) == before
+
+
+def columns(count, rows=5, value="0.5"):
+    return "".join(f"{row} {' '.join([value] * (count - 1))}\n" for row in range(1, rows + 1))
+
+
+BAD_LOGS = {
+    "a wrong number of columns": (columns(61) + "6 0.1 0.2\n", ["bad.log, line 6", "3 columns", "61 columns"]),
+    "a number that is none": (columns(61) + columns(61, 1, "nan"), ["bad.log, line 6", "'nan'", "finite"]),
+    "a line that is too short": (columns(61)[:-100] + "\n", ["bad.log, line 5", "columns", "61 columns"]),
+    "nothing": ("", ["bad.log", "an empty file"]),
+    "something else": ("Dear diary\n", ["bad.log", "no skeleton log that is known here"]),
+}
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        pytest.param(*case, id=name, marks=[ALSO] * (name in ("nothing", "something else")))
+        for name, case in BAD_LOGS.items()
+    ],
+)
+def test_a_bad_log_is_one_line_and_leaves_nothing(run, stage, tmp_path, content, parts):
+    (tmp_path / "bad.log").write_text(content)
+    before = names(tmp_path)
+    result = run("convert", "bad.log", "--puppet", stage, "-o", "out.glb")
+    assert result.returncode == 1
+    assert_one_line(result, *parts)
+    assert names(tmp_path) == before
+
+
+def test_a_log_without_a_tracked_frame_is_one_line_and_leaves_nothing(run, stage, record, tmp_path):
+    record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan))
+    before = names(tmp_path)
+    result = run("convert", "lost.log", "--puppet", stage, "-o", "out.glb")
+    assert result.returncode == 1
+    assert_one_line(result, "lost.log")
+    assert names(tmp_path) == before
+
+
+BAD_PUPPETS = {
+    "a typo": ("gain = 0.8", "gian = 0.8", ["blob.toml, [[handle]] 3 'head', gian", "Did you mean 'gain'?"]),
+    "an unknown joint": ('"hand_left"', '"hand_lef"', ["[[handle]] 1 'left hand', joint", "Did you mean 'hand_left'?"]),
+    "a handle off the mesh": (
+        "[1.55,",
+        "[15.5,",
+        [".toml, [[handle]] 1 'left hand', position", "nearest surface point"],
+    ),
+    "a missing mesh": ('"blob.glb"', '"blub.glb"', ["blob.toml, [character], mesh", "blub.glb"]),
+    "a syntax error": ('"blob.glb"', '"blob.glb', ["blob.toml", "at line 2"]),
+}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "parts"),
+    [pytest.param(*case, id=name, marks=[ALSO] * (name == "a syntax error")) for name, case in BAD_PUPPETS.items()],
+)
+def test_a_bad_puppet_is_one_line_and_leaves_nothing(run, stage, tmp_path, old, new, parts):
+    stage.write_text(stage.read_text().replace(old, new, 1))
+    before = names(tmp_path)
+    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb")
+    assert result.returncode == 1
+    assert_one_line(result, *parts)
+    assert names(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("output", "parts"),
+    [
+        ("no/out.glb", ["no/out.glb", "no folder no", "mkdir -p no"]),
+        (".", ["a folder", "Add a file name"]),
+        pytest.param("take.log/out.glb", ["no folder take.log"], marks=ALSO),
+        pytest.param(
+            "/proc/out.glb",
+            ["/proc/out.glb", "cannot be written"],
+            marks=pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder that refuses files"),
+        ),
+    ],
+)
+def test_a_bad_output_is_one_line_before_any_work(run, stage, tmp_path, output, parts):
+    before = names(tmp_path)
+    result = run("convert", "take.log", "--puppet", stage, "-o", output)
+    assert result.returncode == 1
+    assert_one_line(result, *parts)
+    assert names(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["convert", "none.log", "--puppet", "blob.toml", "-o", "out.glb"],
+        ["convert", "take.log", "--puppet", "none.toml", "-o", "out.glb"],
+        pytest.param(["inspect", "none.glb"], marks=ALSO),
+        pytest.param(["new", "none.glb", "-o", "x.toml"], marks=ALSO),
+        pytest.param(["bench", "--mesh", "none.glb"], marks=ALSO),
+    ],
+    ids=" ".join,
+)
+def test_a_file_that_is_not_there_is_one_line(run, stage, tmp_path, arguments):
+    before = names(tmp_path)
+    result = run(*arguments)
+    assert result.returncode == 1
+    assert_one_line(result, "none.")
+    assert names(tmp_path) == before
+
+
+def test_convert_writes_the_file_and_prints_results_only(run, stage, tmp_path):
+    before = names(tmp_path)
+    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--preview", "out.png")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.startswith("out.glb: 58 frames, 1.9 s, ")
+    assert "\x1b" not in result.stdout
+    assert names(tmp_path) == before | {"out.glb", "out.png"}
+
+
+def test_convert_says_what_a_skin_and_a_vertex_cache_are_made_of(run, stage):
+    skin = run("convert", "take.log", "--puppet", stage.name, "-o", "skin.glb", "--as", "skin", "--bones", 5)
+    assert "bones          5, largest error 0.0" in skin.stdout
+    assert "root mean square 0.00" in skin.stdout
+    frames = run("convert", "take.log", "--puppet", stage.name, "-o", "frames.glb", "--as", "frames")
+    assert "morph targets  58, one for each keyframe, as solved" in frames.stdout
+
+
+@pytest.mark.parametrize(("option", "form", "wanted"), [("--bones", "morph", "skin"), ("--targets", "skin", "morph")])
+def test_an_option_of_another_form_is_refused(option, form, wanted):
+    result = CliRunner().invoke(main, ["convert", "x", "--puppet", "x", "-o", "x", "--as", form, option, "4"])
+    assert result.exit_code == 2
+    assert f"{option} goes with --as {wanted}." in result.output
+
+
+def test_json_of_convert_and_inspect_is_json_and_nothing_else(run, stage):
+    converted = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--targets", "3", "--json")
+    assert (converted.returncode, converted.stderr) == (0, "")
+    summary = json.loads(converted.stdout)
+    assert (summary["frames"], summary["targets"], summary["output"]) == (58, 3, "out.glb")
+    for file, kind in (("out.glb", "character"), ("take.log", "log"), ("blob.toml", "puppet")):
+        result = run("inspect", file, "--json")
+        assert (result.returncode, result.stderr) == (0, "")
+        assert json.loads(result.stdout)["kind"] == kind
+
+
+def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run, stage, tmp_path):
+    made = run("new", "blob.glb", "-o", "made.toml", "--map", "head=hand_left,hand_right")
+    assert (made.returncode, made.stderr) == (0, "")
+    assert made.stdout.startswith(
+        "made.toml: 6 limbs, shown in made.handles.png\n  assumed: y looks like up: it stands\n"
+    )
+    assert "  head             (direction)  ←  hand_left, hand_right\n" in made.stdout
+    assert names(tmp_path) >= {"made.toml", "made.handles.png"}
+    assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
+    assert (tmp_path / "out.glb").stat().st_size > 10_000
+
+    first = (tmp_path / "made.toml").read_bytes()
+    again = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head")
+    assert (again.returncode, again.stdout) == (2, "")
+    assert "--force" in again.stderr
+    assert (tmp_path / "made.toml").read_bytes() == first
+    forced = run("new", "blob.glb", "-o", "made.toml", "--handle", "crown=0,2.1,0.3", "--map", "crown=head", "--force")
+    assert (forced.returncode, forced.stderr) == (0, "")
+    assert "crown" in forced.stdout
+    assert run("convert", "take.log", "--puppet", "made.toml", "-o", "out.glb").returncode == 0
+
+
+@pytest.mark.parametrize(
+    "option",
+    [["--handle", "paw=1,2"], *[pytest.param(["--map", text], marks=ALSO) for text in ("nose=head", "head=heat")]],
+    ids=" ".join,
+)
+def test_new_with_a_mistake_is_one_line_and_writes_nothing(run, stage, tmp_path, option):
+    before = names(tmp_path)
+    result = run("new", "blob.glb", "-o", "made.toml", *option)
+    assert result.returncode == 1
+    assert_one_line(result, "the command line")
+    assert names(tmp_path) == before
+
+
+def test_new_takes_axes_scale_and_the_pictures_name(run, stage, tmp_path):
+    before = names(tmp_path)
+    options = ["--up", "z", "--front=-y", "--scale", "0.01", "--preview", "look.png"]
+    made = run("new", "blob.glb", "-o", "made.toml", *options)
+    assert (made.returncode, made.stderr) == (0, "")
+    assert "assumed" not in made.stdout
+    assert names(tmp_path) == before | {"made.toml", "look.png"}
+    table = tomllib.loads((tmp_path / "made.toml").read_text())["character"]
+    assert table == {"mesh": "blob.glb", "up": "z", "front": "-y", "scale": 0.01}
+    wrong = run("new", "blob.glb", "-o", "other.toml", "--preview", "look.jpg")
+    assert wrong.returncode == 1
+    assert_one_line(wrong, "look.jpg")
+    assert names(tmp_path) == before | {"made.toml", "look.png"}
+
+
+def drain(terminal, process, seconds=60):
+    """Read what a process writes to its terminal until it ends."""
+    text, end = b"", time.monotonic() + seconds
+    while time.monotonic() < end:
+        if select.select([terminal], [], [], 0.1)[0]:
+            try:
+                text += os.read(terminal, 65536)
+            except OSError:  # Linux's way to say that the other end is closed
+                break
+        elif process.poll() is not None:
+            break
+    return text.decode()
+
+
+def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(stage, tmp_path):
+    terminal, other = pty.openpty()
+    command = [COMMAND, "convert", "take.log", "--puppet", stage, "-o", "out.glb"]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other, env=environment) as process:
+        os.close(other)
+        shown = drain(terminal, process)
+        output = process.stdout.read().decode()
+    os.close(terminal)
+    assert process.returncode == 0
+    assert "Fitting morph targets" in shown
+    assert "100%" in shown
+    assert output.startswith("out.glb: 58 frames")
+    assert "\x1b" not in output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
+def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, long_take, tmp_path, delay):
+    (tmp_path / "out.glb").write_text("old")
+    before = names(tmp_path)
+    terminal, other = pty.openpty()
+    command = [COMMAND, "convert", long_take, "--puppet", stage, "-o", "out.glb"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other) as process:
+        os.close(other)
+        select.select([terminal], [], [], 60)  # the first sign of progress
+        time.sleep(delay)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        shown = drain(terminal, process, 20)
+        assert process.wait(timeout=20) not in (0, None)
+        assert process.stdout.read() == b""
+    os.close(terminal)
+    assert "Traceback" not in shown
+    assert names(tmp_path) == before
+    assert (tmp_path / "out.glb").read_text() == "old"
+
+
+@pytest.mark.parametrize("option", ["--fps", "--rest-at", "--max-gap", "--tolerance"])
+@pytest.mark.parametrize("value", ["nan", "inf"])
+def test_a_number_that_is_none_is_wrong_use(option, value):
+    arguments = ["convert", "take.log", "--puppet", "blob.toml", "-o", "out.glb", option, value]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert option in result.output
+
+
+def test_a_result_never_replaces_what_it_is_made_from(run, stage, tmp_path):
+    mesh = tmp_path / "blob.glb"
+    before = mesh.read_bytes()
+    result = run("convert", "take.log", "--puppet", stage, "-o", mesh.name)
+    assert result.returncode == 1
+    assert_one_line(result, "blob.glb", "a file that is read from")
+    assert mesh.read_bytes() == before
+
+
+def test_a_rest_pose_after_the_end_of_the_log_is_refused(run, stage):
+    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--rest-at", "100")
+    assert result.returncode == 1
+    assert_one_line(result, "take.log", "reaches second 100", "--rest-at")
+
+
+def test_handles_given_twice_are_wrong_use(tmp_path):
+    twice = ["--handle", "nose=0,0,0", "--handle", "nose=1,0,0"]
+    result = CliRunner().invoke(main, ["new", "blob.glb", "-o", str(tmp_path / "x.toml"), *twice])
+    assert result.exit_code == 2
+    assert "each name once" in result.output

@@ -1,0 +1,163 @@
+import threading
+import time
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+import zmq
+
+from engine_bridge.client.listening import describe, listen
+from engine_bridge.service.outputs.zeromq import Publisher
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from puppetline.errors import ServiceError
+
+
+class Open:
+    stream = "tcp://127.0.0.1:*"
+
+    def prepare(self, socket):
+        pass
+
+
+class Playing(threading.Thread):
+    """A service that plays 100 frames a second and leaves out every tenth."""
+
+    def __init__(self, characters):
+        super().__init__()
+        self.context = zmq.Context()
+        self.publisher = Publisher(self.context, [Open()], characters)
+        self.address = self.publisher.endpoints[0]
+        self.characters = characters
+        self.over = threading.Event()
+        self.reload = threading.Event()
+
+    def run(self):
+        sequence = 0
+        while not self.over.is_set():
+            if self.reload.is_set():
+                self.reload.clear()
+                self.characters = [replace(each, revision=each.revision + 1) for each in self.characters]
+                self.publisher.announce(self.characters)
+            (socket,) = self.publisher.sockets
+            if socket.poll(10):
+                self.publisher.handle(socket)
+            self.publisher.send_due()
+            sequence += 2 if sequence % 10 == 8 else 1
+            for character in self.characters:
+                self.publisher.publish(
+                    Frame(
+                        character=character,
+                        sequence=sequence,
+                        time=sequence / 100,
+                        received=time.monotonic_ns() - 5_000_000,
+                        state="performing",
+                        user=7,
+                        R=character.rig.model.rest_controls,
+                        root=np.zeros(3),
+                        targets=character.rig.puppet.handle_positions,
+                    )
+                )
+        self.publisher.close()
+        self.context.term()
+
+
+@pytest.fixture
+def playing(blob_rig):
+    made = []
+
+    def play(*names):
+        made.append(Playing([StreamedCharacter(name, blob_rig, 1) for name in names]))
+        made[-1].start()
+        return made[-1]
+
+    yield play
+    for each in made:
+        each.over.set()
+        each.join()
+
+
+def test_a_report_says_what_came(playing, blob_rig):
+    service = playing("dog", "cat")
+    report = listen(service.address, seconds=1.5, kinds=("controls", "vertices"))
+    assert [heard.topic for heard in report.heard] == ["cat/controls", "cat/vertices", "dog/controls", "dog/vertices"]
+    n = len(blob_rig.character.vertices)
+    for heard in report.heard:
+        size = 128 + (24 * n if "vertices" in heard.topic else 48 * 30)
+        assert heard.bytes == heard.messages * size
+        assert heard.messages > 1
+        assert abs(heard.missing - heard.messages / 9) <= 1
+        assert heard.restarts == 0
+        assert 5 <= heard.latency_ms["p50"] <= heard.latency_ms["p95"] <= heard.latency_ms["p99"]
+        assert heard.latency_ms["p99"] <= heard.latency_ms["max"]
+        assert (heard.state, heard.user) == ("performing", 7)
+    assert set(report.scenes) == {"dog", "cat"}
+    assert report.scenes["dog"]["vertices"] == n
+    assert report.scenes["dog"]["triangles"] == len(blob_rig.character.triangles)
+    assert report.refused == 0
+    assert asdict(report)["heard"][0]["topic"] == "cat/controls"
+    text = describe(report)
+    assert f"dog: revision 1, {n:,} vertices" in text
+    assert "dog/controls: performing" in text
+
+
+def test_only_what_was_named_is_followed(playing):
+    service = playing("dog", "cat")
+    report = listen(service.address.removeprefix("tcp://"), seconds=0.5, characters=["cat"], kinds=("handles",))
+    assert [heard.topic for heard in report.heard] == ["cat/handles"]
+    assert set(report.scenes) == {"cat"}
+
+
+def test_it_is_told_once_a_second(playing):
+    service = playing("dog")
+    told = []
+    report = listen(service.address, seconds=2.5, on_update=told.append)
+    assert len(told) == 2
+    assert told[0].heard[0].messages < told[1].heard[0].messages < report.heard[0].messages
+
+
+def test_after_a_reload_the_scene_is_fetched_again(playing):
+    service = playing("dog")
+    report = listen(service.address, seconds=3, on_update=lambda so_far: so_far.seconds < 2 and service.reload.set())
+    assert report.scenes["dog"]["revision"] == 2
+
+
+def test_another_machines_clock_says_nothing_of_latency(playing):
+    service = playing("dog")
+    report = listen(service.address.replace("127.0.0.1", "0.0.0.0"), seconds=0.5)
+    assert report.heard[0].latency_ms is None
+    assert "latency" not in describe(report)
+
+
+def test_no_service_is_an_error_that_says_what_to_do():
+    with zmq.Context() as context, context.socket(zmq.XPUB) as free:
+        port = free.bind_to_random_port("tcp://127.0.0.1")
+    with pytest.raises(ServiceError, match="puppetline serve"):
+        listen(f"127.0.0.1:{port}", seconds=0.2)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"address": "nonsense"}, {"kinds": ("colours",)}, {"characters": ("a/b",)}, {"address": "carrier://pigeon"}],
+)
+def test_what_cannot_be_listened_to_is_refused(wrong):
+    with pytest.raises(ServiceError):
+        listen(**{"address": "127.0.0.1:1", "seconds": 0.1, **wrong})
+
+
+def test_messages_that_are_none_are_counted():
+    with zmq.Context() as context, context.socket(zmq.XPUB) as odd:
+        odd.linger = 0
+        port = odd.bind_to_random_port("tcp://127.0.0.1")
+
+        def talk():
+            for _ in range(2):
+                odd.poll(5000)
+                odd.recv()
+            odd.send(b"service/characters\0nonsense")
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        report = listen(f"127.0.0.1:{port}", seconds=0.5, characters=["dog"])
+        thread.join()
+    assert (report.refused, report.heard) == (1, [])
+    assert "1 not understood" in describe(report)

@@ -1,0 +1,368 @@
+"""The same figure in every guise that a glTF file can give it."""
+
+import io
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pygltflib as gltf
+import pytest
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from engine_bridge.export.convert import Summary, convert
+from engine_bridge.performance.clip import Clip
+from engine_bridge.performance.settings import Settings
+from solver.model.reduced_model import position_matrix
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A character file, the world positions of each primitive with triangles, and what its own targets add to them."""
+
+    name: str
+    path: Path
+    shown: list
+    offset: list
+
+
+def part_of(shape, chosen):
+    """Cut out some faces; the vertices that are left are in the shape's order."""
+    used, corners = np.unique(shape.faces[chosen], return_inverse=True)
+    return used, corners.reshape(-1, 3).astype(np.uint32)
+
+
+def textured(glb, shape):
+    png = io.BytesIO()
+    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
+    glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
+    glb.file.samplers = [gltf.Sampler(magFilter=9728)]
+    glb.file.textures = [gltf.Texture(source=0, sampler=0)]
+    surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), roughnessFactor=0.3)
+    glb.file.materials = [gltf.Material(name="squares", pbrMetallicRoughness=surface, doubleSided=True)]
+    more = {"NORMAL": shape.normals, "TEXCOORD_0": shape.uv}
+    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), material=0, **more)))
+    return [shape.vertices]
+
+
+def colored(glb, shape):
+    rgba = np.round(np.column_stack([shape.colors, np.ones(len(shape.colors))]) * 255).astype(np.uint8)
+    more = {"NORMAL": shape.normals, "COLOR_0": rgba}
+    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint16), **more), name="colored"))
+    return [shape.vertices]
+
+
+def float_colors(glb, shape):
+    more = {"NORMAL": shape.normals, "COLOR_0": shape.colors}
+    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), **more)))
+    return [shape.vertices]
+
+
+def without_normals(glb, shape):
+    glb.node(glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint16))))
+    return [shape.vertices]
+
+
+def without_indices(glb, shape):
+    corners = shape.faces.ravel()
+    glb.node(glb.mesh(glb.primitive(shape.vertices[corners], NORMAL=shape.normals[corners])))
+    return [shape.vertices[corners]]
+
+
+def several_primitives(glb, shape):
+    glb.file.materials = [gltf.Material(name=name) for name in ("left", "right")]
+    left = shape.vertices[shape.faces].mean(axis=1)[:, 0] > 0
+    primitives, shown = [], []
+    for material, chosen in enumerate((left, ~left)):
+        used, faces = part_of(shape, chosen)
+        more = {"NORMAL": shape.normals[used], "TEXCOORD_0": shape.uv[used]}
+        primitives.append(glb.primitive(shape.vertices[used], faces, material=material, **more))
+        shown.append(shape.vertices[used])
+    glb.node(glb.mesh(*primitives, name="two"))
+    return shown
+
+
+def with_lines(glb, shape):
+    surface = glb.primitive(shape.vertices, shape.faces.astype(np.uint32), NORMAL=shape.normals)
+    outline = glb.primitive(shape.vertices[:10], mode=gltf.LINE_STRIP)
+    glb.node(glb.mesh(outline, surface))
+    return [shape.vertices]
+
+
+def local(points, normals, to_world):
+    """World to a node's own space."""
+    back = np.linalg.inv(to_world)
+    turned = normals @ to_world[:3, :3]
+    return (
+        (points @ back[:3, :3].T + back[:3, 3]).astype(np.float32),
+        (turned / np.linalg.norm(turned, axis=1, keepdims=True)).astype(np.float32),
+    )
+
+
+def node_transforms(glb, shape):
+    """Head and arms, legs and the rest under nodes that are turned, stretched and mirrored."""
+    turn = Rotation.from_euler("xyz", [30, -50, 110], degrees=True)
+    above = glb.node(translation=[0.5, -1.0, 2.0], rotation=turn.as_quat().tolist(), name="above")
+    to_above = np.eye(4)
+    to_above[:3, :3], to_above[:3, 3] = turn.as_matrix(), [0.5, -1.0, 2.0]
+    mirror = np.diag([-1.0, 2.0, 0.5, 1.0])
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = 3 * Rotation.from_euler("z", 70, degrees=True).as_matrix(), [0.0, 0.3, 0.1]
+    height = shape.vertices[shape.faces].mean(axis=1)[:, 1]
+    shown = []
+    for chosen, to_world, where in (
+        (height > 0.9, to_above @ mirror, {"parent": above, "scale": [-1, 2, 0.5]}),
+        (height <= -0.3, matrix, {"matrix": matrix.T.ravel().tolist()}),
+        ((height > -0.3) & (height <= 0.9), np.eye(4), {}),
+    ):
+        used, faces = part_of(shape, chosen)
+        points, normals = local(shape.vertices[used], shape.normals[used], to_world)
+        faces = faces if np.linalg.det(to_world) > 0 else faces[:, ::-1]
+        mesh = glb.mesh(glb.primitive(points, faces, NORMAL=normals))
+        shown.append((points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3], where, mesh))
+    for _, where, mesh in shown:
+        glb.node(mesh, **where)
+    return [points for points, _, _ in shown]
+
+
+def shared_mesh(glb, shape):
+    """One half for both sides: a node shows it as it is, another mirrored."""
+    used, faces = part_of(shape, (shape.vertices[shape.faces][:, :, 0] > -0.06).all(axis=1))
+    half = shape.vertices[used]
+    half[np.abs(half[:, 0]) < 0.06, 0] = 0
+    mesh = glb.mesh(glb.primitive(half, faces, NORMAL=shape.normals[used]), name="half")
+    glb.node(mesh, name="left")
+    glb.node(mesh, name="right", scale=[-1, 1, 1])
+    return [half, half * [-1, 1, 1]]
+
+
+def own_targets(glb, shape):
+    """Two targets that the character brings along; with the first a quarter in it is the figure."""
+    smile = (shape.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
+    frown = np.roll(smile, 1, axis=1)
+    still = np.zeros_like(smile)
+    before = (shape.vertices - np.float32(0.25) * smile).astype(np.float32)
+    mesh = glb.mesh(
+        glb.primitive(
+            before,
+            shape.faces.astype(np.uint32),
+            NORMAL=shape.normals,
+            targets=[{"POSITION": smile, "NORMAL": still}, {"POSITION": frown, "NORMAL": still}],
+        ),
+        weights=[0.25, 0.0],
+        extras={"targetNames": ["smile", "frown"], "author": "test"},
+    )
+    glb.node(mesh)
+    return [before + 0.25 * smile.astype(np.float64)]
+
+
+def skinned(glb, shape):
+    """Two bones, bent away from where the mesh was bound and blended over the waist; its node is elsewhere."""
+    turn = Rotation.from_euler("xyz", [20, -35, 50], degrees=True)
+    lower, upper = np.eye(4), np.eye(4)
+    lower[:3, 3] = [0.2, -0.1, 0.4]
+    upper[:3, :3], upper[:3, 3] = turn.as_matrix() * 1.5, [0.1, 0.3, 0.0]
+    share = np.clip(shape.vertices[:, 1] / 0.6, 0, 1).astype(np.float32)
+    share = np.column_stack([1 - share, share, np.zeros((len(share), 2), np.float32)])
+    blend = np.einsum("nj,jab->nab", share[:, :2].astype(np.float64), [lower, lower @ upper])
+    back = np.linalg.inv(blend)
+    bound = (np.einsum("nab,nb->na", back[:, :3, :3], shape.vertices) + back[:, :3, 3]).astype(np.float32)
+    normals = np.einsum("nba,nb->na", blend[:, :3, :3], shape.normals)
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    hip = glb.node(translation=[0.2, -0.1, 0.4], name="hip")
+    chest = glb.node(
+        parent=hip, translation=[0.1, 0.3, 0.0], rotation=turn.as_quat().tolist(), scale=[1.5] * 3, name="chest"
+    )
+    identity = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1)).reshape(2, 16)
+    glb.file.skins = [gltf.Skin(joints=[hip, chest], inverseBindMatrices=glb.add(identity, None), name="bones")]
+    joints = (np.array([0, 1, 0, 0]) * (share > 0)).astype(np.uint8)
+    primitive = glb.primitive(bound, shape.faces.astype(np.uint32), NORMAL=normals)
+    primitive.attributes.JOINTS_0, primitive.attributes.WEIGHTS_0 = glb.add(joints), glb.add(share)
+    glb.node(glb.mesh(primitive), skin=0, name="elsewhere")
+    return [np.einsum("nab,nb->na", blend[:, :3, :3], bound) + blend[:, :3, 3]]
+
+
+def quantized(glb, shape):
+    """Positions of 16 bits under a node that brings them back to size (KHR_mesh_quantization)."""
+    low, size = shape.vertices.min(axis=0), float(np.ptp(shape.vertices, axis=0).max())
+    stored = np.round((shape.vertices - low) / size * 65535).astype(np.uint16)
+    normals = np.round(shape.normals * 127).astype(np.int8)
+    primitive = glb.primitive(np.zeros((3, 3)), shape.faces.astype(np.uint32))
+    padded = np.zeros((len(stored), 4), np.uint16)
+    padded[:, :3] = stored
+    primitive.attributes.POSITION = glb.add(padded, normalized=True)
+    glb.file.accessors[-1].type = "VEC3"
+    glb.file.accessors[-1].min, glb.file.accessors[-1].max = (
+        [float(x) for x in f(stored, axis=0)] for f in (np.min, np.max)
+    )
+    glb.file.bufferViews[-1].byteStride = 8
+    primitive.attributes.NORMAL = glb.add(np.pad(normals, ((0, 0), (0, 1))), normalized=True)
+    glb.file.accessors[-1].type = "VEC3"
+    glb.file.accessors[-1].min = glb.file.accessors[-1].max = None
+    glb.file.bufferViews[-1].byteStride = 4
+    glb.file.extensionsUsed = glb.file.extensionsRequired = ["KHR_mesh_quantization"]
+    glb.node(glb.mesh(primitive), translation=low.tolist(), scale=[size] * 3)
+    return [(stored / np.float32(65535)).astype(np.float64) * size + low]
+
+
+def strips_and_fans(glb, shape):
+    """The triangles around one vertex as a fan, all others as a strip that turns back on itself between them."""
+    hub = int(shape.faces[0, 0])
+    around = (shape.faces == hub).any(axis=1)
+    follow = {}
+    for face in shape.faces[around]:
+        at = int(np.flatnonzero(face == hub)[0])
+        follow[int(face[at - 2])] = int(face[at - 1])
+    ring = [next(iter(follow))]
+    while len(ring) <= len(follow):
+        ring.append(follow[ring[-1]])
+    fan = np.array([hub, *ring], dtype=np.uint16)
+    strip = shape.faces[~around][:, [0, 0, 0, 1, 2, 2]].astype(np.uint16)
+    more = {"NORMAL": shape.normals}
+    glb.node(
+        glb.mesh(
+            glb.primitive(shape.vertices, strip, mode=gltf.TRIANGLE_STRIP, **more),
+            glb.primitive(shape.vertices, fan, mode=gltf.TRIANGLE_FAN, **more),
+        )
+    )
+    return [shape.vertices, shape.vertices]
+
+
+def bare_scene(glb, shape):
+    """No scene: what is shown are the nodes that are nobody's children."""
+    mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), NORMAL=shape.normals))
+    glb.node(mesh, parent=glb.node(translation=[0, 0.5, 0]))
+    glb.file.scene, glb.file.scenes = None, []
+    return [shape.vertices + np.float32([0, 0.5, 0])]
+
+
+VARIANTS = [
+    textured,
+    colored,
+    float_colors,
+    without_normals,
+    without_indices,
+    several_primitives,
+    with_lines,
+    node_transforms,
+    shared_mesh,
+    own_targets,
+    skinned,
+    quantized,
+    strips_and_fans,
+    bare_scene,
+]
+
+
+@pytest.fixture(scope="session")
+def variants(blob, new_glb, tmp_path_factory):
+    """Each guise by name, made once."""
+    folder = tmp_path_factory.mktemp("variants")
+
+    def make(build):
+        glb = new_glb()
+        made = build(glb, blob)
+        shown, offset = made if isinstance(made, tuple) else (made, [0] * len(made))
+        return Variant(build.__name__, glb.save(folder / f"{build.__name__}.glb"), shown, offset)
+
+    return {build.__name__: make(build) for build in VARIANTS}
+
+
+@pytest.fixture(params=[build.__name__ for build in VARIANTS])
+def variant(request, variants):
+    """Each guise in turn."""
+    return variants[request.param]
+
+
+@dataclass(frozen=True)
+class Export:
+    """A guise and what became of it."""
+
+    variant: Variant
+    clip: Clip
+    summary: Summary
+
+    @property
+    def path(self):
+        return Path(self.summary.output)
+
+
+@pytest.fixture(scope="session")
+def exports(variants, take, write_puppet):
+    """Every guise converted, by its name and whether its puppet has a root."""
+
+    def make(variant, root):
+        name = f"{variant.name}_{'root' if root else 'still'}"
+        puppet = write_puppet(variant.path.with_name(f"{name}.toml"), variant.path.name, root=root)
+        return Export(variant, *convert(take, puppet, variant.path.with_name(f"{name}_out.glb"), Settings()))
+
+    return {(name, root): make(variant, root) for name, variant in variants.items() for root in (True, False)}
+
+
+@pytest.fixture(params=[(build.__name__, root) for build in VARIANTS for root in (True, False)], ids=str)
+def export(request, exports):
+    """Each exported file in turn."""
+    return exports[request.param]
+
+
+@pytest.fixture(scope="session")
+def reports(node, exports):
+    """What the Khronos validator says about each file, before and after."""
+    paths = [str(path) for export in exports.values() for path in (export.variant.path, export.path)]
+    return json.loads(node("validate.mjs", *paths))
+
+
+@pytest.fixture(scope="session")
+def solved():
+    """The float64 vertices of the solver's surface in each frame, from W and R, with the root's translation."""
+
+    def vertices(clip):
+        model, mesh = clip.rig.model, clip.rig.mesh
+        W = position_matrix(
+            model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+        )
+        moved = np.array([W @ R for R in clip.frames[:].astype(np.float64)]) * model.diagonal + model.center
+        return moved + (clip.root[:, None] if clip.rig.puppet.root is not None else 0)
+
+    return vertices
+
+
+class Raw:
+    """A .glb as pygltflib gives it, its accessors turned into arrays in the plainest way."""
+
+    def __init__(self, path):
+        self.file = gltf.GLTF2().load(path)
+        self.blob = self.file.binary_blob()
+
+    def array(self, index):
+        accessor = self.file.accessors[index]
+        view = self.file.bufferViews[accessor.bufferView]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
+        kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
+        start = view.byteOffset + (accessor.byteOffset or 0)
+        stride = view.byteStride or np.dtype(kind).itemsize * width
+        rows = np.lib.stride_tricks.as_strided(
+            np.frombuffer(self.blob, "u1")[start:].view(),
+            (accessor.count, np.dtype(kind).itemsize * width),
+            (stride, 1),
+        )
+        values = np.ascontiguousarray(rows).view(kind).reshape(accessor.count, width)
+        return values / np.float32(np.iinfo(kind).max) if accessor.normalized else values
+
+    def view(self, index):
+        view = self.file.bufferViews[index]
+        return self.blob[view.byteOffset : view.byteOffset + view.byteLength]
+
+    def weights(self, node):
+        """(F, K) of the channel that morphs a node."""
+        animation = self.file.animations[0]
+        channel = next(c for c in animation.channels if (c.target.node, c.target.path) == (node, "weights"))
+        sampler = animation.samplers[channel.sampler]
+        return self.array(sampler.output).reshape(self.file.accessors[sampler.input].count, -1).astype(np.float64)
+
+
+@pytest.fixture(scope="session")
+def raw():
+    """Open a .glb without the project's own reader."""
+    return Raw

@@ -1,0 +1,201 @@
+import json
+
+import igl
+import numpy as np
+import pygltflib as gltf
+import pytest
+
+from engine_bridge.character.character import load_character
+from engine_bridge.export.animation import Take, animate
+from engine_bridge.export.convert import convert
+from engine_bridge.performance.settings import Settings
+
+KEYS = slice(None, None, 2)
+"""39 times over 58 frames: every second one is a key's, those between are halfway between two keys."""
+PER_STEP = 3
+
+
+def expected_meshes(export, solved):
+    """(39, n, 3) positions for each primitive with triangles."""
+    moved = solved(export.clip)
+    halfway = (moved[1::PER_STEP] + moved[2::PER_STEP]) / 2
+    times = np.empty((39, *moved.shape[1:]))
+    times[KEYS], times[1::2] = moved[::PER_STEP], halfway
+    follows = np.split(export.clip.rig.mesh.of_render, np.cumsum([len(part) for part in export.variant.shown])[:-1])
+    return [times[:, of] + own for of, own in zip(follows, export.variant.offset, strict=True)]
+
+
+def test_the_khronos_validator_has_nothing_against_it(export, reports):
+    before, after = reports[str(export.variant.path)], reports[str(export.path)]
+    assert (before["errors"], before["warnings"]) == (0, 0), before["messages"]
+    assert (after["errors"], after["warnings"]) == (0, 0), after["messages"]
+
+
+def test_three_plays_what_was_solved_at_the_keys_and_straight_lines_between(export, play, solved):
+    played = play(export.path, 39)
+    diagonal = export.clip.rig.mesh.diagonal
+    # what the exporter says it may be off by, and what float32 adds
+    allowed = export.summary.error * diagonal + 1e-6 * diagonal
+    expected = expected_meshes(export, solved)
+    assert len(played.meshes) == len(expected)
+    for mesh, positions in zip(played.meshes, expected, strict=True):
+        off = np.linalg.norm(mesh.positions - positions, axis=-1)
+        assert off[KEYS].max() <= allowed
+        assert off[1::2].max() <= allowed
+
+
+@pytest.mark.parametrize("name", ["textured", "node_transforms"])
+def test_normals_are_within_a_few_degrees_of_the_moved_surface(exports, play, solved, name):
+    export = exports[name, True]
+    mesh = export.clip.rig.mesh
+    seen = np.concatenate([part.normals for part in play(export.path, 20).meshes], axis=1)
+    frames = solved(export.clip)[::PER_STEP]
+    true = np.array([igl.per_vertex_normals(frame, mesh.faces)[mesh.of_render] for frame in frames])
+    angles = np.degrees(np.arccos(np.clip(np.einsum("fvc,fvc->fv", seen, true), -1, 1)))
+    assert np.percentile(angles, 99) < 3
+
+
+def test_the_largest_error_is_the_one_that_is_printed(export, raw, solved):
+    made, mesh = raw(export.path), export.clip.rig.mesh
+    parts = export.clip.rig.character.parts
+    follows = np.split(mesh.of_render, np.cumsum([len(part.vertices) for part in parts])[:-1])
+    moved = solved(export.clip) - (0 if export.clip.rig.puppet.root is None else export.clip.root[:, None])
+    worst = 0.0
+    for part, of, own in zip(parts, follows, export.variant.offset, strict=True):
+        primitive = made.file.meshes[made.file.nodes[part.node].mesh].primitives[part.primitive]
+        rest = made.array(primitive.attributes.POSITION).astype(np.float64)
+        targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
+        local = rest + np.tensordot(made.weights(part.node), targets, axes=1)
+        linear, offset = part.to_world[:, :3, :3], part.to_world[:, :3, 3]
+        world = np.einsum("nij,fnj->fni", np.broadcast_to(linear, (len(rest), 3, 3)), local) + offset
+        worst = max(worst, np.linalg.norm(world - moved[:, of] - own, axis=-1).max())
+    assert worst / mesh.diagonal == pytest.approx(export.summary.error, abs=1e-6)
+    assert worst / mesh.diagonal <= export.summary.tolerance + 1e-6
+
+
+def test_what_the_file_came_with_is_in_it_to_the_bit(export, raw):
+    before, after = raw(export.variant.path), raw(export.path)
+    for node, same in zip(before.file.nodes, after.file.nodes, strict=False):
+        for key in ("name", "matrix", "rotation", "scale", "translation", "children"):
+            assert getattr(node, key) == getattr(same, key)
+        if node.mesh is not None:
+            was, now = before.file.meshes[node.mesh], after.file.meshes[same.mesh]
+            assert was.name == now.name
+            for old, new in zip(was.primitives, now.primitives, strict=True):
+                assert_same_primitive(before, old, after, new)
+    for kind in ("materials", "textures", "samplers"):
+        assert getattr(before.file, kind) == getattr(after.file, kind)
+    for old, new in zip(before.file.images, after.file.images, strict=True):
+        assert (old.mimeType, old.name) == (new.mimeType, new.name)
+        assert before.view(old.bufferView) == after.view(new.bufferView)
+
+
+def assert_same_primitive(before, old, after, new):
+    assert (old.mode, old.material) == (new.mode, new.material)
+    assert_same_array(before, old.indices, after, new.indices)
+    for name, accessor in vars(old.attributes).items():
+        assert_same_array(before, accessor, after, getattr(new.attributes, name))
+    for was, now in zip(old.targets, new.targets, strict=False):
+        for name in ("POSITION", "NORMAL"):
+            assert_same_array(before, was[name], after, now[name])
+
+
+def assert_same_array(before, old, after, new):
+    if old is None:
+        assert new is None
+        return
+    a, b = before.file.accessors[old], after.file.accessors[new]
+    assert (a.componentType, a.type, a.count, a.normalized) == (b.componentType, b.type, b.count, b.normalized)
+    assert before.array(old).tobytes() == after.array(new).tobytes()
+
+
+def test_targets_have_names_and_those_that_were_there_keep_theirs_and_their_weights(exports, raw):
+    export = exports["own_targets", True]
+    made = raw(export.path)
+    mesh, count = made.file.meshes[0], export.summary.targets
+    assert mesh.extras == {"author": "test", "targetNames": ["smile", "frown", *(f"motion_{i}" for i in range(count))]}
+    assert mesh.weights == [0.25, 0, *[0] * count]
+    np.testing.assert_array_equal(made.weights(0)[:, :2], np.tile([0.25, 0], (58, 1)))
+
+
+def test_a_mesh_that_two_nodes_show_is_moved_by_each_in_its_own_way(exports, raw):
+    made = raw(exports["shared_mesh", True].path)
+    left, right = (made.file.nodes[index].mesh for index in (0, 1))
+    assert left != right
+    ours, theirs = (made.file.meshes[mesh].primitives[0] for mesh in (left, right))
+    assert (vars(ours.attributes), ours.indices) == (vars(theirs.attributes), theirs.indices)
+
+
+def test_the_root_is_one_node_above_all_others(exports, raw):
+    for (name, root), export in exports.items():
+        made = raw(export.path)
+        if not root:
+            assert [node.name for node in made.file.nodes].count("puppetline_root") == 0
+            continue
+        top, *hanging = made.file.scenes[made.file.scene or 0].nodes
+        node = made.file.nodes[top]
+        assert (node.name, top) == ("puppetline_root", len(made.file.nodes) - 1)
+        before = raw(export.variant.path).file
+        children = before.scenes[0].nodes if before.scenes else [0]
+        assert (node.children + hanging) == children, name
+        assert hanging == ([2] if name == "skinned" else [])
+        channel = next(c for c in made.file.animations[0].channels if c.target.path == "translation")
+        assert channel.target.node == top
+        output = made.file.animations[0].samplers[channel.sampler].output
+        np.testing.assert_array_equal(made.array(output), export.clip.root)
+
+
+def test_the_animation_has_the_logs_name_and_an_even_clock_from_zero(exports, raw):
+    made = raw(exports["textured", True].path)
+    (animation,) = made.file.animations
+    assert animation.name == "dance"
+    assert {sampler.interpolation for sampler in animation.samplers} == {"LINEAR"}
+    (clock,) = {sampler.input for sampler in animation.samplers}
+    np.testing.assert_allclose(made.array(clock)[:, 0], np.arange(58) / 30, rtol=1e-7)
+
+
+def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
+    record, standing, variants, write_puppet, tmp_path, raw, assert_valid_gltf
+):
+    log = record(tmp_path / "still.log", np.tile(standing, (5, 1, 1)))
+    mesh = variants["own_targets"].path
+    for root in (True, False):
+        puppet = write_puppet(mesh.with_name(f"still_{root}.toml"), mesh.name, root=root)
+        _, summary = convert(log, puppet, tmp_path / f"{root}.glb", Settings())
+        assert summary.targets == 0
+        assert_valid_gltf(tmp_path / f"{root}.glb")
+        file = raw(tmp_path / f"{root}.glb").file
+        assert [channel.target.path for a in file.animations for channel in a.channels] == ["translation"] * root
+        assert file.meshes[0].weights == [0.25, 0]
+        assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]
+
+
+STILL = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+
+
+def animated_without_motion(path):
+    """What becomes of a character file that a target moves by 1 in each direction, though its weight stays 0."""
+    character = load_character(path)
+    moved = [(np.ones((1, *part.vertices.shape), np.float32), None) for part in character.parts]
+    animate(character, STILL, moved.__getitem__).save(path)
+    return character, load_character(path)
+
+
+def test_a_primitive_without_positions_gets_no_targets(glb, tmp_path):
+    primitive = glb.primitive(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16))
+    glb.node(glb.mesh(primitive, gltf.Primitive(attributes=gltf.Attributes())))
+    _, again = animated_without_motion(glb.save(tmp_path / "a.glb"))
+    assert [len(each.get("targets", [])) for each in again.document.gltf["meshes"][0]["primitives"]] == [1, 0]
+
+
+def test_what_a_node_shrinks_to_nothing_is_not_moved_in_it(glb, tmp_path):
+    sides = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], np.uint16)
+    mesh = glb.mesh(glb.primitive(np.eye(4, 3), sides))
+    glb.node(mesh)
+    glb.node(mesh, scale=[1e-40] * 3)
+    before, after = animated_without_motion(glb.save(tmp_path / "a.glb"))
+    np.testing.assert_array_equal(after.vertices, before.vertices)
+    targets = [
+        after.document.array(each["primitives"][0]["targets"][0]["POSITION"]) for each in after.document.gltf["meshes"]
+    ]
+    assert sorted(target.max() for target in targets) == [0, 1]

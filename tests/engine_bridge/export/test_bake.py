@@ -1,0 +1,312 @@
+import shutil
+
+import numpy as np
+import pytest
+from puppetline.examples.characters import CHARACTERS
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.timeline import resample
+from engine_bridge.character.character import load_character, make_character
+from engine_bridge.character.document import Document
+from engine_bridge.export import bake as module
+from engine_bridge.export.bake import TOLERANCE, bake, fit, made_up
+from engine_bridge.export.live_basis import REACH, LiveBasis
+from engine_bridge.performance.clip import load_timeline, solve
+from engine_bridge.performance.exercise import exercise
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from puppetline.errors import OutputError, PuppetError, SkeletonLogError
+from solver.model.reduced_model import position_matrix
+
+EXAMPLES = "examples/puppets"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("baked")
+
+
+@pytest.fixture(scope="module")
+def of_take(take, blob_puppet, folder):
+    """Baked from a log, and what was said of the progress."""
+    stages = []
+    summary = bake(blob_puppet, folder / "take.glb", (take,), progress=lambda *stage: stages.append(stage))
+    return summary, folder / "take.glb", stages
+
+
+@pytest.fixture(scope="module")
+def of_nothing(blob_puppet, folder):
+    """Baked from motion that is made up."""
+    return bake(blob_puppet, folder / "nothing.glb"), folder / "nothing.glb"
+
+
+def names_in(path):
+    """The target names of each mesh of a file."""
+    return [mesh["extras"]["targetNames"] for mesh in Document.load(path).gltf["meshes"]]
+
+
+def performed(rig, timeline):
+    """The solver's frames (F, 4m, 3) float32 and roots (F, 3) of a timeline."""
+    chunks = list(solve(rig, timeline, Settings(), 64))
+    return np.concatenate([each.R for each in chunks]), np.concatenate([each.root for each in chunks])
+
+
+def shown_places(rig, frames):
+    """Where the vertices that are drawn are in each frame (F, N, 3), float64 from W."""
+    model, mesh = rig.model, rig.mesh
+    W = position_matrix(
+        model.to_model(rig.character.vertices),
+        model.ladder[mesh.of_render].astype(np.float64),
+        model.weights,
+        model.isolines,
+    )
+    return np.array([W @ R for R in frames.astype(np.float64)]) * model.diagonal + model.center
+
+
+def places_from_weights(path, rig, weights):
+    """Where the file's own accessors put vertices (F, N, 3) for the weights of its last targets."""
+    document = Document.load(path)
+    nodes, meshes, placed = document.gltf["nodes"], document.gltf["meshes"], []
+    for part in load_character(path).parts:
+        targets = meshes[nodes[part.node]["mesh"]]["primitives"][part.primitive]["targets"]
+        moved = np.array([document.array(target["POSITION"]) for target in targets[-weights.shape[1] :]], np.float64)
+        turned = np.einsum("nij,knj->kni", np.broadcast_to(part.to_world, (len(part.vertices), 4, 4))[:, :3, :3], moved)
+        placed.append(part.vertices + np.tensordot(weights.astype(np.float64), turned, axes=1))
+    return np.concatenate(placed, axis=1)
+
+
+def farthest(a, b, rig):
+    return np.linalg.norm(a - b, axis=-1).max() / rig.mesh.diagonal
+
+
+def test_the_summary_says_what_the_file_and_the_motion_are(of_take):
+    summary, path, _ = of_take
+    assert (summary.output, summary.bytes) == (str(path), path.stat().st_size)
+    assert (summary.frames, summary.tolerance, summary.notes) == (58, TOLERANCE, ())
+    assert 0 < summary.rms < summary.error <= TOLERANCE
+    assert names_in(path) == [[f"motion_{index}" for index in range(summary.targets)]]
+
+
+def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(of_take, take, blob_rig):
+    """Projected frame by frame, and evaluated with the rest positions and targets that the file holds."""
+    summary, path, _ = of_take
+    basis = LiveBasis.load(path, blob_rig)
+    frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
+    weights = np.array([basis.project(R).weights for R in frames])
+    there, solved = places_from_weights(path, blob_rig, weights), shown_places(blob_rig, frames)
+    assert farthest(there, solved, blob_rig) == pytest.approx(summary.error, abs=1e-6)
+    shown = [basis.project(R) for R in frames]
+    assert np.sqrt(np.mean([each.residual**2 for each in shown])) == pytest.approx(summary.rms, rel=1e-3)
+    assert not any(each.limited for each in shown)
+    assert weights.min() == 0
+    assert weights.max() <= 1
+
+
+def test_three_plays_the_animation_as_the_solver_has_it_with_the_root_on_a_node(of_take, take, blob_rig, play):
+    summary, path, _ = of_take
+    played = play(path, 20)
+    frames, root = performed(blob_rig, load_timeline(take, Settings())[0])
+    solved = (shown_places(blob_rig, frames) + root[:, None])[::3]
+    assert np.ptp(root, axis=0).max() > 0.1
+    assert farthest(played.meshes[0].positions, solved, blob_rig) <= summary.error + 1e-5
+
+
+def test_the_roots_motion_is_in_no_target(record, standing, write_puppet, blob_file, tmp_path):
+    """Somebody who only walks about moves the root, and leaves nothing to be a target."""
+    there = 0.8 * np.sin(np.arange(60) / 15)[:, None, None] * np.array([1.0, 0.0, 0.5])
+    log = record(tmp_path / "walk.log", standing + there)
+    puppet = write_puppet(blob_file.with_name("walks.toml"), blob_file.name, root=True)
+    with pytest.raises(PuppetError, match="no motion that takes the character farther than the tolerance"):
+        bake(puppet, tmp_path / "a.glb", (log,))
+    assert not (tmp_path / "a.glb").exists()
+    still = write_puppet(blob_file.with_name("stays.toml"), blob_file.name, root=False)
+    assert bake(still, tmp_path / "a.glb", (log,)).targets > 0
+
+
+def test_two_logs_are_both_in_it(take, record, dance, blob_puppet, blob_rig, tmp_path):
+    backwards = record(tmp_path / "backwards.log", dance()[::-1] * [1, 1, 1.02])
+    summary = bake(blob_puppet, tmp_path / "a.glb", (take, backwards), tolerance=5e-4)
+    assert summary.frames == 2 * 58
+    basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
+    for log in (take, backwards):
+        frames, _ = performed(blob_rig, load_timeline(log, Settings())[0])
+        weights = np.array([basis.project(R).weights for R in frames])
+        there = places_from_weights(tmp_path / "a.glb", blob_rig, weights)
+        assert farthest(there, shown_places(blob_rig, frames), blob_rig) <= summary.error + 1e-6 <= 5e-4 + 1e-6
+
+
+def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, standing):
+    summary, path = of_nothing
+    basis = LiveBasis.load(path, blob_rig)
+    timelines = [resample(make(), 30.0, 0.4) for make in PERFORMANCES.values()]
+    motions = [performed(blob_rig, timeline)[0] for timeline in timelines]
+    motions.append(np.concatenate(list(exercise(blob_rig, timelines[0].positions[0], 64))))
+    assert summary.frames == sum(map(len, motions))
+    for frames in motions[:-1]:
+        some = frames[::5]
+        there = places_from_weights(path, blob_rig, np.array([basis.project(R).weights for R in some]))
+        assert farthest(there, shown_places(blob_rig, some), blob_rig) <= summary.error + 1e-6
+
+
+def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
+    """What is left of it, root mean square over the surface in the worst frame, is a twentieth of what was left out."""
+    others = [name for name in PERFORMANCES if name != "kung_fu"]
+    settings = Settings(tolerance=TOLERANCE)
+    motion = made_up(blob_rig, others, settings, lambda *_: None)
+    directions = fit(blob_rig, motion, settings, lambda *_: None).directions.astype(np.float32)
+    basis = LiveBasis(directions, REACH, blob_rig.model)
+    frames, _ = performed(blob_rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
+    left = max(basis.project(R).residual for R in frames)
+    places = shown_places(blob_rig, frames) - shown_places(blob_rig, blob_rig.model.rest_controls[None])
+    moved = np.sqrt((places**2).sum(axis=2).mean(axis=1)).max() / blob_rig.mesh.diagonal
+    assert left < 0.001
+    assert left < 0.05 * moved
+
+
+def test_the_validator_has_nothing_against_it(of_take, of_nothing, assert_valid_gltf):
+    assert_valid_gltf(of_take[1])
+    assert_valid_gltf(of_nothing[1])
+
+
+def test_a_limit_to_the_targets_is_kept_and_the_error_said_is_the_one_that_follows(
+    take, blob_puppet, blob_rig, tmp_path
+):
+    summary = bake(blob_puppet, tmp_path / "a.glb", (take,), targets=3)
+    basis = LiveBasis.load(tmp_path / "a.glb", blob_rig)
+    assert summary.targets == len(basis.names) == 3
+    frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
+    there = places_from_weights(tmp_path / "a.glb", blob_rig, np.array([basis.project(R).weights for R in frames]))
+    assert farthest(there, shown_places(blob_rig, frames), blob_rig) == pytest.approx(summary.error, abs=1e-6)
+    assert summary.error > TOLERANCE
+
+
+def test_the_same_input_gives_the_same_bytes(take, blob_puppet, of_take, tmp_path):
+    bake(blob_puppet, tmp_path / "again.glb", (take,))
+    assert (tmp_path / "again.glb").read_bytes() == of_take[1].read_bytes()
+
+
+def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob_puppet, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "SHOWN", 1.0)
+    log = record(tmp_path / "long.log", dance(100))
+    assert bake(blob_puppet, tmp_path / "a.glb", (log,)).frames == 100
+    made = Document.load(tmp_path / "a.glb")
+    (animation,) = made.gltf["animations"]
+    assert animation["name"] == "long"
+    for sampler in animation["samplers"]:
+        np.testing.assert_allclose(made.array(sampler["input"]), np.arange(31) / 30, rtol=1e-6)
+
+
+def test_each_stage_tells_of_its_progress_up_to_the_end(of_take):
+    stages = of_take[2]
+    names = list(dict.fromkeys(name for name, _ in stages))
+    assert names == ["Preparing the character", "Performing", "Fitting morph targets"]
+    for name in names:
+        assert [share for other, share in stages if other == name][-1] == 1
+
+
+def pieces(glb, shape):
+    """The left half in a node that is stretched and mirrored; the right half in two primitives, with a target."""
+    middle = shape.vertices[shape.faces].mean(axis=1)
+    corners = {}
+    for name, chosen in (
+        ("left", middle[:, 0] > 0),
+        ("high", (middle[:, 0] <= 0) & (middle[:, 1] > 0.3)),
+        ("low", (middle[:, 0] <= 0) & (middle[:, 1] <= 0.3)),
+    ):
+        used, faces = np.unique(shape.faces[chosen], return_inverse=True)
+        corners[name] = used, faces.reshape(-1, 3).astype(np.uint32)
+    used, faces = corners["left"]
+    stored = (shape.vertices[used] - np.float32([0.5, 0, 0])) / np.float32([-2, 0.5, 1])
+    normals = shape.normals[used] * np.float32([-2, 0.5, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    mesh = glb.mesh(glb.primitive(stored, faces[:, ::-1], NORMAL=normals), name="left")
+    glb.node(mesh, translation=[0.5, 0.0, 0.0], scale=[-2.0, 0.5, 1.0])
+    halves = []
+    for name in ("high", "low"):
+        used, faces = corners[name]
+        smile = {"POSITION": np.full((len(used), 3), 0.1, np.float32)}
+        halves.append(glb.primitive(shape.vertices[used], faces, targets=[smile], NORMAL=shape.normals[used]))
+    glb.node(glb.mesh(*halves, name="right", weights=[0.0], extras={"targetNames": ["smile"]}))
+
+
+def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
+    glb, blob, take, write_puppet, assert_valid_gltf, tmp_path
+):
+    pieces(glb, blob)
+    glb.save(tmp_path / "pieces.glb")
+    puppet = write_puppet(tmp_path / "pieces.toml", "pieces.glb")
+    output = tmp_path / "pieces.morphs.glb"
+    summary = bake(puppet, output, (take,))
+    assert_valid_gltf(output)
+    rig = load_rig(puppet)
+    basis = LiveBasis.load(output, rig)
+    assert names_in(output) == [list(basis.names), ["smile", *basis.names]]
+    frames, _ = performed(rig, load_timeline(take, Settings())[0])
+    there = places_from_weights(output, rig, np.array([basis.project(R).weights for R in frames]))
+    assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
+
+
+def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, take, write_puppet, tmp_path):
+    """Its extras speak of the new targets then, which come last."""
+    shutil.copy(of_take[1], tmp_path / "again.glb")
+    puppet = write_puppet(tmp_path / "again.toml", "again.glb")
+    summary = bake(puppet, tmp_path / "twice.glb", (take,), targets=4)
+    rig = load_rig(puppet)
+    basis = LiveBasis.load(tmp_path / "twice.glb", rig)
+    frames, _ = performed(rig, load_timeline(take, Settings())[0])
+    there = places_from_weights(tmp_path / "twice.glb", rig, np.array([basis.project(R).weights for R in frames]))
+    assert farthest(there, shown_places(rig, frames), rig) == pytest.approx(summary.error, abs=2e-6)
+
+
+def test_all_that_the_character_came_with_is_there_as_it_was(blob, glb, take, write_puppet, tmp_path):
+    primitive = glb.primitive(
+        blob.vertices,
+        blob.faces.astype(np.uint32),
+        NORMAL=blob.normals,
+        TEXCOORD_0=blob.uv,
+        COLOR_0=np.ones((len(blob.vertices), 4), np.float32),
+    )
+    glb.node(glb.mesh(primitive, name="figure"), name="stands", extras={"kept": [1, 2]})
+    glb.file.asset.extras = {"author": "test"}
+    glb.save(tmp_path / "a.glb")
+    bake(write_puppet(tmp_path / "a.toml", "a.glb"), tmp_path / "b.glb", (take,), targets=2)
+    before, after = Document.load(tmp_path / "a.glb"), Document.load(tmp_path / "b.glb")
+    assert after.gltf["asset"]["extras"]["author"] == "test"
+    assert after.gltf["nodes"][0] == before.gltf["nodes"][0]
+    shown, made = before.gltf["meshes"][0], after.gltf["meshes"][0]
+    assert (made["name"], made["primitives"][0]["attributes"]) == (shown["name"], shown["primitives"][0]["attributes"])
+    for index in range(len(before.gltf["accessors"])):
+        np.testing.assert_array_equal(after.array(index), before.array(index))
+
+
+def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file, take, tmp_path):
+    content = blob_file.read_bytes()
+    with pytest.raises(OutputError, match="read from"):
+        bake(blob_puppet, blob_file, (take,))
+    assert blob_file.read_bytes() == content
+
+
+def test_a_log_that_is_none_is_named(blob_puppet, tmp_path):
+    (tmp_path / "a.log").write_text("nothing of the kind\n")
+    with pytest.raises(SkeletonLogError, match=r"a\.log"):
+        bake(blob_puppet, tmp_path / "a.glb", (tmp_path / "a.log",))
+    assert list(tmp_path.glob("*.glb")) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHARACTERS)
+def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
+    name, request, example_character, tmp_path, assert_valid_gltf
+):
+    made = example_character(name)
+    make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
+    shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
+    summary = bake(tmp_path / f"{name}.toml", tmp_path / "out.glb")
+    assert_valid_gltf(tmp_path / "out.glb")
+    assert summary.error <= TOLERANCE
+    rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=TOLERANCE)
+    motion = made_up(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
+    directions = fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32)
+    basis = LiveBasis(directions, REACH, rig.model)
+    frames, _ = performed(rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
+    assert max(basis.project(R).residual for R in frames) < 0.001

@@ -1,0 +1,142 @@
+import numpy as np
+import pygltflib as gltf
+import pytest
+
+from engine_bridge.character.character import load_character
+from engine_bridge.export.flattened import flatten
+from engine_bridge.service.protocol.frame import drawn_normals
+from puppetline.errors import MeshError
+
+
+def numbers(character):
+    """Two sets of numbers that no vertex shares with another."""
+    count = len(character.vertices)
+    return [np.arange(2 * count, dtype=np.float32).reshape(count, 2), np.full((count, 2), 7, np.float32)]
+
+
+@pytest.fixture
+def flat(raw, tmp_path):
+    """Flatten a file; return the character, the document's path and what pygltflib reads there."""
+
+    def make(path):
+        character = load_character(path)
+        output = tmp_path / "flat.glb"
+        flatten(character, drawn_normals(character), numbers(character)).save(output)
+        return character, output, raw(output)
+
+    return make
+
+
+def primitives(file):
+    """The primitives of all nodes of the scene, in order."""
+    file = file.file
+    return [each for node in file.scenes[0].nodes for each in file.meshes[file.nodes[node].mesh].primitives]
+
+
+def test_every_guise_lies_flat_with_the_vertices_in_the_order_of_its_parts(variant, flat, validate):
+    character, path, made = flat(variant.path)
+    report = validate(path)
+    assert (report["errors"], report["warnings"]) == (0, 0), report["messages"]
+    assert made.file.skins == made.file.animations == []
+    assert all((node.matrix, node.translation, node.rotation, node.scale, node.skin) == (None,) * 5
+               for node in made.file.nodes)  # fmt: skip
+    found = primitives(made)
+    assert len(found) == len(character.parts)
+    first, second = numbers(character)
+    normals = drawn_normals(character).astype(np.float32)
+    for primitive, part, place in zip(found, character.parts, character.places, strict=True):
+        named = primitive.attributes
+        np.testing.assert_array_equal(made.array(named.POSITION), part.vertices.astype(np.float32))
+        np.testing.assert_array_equal(made.array(named.NORMAL), normals[place])
+        np.testing.assert_array_equal(made.array(named.TEXCOORD_2), first[place])
+        np.testing.assert_array_equal(made.array(named.TEXCOORD_3), second[place])
+        np.testing.assert_array_equal(made.array(primitive.indices).reshape(-1, 3), part.triangles)
+        assert primitive.targets in (None, [])
+
+
+def test_what_is_read_again_is_the_same_character(variant, flat):
+    character, path, _ = flat(variant.path)
+    again = load_character(path)
+    np.testing.assert_array_equal(again.vertices, character.vertices.astype(np.float32))
+    np.testing.assert_array_equal(again.triangles, character.triangles)
+    np.testing.assert_allclose(drawn_normals(again), drawn_normals(character), atol=1e-6)
+    assert (again.colors is None) == (character.colors is None)
+    if character.colors is not None:
+        np.testing.assert_array_equal(again.colors, character.colors)
+
+
+def test_names_materials_and_pictures_are_those_of_the_file(variants, raw, flat):
+    before = raw(variants["textured"].path)
+    _, _, after = flat(variants["textured"].path)
+    for name in ("materials", "textures", "samplers"):
+        assert getattr(after.file, name) == getattr(before.file, name)
+    (image,), (own,) = before.file.images, after.file.images
+    assert (own.name, own.mimeType) == (image.name, image.mimeType)
+    assert after.view(own.bufferView) == before.view(image.bufferView)
+    (shown,), (primitive,) = primitives(before), primitives(after)
+    assert primitive.material == shown.material == 0
+    np.testing.assert_array_equal(
+        after.array(primitive.attributes.TEXCOORD_0), before.array(shown.attributes.TEXCOORD_0)
+    )
+
+
+def test_a_part_without_texture_coordinates_has_none_but_zeros(variants, flat):
+    _, _, made = flat(variants["without_normals"].path)
+    (primitive,) = primitives(made)
+    assert primitive.attributes.TEXCOORD_0 == primitive.attributes.TEXCOORD_1 is not None or not np.any(
+        [made.array(primitive.attributes.TEXCOORD_0), made.array(primitive.attributes.TEXCOORD_1)]
+    )
+
+
+def test_tangents_turn_with_their_node_and_change_sides_in_a_mirror(glb, blob, flat, tmp_path):
+    across = np.cross(blob.normals, [0.3, 0.5, 0.8])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    side = np.where(np.arange(len(across)) % 3, 1.0, -1.0)
+    stored = np.column_stack([across, side]).astype(np.float32)
+    faces = blob.faces.astype(np.uint32)
+    glb.node(
+        glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals, TEXCOORD_0=blob.uv, TANGENT=stored)),
+        scale=[-2.0, 1.0, 0.5],
+    )
+    _, _, made = flat(glb.save(tmp_path / "a.glb"))
+    (primitive,) = primitives(made)
+    written = made.array(primitive.attributes.TANGENT)
+    expected = across * [-2.0, 1.0, 0.5]
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(written[:, :3], expected, atol=1e-6)
+    # the third direction, normal × tangent · side, is carried along as any other
+    before = np.cross(blob.normals, across) * side[:, None] * [-2.0, 1.0, 0.5]
+    after = np.cross(made.array(primitive.attributes.NORMAL), written[:, :3]) * written[:, 3:]
+    cosine = (before * after).sum(axis=1) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+    assert (cosine > 0).all()
+
+
+def test_sets_of_the_file_beyond_the_second_make_room_and_a_picture_on_one_is_refused(glb, blob, flat, tmp_path):
+    faces = blob.faces.astype(np.uint32)
+    more = {f"TEXCOORD_{number}": blob.uv + np.float32(number) for number in range(4)}
+    glb.node(glb.mesh(glb.primitive(blob.vertices, faces, NORMAL=blob.normals, material=0, **more)))
+    glb.file.images = [gltf.Image(uri="data:image/png;base64,iVBORw0KGgo=", mimeType="image/png")]
+    glb.file.textures = [gltf.Texture(source=0)]
+    glb.file.materials = [gltf.Material(emissiveTexture=gltf.TextureInfo(index=0, texCoord=1))]
+    character, _, made = flat(glb.save(tmp_path / "a.glb"))
+    (primitive,) = primitives(made)
+    np.testing.assert_array_equal(made.array(primitive.attributes.TEXCOORD_1), more["TEXCOORD_1"])
+    np.testing.assert_array_equal(made.array(primitive.attributes.TEXCOORD_2), numbers(character)[0])
+    moved = {"KHR_texture_transform": {"texCoord": 2}}
+    glb.file.materials[0].emissiveTexture.extensions = moved
+    with pytest.raises(MeshError, match="third set of texture coordinates"):
+        flat(glb.save(tmp_path / "b.glb"))
+
+
+def test_extensions_of_what_is_shown_stay_and_those_of_what_is_gone_go(glb, blob, flat, tmp_path):
+    primitive = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals, material=0)
+    glb.file.materials = [gltf.Material(extensions={"KHR_materials_ior": {"ior": 1.3}})]
+    glb.file.extensions = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+    glb.node(glb.mesh(primitive), extensions={"KHR_lights_punctual": {"light": 0}})
+    glb.file.extensionsUsed = ["KHR_materials_ior", "KHR_lights_punctual"]
+    glb.file.asset.copyright = "somebody"
+    _, _, made = flat(glb.save(tmp_path / "a.glb"))
+    assert made.file.extensionsUsed == ["KHR_materials_ior"]
+    assert made.file.materials == glb.file.materials
+    assert made.file.extensions == {}
+    assert made.file.asset.copyright == "somebody"

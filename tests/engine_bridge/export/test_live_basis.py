@@ -1,0 +1,318 @@
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from pygltflib import GLTF2
+from scipy.spatial.transform import Rotation
+
+from capture.formats import read_log
+from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
+from capture.timeline import choose, resample
+from engine_bridge.character.document import Document
+from engine_bridge.export.bake import bake
+from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED, LiveBasis
+from engine_bridge.export.unit_weights import UnitWeights
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import load_rig
+from puppetline.errors import PuppetError
+from solver.model.reduced_model import position_matrix
+
+SMALLER = "[retarget]\nscale = 1.3\n\n[solver]\nfields = 4\nisolines = 6\n"
+
+
+@dataclass(frozen=True)
+class Baked:
+    """A baked file, and what it should do, in float64 from W and the file's own accessors."""
+
+    path: Path
+    rig: object
+    W: np.ndarray
+    targets: np.ndarray  # (n, 3, K) of the solver's vertices, mesh units
+
+    def moved(self, R):
+        """(n, 3) displacements of the solver's vertices, mesh units."""
+        return self.W @ (R - self.rig.model.rest_controls) * self.rig.mesh.diagonal
+
+    def left(self, R, weights):
+        """Root mean square of what the targets leave, as a fraction of the diagonal."""
+        away = self.moved(R) - self.targets @ weights.astype(np.float64)
+        return np.sqrt((away**2).sum(axis=1).mean()) / self.rig.mesh.diagonal
+
+
+@pytest.fixture(scope="module")
+def baked(take, blob_puppet, blob_rig, tmp_path_factory):
+    path = tmp_path_factory.mktemp("live basis") / "blob.morphs.glb"
+    bake(blob_puppet, path, (take,), tolerance=1e-3)
+    model, mesh = blob_rig.model, blob_rig.mesh
+    W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
+    document = Document.load(path)
+    (primitive,) = document.gltf["meshes"][0]["primitives"]
+    targets = np.stack([document.array(target["POSITION"]) for target in primitive["targets"]], axis=-1)
+    of_solver = np.unique(mesh.of_render, return_index=True)[1]
+    return Baked(path, blob_rig, W.toarray(), targets[of_solver].astype(np.float64))
+
+
+@pytest.fixture(scope="module")
+def basis(baked):
+    return LiveBasis.load(baked.path, baked.rig)
+
+
+@pytest.fixture(scope="module")
+def directions(baked):
+    document = Document.load(baked.path)
+    kept = document.array(document.gltf["asset"]["extras"][EXTRAS]["directions"])
+    return kept.reshape(-1, *baked.rig.model.rest_controls.shape).astype(np.float64)
+
+
+def test_the_names_are_the_files_own_in_its_order(baked, basis):
+    assert list(basis.names) == GLTF2().load(baked.path).meshes[0].extras["targetNames"]
+
+
+def test_the_rest_pose_is_no_weight_at_all(baked, basis):
+    weights, residual, limited = basis.project(baked.rig.model.rest_controls)
+    np.testing.assert_allclose(weights, 0, atol=1e-12)
+    assert residual < 1e-12
+    assert not limited
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins(data, baked, basis, directions):
+    model = baked.rig.model
+    mixed = data.draw(arrays(np.float32, len(directions), elements=st.floats(-UNLIMITED, UNLIMITED, width=32)))
+    R = model.rest_controls + np.tensordot(mixed.astype(np.float64), directions, axes=1)
+    # and whatever moves no vertex changes nothing
+    R += model.null_space @ data.draw(arrays(np.float64, (1, 3), elements=st.floats(-5, 5))).repeat(len(R), axis=0)
+    weights, residual, limited = basis.project(R)
+    assert weights.dtype == np.float32
+    expected = UnitWeights.within(np.full(len(directions), REACH)).weights(mixed[None])[0]
+    np.testing.assert_allclose(weights, expected, rtol=1e-6, atol=1e-6)
+    assert residual < 1e-6
+    assert not limited
+
+
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions):
+    """Each coordinate is limited by itself, so what is within range is not changed by what is not."""
+    mixed = data.draw(arrays(np.float64, len(directions), elements=st.floats(-1e9, 1e9)))
+    R = baked.rig.model.rest_controls + np.tensordot(mixed, directions, axes=1)
+    weights, _, limited = basis.project(R)
+    assert 0 <= weights.min() <= weights.max() <= 1
+    coordinates = (2 * weights[:-1].astype(np.float64) - weights[-1]) * REACH
+    size, room = np.abs(mixed), REACH - UNLIMITED
+    held = UNLIMITED + room * np.tanh((size - UNLIMITED) / room)
+    expected = np.sign(mixed) * np.where(size <= UNLIMITED, size, held)
+    np.testing.assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
+    assert limited == (size.max() > REACH) or size.max() == pytest.approx(REACH, rel=1e-5)
+
+
+def test_no_other_weights_are_nearer_to_a_pose_within_range(baked, basis):
+    """By least squares over all vertices with the targets that the file holds, of which one is a sum of the others."""
+    random, rest = np.random.default_rng(3), baked.rig.model.rest_controls
+    targets = baked.targets.reshape(-1, len(basis.names))
+    for _ in range(5):
+        moved = random.normal(size=rest.shape)
+        best = np.linalg.lstsq(targets, baked.moved(rest + moved).ravel(), rcond=1e-5)[0]
+        R = rest + moved / (4 * REACH * np.ptp(best))  # no coordinate is farther than 1
+        assert basis.project(R).residual == pytest.approx(baked.left(R, best / (4 * REACH * np.ptp(best))), rel=1e-4)
+
+
+@pytest.mark.parametrize("size", [1e-4, 0.01, 1.0])
+def test_the_residual_is_the_root_mean_square_over_all_vertices(baked, basis, size):
+    random = np.random.default_rng(4)
+    for _ in range(5):
+        R = baked.rig.model.rest_controls + random.normal(scale=size, size=baked.rig.model.rest_controls.shape)
+        projection = basis.project(R)
+        assert projection.residual == pytest.approx(baked.left(R, projection.weights), rel=1e-4)
+
+
+def test_a_rigid_motion_leaves_what_it_leaves(baked, basis):
+    """A turn of the whole character, which no target of the clip does: every isoline turns by the same."""
+    model = baked.rig.model
+    turn = Rotation.from_euler("xyz", [20, 50, -30], degrees=True).as_matrix()
+    R = np.tile(np.vstack([turn, [0.1, 0.0, -0.2]]), (len(model.rest_controls) // 4, 1))
+    rest = model.to_model(baked.rig.mesh.vertices)
+    np.testing.assert_allclose(baked.W @ R, rest @ turn + [0.1, 0.0, -0.2], atol=1e-6)
+    projection = basis.project(R)
+    assert projection.residual == pytest.approx(baked.left(R, projection.weights), rel=1e-4)
+    assert projection.residual > 0.01
+
+
+def test_float32_poses_and_those_that_do_not_lie_in_one_piece_are_the_same(baked, basis):
+    R = baked.rig.model.rest_controls + np.random.default_rng(5).normal(size=baked.rig.model.rest_controls.shape)
+    projection, scattered = basis.project(R), basis.project(np.asfortranarray(R))
+    np.testing.assert_array_equal(scattered.weights, projection.weights)
+    assert scattered.residual == projection.residual
+    single = R.astype(np.float32)
+    np.testing.assert_array_equal(basis.project(single).weights, basis.project(single.astype(np.float64)).weights)
+
+
+def test_the_pose_is_left_as_it_was(baked, basis):
+    R = baked.rig.model.rest_controls + 0.1
+    before = R.copy()
+    basis.project(R)
+    np.testing.assert_array_equal(R, before)
+
+
+def test_arrays_of_other_shapes_are_refused(baked, basis):
+    R = baked.rig.model.rest_controls
+    for wrong in (R[:-4], R[:, :2], R.ravel()):
+        with pytest.raises(ValueError, match="control variables"):
+            basis.project(wrong)
+
+
+def plain(new_glb, folder, vertices, faces):
+    made = new_glb()
+    made.node(made.mesh(made.primitive(vertices, faces.astype(np.uint32)), name="blob"))
+    return made.save(folder / "other.glb")
+
+
+def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weights(
+    baked, basis, blob, new_glb, write_puppet, tmp_path
+):
+    """A basis belongs to a shape: where the solver finds the same one, it fits, on whatever machine."""
+    order = np.random.default_rng(1).permutation(len(blob.vertices))
+    place = np.argsort(order)
+    mesh = plain(new_glb, tmp_path, blob.vertices[order], np.random.default_rng(2).permutation(place[blob.faces]))
+    rig = load_rig(write_puppet(tmp_path / "other.toml", mesh.name))
+    assert not np.array_equal(rig.model.ladder, baked.rig.model.ladder)
+    R = baked.rig.model.rest_controls + np.random.default_rng(6).normal(
+        scale=0.02, size=baked.rig.model.rest_controls.shape
+    )
+    other = LiveBasis.load(baked.path, rig).project(R)
+    np.testing.assert_allclose(other.weights, basis.project(R).weights, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("change", [[1.0, 1.02, 1.0], [1.01, 1.01, 1.01], [-1.0, 1.0, 1.0]])
+def test_a_basis_for_another_mesh_is_refused(baked, blob, new_glb, write_puppet, tmp_path, change):
+    """Taller by two hundredths, larger by one, or its own mirror image."""
+    faces = blob.faces if np.prod(change) > 0 else blob.faces[:, ::-1]
+    mesh = plain(new_glb, tmp_path, (blob.vertices * np.float32(change)).astype(np.float32), faces)
+    rig = load_rig(write_puppet(tmp_path / "other.toml", mesh.name))
+    with pytest.raises(PuppetError, match=r"another mesh.*puppetline bake PUPPET\.toml -o") as caught:
+        LiveBasis.load(baked.path, rig)
+    assert str(baked.path) in str(caught.value)
+
+
+def test_a_basis_for_other_solver_settings_is_refused(baked, blob_file, write_puppet):
+    rig = load_rig(write_puppet(blob_file.with_name("smaller.toml"), blob_file.name, more=SMALLER))
+    with pytest.raises(PuppetError, match=r"other solver settings.*puppetline bake PUPPET\.toml -o"):
+        LiveBasis.load(baked.path, rig)
+
+
+def test_as_many_fields_and_isolines_the_other_way_round_are_other_settings(baked, blob_file, write_puppet):
+    more = SMALLER.replace("fields = 4", "fields = 6").replace("isolines = 6", "isolines = 5")
+    rig = load_rig(write_puppet(blob_file.with_name("turned.toml"), blob_file.name, more=more))
+    assert rig.model.rest_controls.shape == baked.rig.model.rest_controls.shape
+    with pytest.raises(PuppetError, match="puppetline bake"):
+        LiveBasis.load(baked.path, rig)
+
+
+def test_a_file_without_a_basis_is_refused(blob_file, blob_rig):
+    with pytest.raises(PuppetError, match=r"found none; expected the morph basis.*puppetline bake"):
+        LiveBasis.load(blob_file, blob_rig)
+
+
+def with_extras(path, into, extras):
+    """Write a .glb with something else in its asset's extras."""
+    content = path.read_bytes()
+    (size,) = struct.unpack_from("<I", content, 12)
+    gltf = json.loads(content[20 : 20 + size])
+    gltf["asset"]["extras"] = extras(gltf["asset"]["extras"])
+    text = json.dumps(gltf).encode()
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + size :]
+    into.write_bytes(struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON") + text + rest)
+    return into
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        lambda carried: carried | {"directions": -1},
+        lambda carried: carried | {"directions": 10**6},
+        lambda carried: carried | {"directions": 1.5},
+        lambda carried: carried | {"directions": True},
+        lambda carried: carried | {"directions": 0},  # the mesh's positions
+        lambda carried: carried | {"directions": 2},  # its indices
+        lambda carried: {"directions": carried["directions"]},
+        lambda carried: carried | {"reach": 0.0},
+        lambda carried: carried | {"reach": "far"},
+        lambda carried: carried | {"lengths": []},
+        lambda carried: carried | {"lengths": carried["lengths"][:-1]},
+        lambda carried: carried | {"lengths": [0.0 for _ in carried["lengths"]]},
+        lambda carried: carried | {"lengths": [5e-324 for _ in carried["lengths"]]},
+        lambda carried: carried | {"lengths": [1e308 for _ in carried["lengths"]]},
+        lambda carried: carried | {"lengths": carried["lengths"][::-1]},
+        lambda carried: carried | {"lengths": "many"},
+        lambda carried: [carried],
+        lambda carried: None,
+    ],
+)
+def test_damaged_extras_are_refused_with_their_place_and_the_command_that_mends_them(baked, tmp_path, changed):
+    path = with_extras(baked.path, tmp_path / "a.glb", lambda extras: {EXTRAS: changed(extras[EXTRAS])})
+    with pytest.raises(PuppetError, match=r"a\.glb.*puppetline bake"):
+        LiveBasis.load(path, baked.rig)
+
+
+def test_a_basis_whose_weights_are_not_limited_is_refused_as_one_of_an_earlier_version(baked, tmp_path):
+    def without_reach(extras):
+        return {EXTRAS: {key: value for key, value in extras[EXTRAS].items() if key != "reach"}}
+
+    path = with_extras(baked.path, tmp_path / "a.glb", without_reach)
+    with pytest.raises(PuppetError, match=r"a\.glb.*an earlier version.*puppetline bake"):
+        LiveBasis.load(path, baked.rig)
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["directions", "lengths"]), inner),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(extras=json_values | json_values.map(lambda value: {EXTRAS: value}))
+def test_whatever_else_stands_in_the_extras_is_refused(baked, tmp_path, extras):
+    path = with_extras(baked.path, tmp_path / "a.glb", lambda _: extras)
+    with pytest.raises(PuppetError, match="puppetline bake"):
+        LiveBasis.load(path, baked.rig)
+
+
+def weights_of(rig, basis, positions):
+    """Perform joints (F, 20, 3) at 30 frames a second and yield each frame's projection."""
+    performance = Performance(rig.puppet, rig.mesh, rig.model, positions[0])
+    sure = np.ones(len(JOINTS), dtype=np.float32)
+    for number, joints in enumerate(positions):
+        yield basis.project(performance.step(SkeletonFrame(number / 30, 1, joints, sure)).R)
+
+
+def test_joints_at_random_take_no_weight_out_of_its_range(baked, basis, standing):
+    """A basis of one gentle recording, and joints that jump up to 5 m a frame, one of them 1e6 m away."""
+    random = np.random.default_rng(7)
+    positions = np.concatenate([standing[None], standing + random.uniform(-5, 5, (1000, *standing.shape))])
+    positions[500, JOINT_INDEX["hand_left"]] = [1e6, -1e6, 1e6]
+    shown = list(weights_of(baked.rig, basis, positions))
+    weights = np.array([each.weights for each in shown])
+    assert 0 <= weights.min() <= weights.max() <= 1
+    assert sum(each.limited for each in shown) > 500
+
+
+@pytest.mark.slow
+def test_an_hour_of_recordings_takes_no_weight_out_of_its_range(baked, basis, real_logs):
+    recordings = [read_log(path) for path in sorted(real_logs.glob("utkinect/joints_*.txt"))]
+    clips = [resample(choose(log)[0], 30.0).positions for log in recordings]
+    lowest, highest, frames = 1.0, 0.0, 0
+    while frames < 3600 * 30:
+        for positions in clips:
+            for each in weights_of(baked.rig, basis, positions):
+                lowest, highest = min(lowest, each.weights.min()), max(highest, each.weights.max())
+            frames += len(positions)
+    assert 0 <= lowest <= highest <= 1

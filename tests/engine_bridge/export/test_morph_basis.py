@@ -1,0 +1,135 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from engine_bridge.export import morph_basis
+from engine_bridge.export.convert import write
+from engine_bridge.performance.clip import load_timeline, perform
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from solver.model.batch import BatchBinding
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+
+@pytest.fixture(scope="module")
+def clip(blob_file, take, write_puppet):
+    rig = load_rig(write_puppet(blob_file.with_name("morph.toml"), blob_file.name, root=False))
+    timeline, notes = load_timeline(take, Settings())
+    return perform(rig, timeline, Settings(), notes, lambda _stage, _share: None)
+
+
+@pytest.fixture(scope="module")
+def moved(clip, solved):
+    return solved(clip)
+
+
+@pytest.fixture(scope="module")
+def with_targets(clip, raw, tmp_path_factory):
+    """Write the clip with K targets and return the summary and the float64 positions that the file holds."""
+    folder = tmp_path_factory.mktemp("targets")
+    done = {}
+
+    def make(count, tolerance=1e-9):
+        if (count, tolerance) not in done:
+            path = folder / f"{count}_{tolerance}.glb"
+            settings = Settings(targets=count, tolerance=tolerance)
+            summary = write(clip, path, "clip", settings, lambda _stage, _share: None)
+            made = raw(path)
+            primitive = made.file.meshes[0].primitives[0]
+            targets = np.array([made.array(target["POSITION"]) for target in primitive.targets], dtype=np.float64)
+            rest = made.array(primitive.attributes.POSITION).astype(np.float64)
+            done[count, tolerance] = summary, rest + np.tensordot(made.weights(0), targets, axes=1)
+        return done[count, tolerance]
+
+    return make
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+def test_a_limit_to_the_targets_is_kept_and_the_error_is_the_one_that_follows(with_targets, moved, clip, count):
+    summary, positions = with_targets(count)
+    assert summary.targets == count
+    largest = np.linalg.norm(positions - moved[:, clip.rig.mesh.of_render], axis=-1).max()
+    assert largest / clip.rig.mesh.diagonal == pytest.approx(summary.error, abs=3e-7)
+
+
+def test_more_targets_are_closer(with_targets):
+    errors = [with_targets(count)[0].error for count in range(2, 14)]
+    assert all(b < a for a, b in pairwise(errors))
+    assert errors[-1] < 1e-3 * errors[0]
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 6, 9])
+def test_no_basis_of_that_size_is_closer_in_the_least_squares_sense(with_targets, moved, clip, count):
+    """By Eckart and Young, for one direction fewer than there are targets: the last target makes up for the signs."""
+    displacements = (moved - clip.rig.mesh.vertices).reshape(len(moved), -1)
+    least = np.sqrt((np.linalg.svd(displacements, compute_uv=False)[count - 1 :] ** 2).sum())
+    _, positions = with_targets(count)
+    order = np.unique(clip.rig.mesh.of_render, return_index=True)[1]
+    left = np.linalg.norm(positions[:, order] - moved)
+    assert 0.99 * least <= left <= 1.01 * least
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_the_fewest_targets_within_the_tolerance_are_taken(with_targets, moved, clip, tolerance):
+    summary, positions = with_targets(None, tolerance)
+    diagonal = clip.rig.mesh.diagonal
+    largest = np.linalg.norm(positions - moved[:, clip.rig.mesh.of_render], axis=-1).max() / diagonal
+    assert largest == pytest.approx(summary.error, abs=3e-7)
+    assert summary.error <= tolerance
+    assert with_targets(summary.targets - 1)[0].error > tolerance
+
+
+def test_no_weight_is_negative_and_each_targets_largest_is_one(clip):
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    basis = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
+    assert basis.weights.min() == 0
+    np.testing.assert_array_equal(basis.weights.max(axis=0), 1)
+
+
+def test_a_reach_leaves_room_for_motion_that_goes_as_far_in_every_direction(clip):
+    """The clip's own coordinates are at most 1, so with a reach of 2 its weights are from 0 to 3/4."""
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    tight = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
+    roomy = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4, reach=2.0)
+    np.testing.assert_array_equal(roomy.directions, tight.directions)
+    assert roomy.weights.min() == 0
+    assert roomy.weights.max() <= 0.75 + 1e-6
+    for basis in (tight, roomy):
+        moved = np.tensordot(basis.weights.astype(np.float64), basis.unit_weights.targets(basis.directions), axes=1)
+        left = clip.frames[:] - clip.rig.model.rest_controls - moved
+        assert binding.farthest(left)[0].max() == pytest.approx(basis.error, rel=1e-6)
+
+
+def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
+    """Whichever few frames and vertices the estimate looks at, the error is measured on all of them."""
+    monkeypatch.setattr(morph_basis, "SAMPLE", 3)
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    frames = clip.frames[:].copy()
+    frames[17, 40:44] += 0.05
+    basis = morph_basis.fit(clip.rig.model, binding, frames, tolerance=2e-4)
+    targets = basis.targets(binding).astype(np.float64)
+    played = clip.rig.mesh.vertices + np.tensordot(basis.weights.astype(np.float64), targets, axes=1)
+    one = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    there = np.array([one.vertices(to_file_units(frame, clip.rig.model)) for frame in frames])
+    largest = np.linalg.norm(played - there, axis=-1).max()
+    assert largest <= 2e-4 * clip.rig.mesh.diagonal
+    assert basis.error == pytest.approx(largest, rel=1e-2)
+
+
+def test_the_progress_ends_at_one(clip):
+    shares = []
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-3, progress=shares.append)
+    assert shares[-1] == 1
+    assert all(0 < share <= 1 for share in shares)
+
+
+def test_frames_beyond_the_number_of_unknowns_give_the_same_basis(clip):
+    """More frames than unknowns are decomposed by the other Gram matrix; repeating a clip adds nothing to it."""
+    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+    short = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
+    long = morph_basis.fit(clip.rig.model, binding, np.tile(clip.frames[:], (8, 1, 1)), tolerance=1e-4)
+    assert long.weights.shape == (8 * 58, short.weights.shape[1])
+    assert long.error == pytest.approx(short.error, rel=1e-3)

@@ -1,0 +1,80 @@
+import igl
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from engine_bridge.character.character import load_character
+from engine_bridge.export.normals import TurningNormals, smooth_normals
+from solver.model.reduced_model import build
+from solver.surface.mesh import SolverMesh
+
+
+@pytest.fixture(scope="module")
+def character(variants):
+    return load_character(variants["textured"].path)
+
+
+@pytest.fixture(scope="module")
+def mesh(character):
+    return character.solver_mesh()
+
+
+@pytest.fixture(scope="module")
+def model(mesh):
+    return build(mesh)
+
+
+@pytest.fixture(scope="module")
+def turning(character, mesh, model):
+    return TurningNormals(character, mesh, model)
+
+
+def of(mesh, *poses, per_unit=1.0):
+    positions = np.stack(poses, axis=2).astype(np.float32)
+    return smooth_normals(positions, mesh.faces.astype(np.int32), np.float32(per_unit))
+
+
+def test_smooth_normals_are_libigls(mesh):
+    rng = np.random.default_rng(0)
+    poses = [mesh.vertices + 0.02 * mesh.diagonal * rng.normal(size=mesh.vertices.shape) for _ in range(5)]
+    found = of(mesh, *poses, per_unit=1 / mesh.diagonal)
+    for number, pose in enumerate(poses):
+        true = igl.per_vertex_normals(pose.astype(np.float32).astype(np.float64), mesh.faces)
+        np.testing.assert_allclose(found[:, :, number], true, atol=2e-5)
+
+
+def test_a_surface_of_any_size_has_normals(mesh):
+    true = of(mesh, mesh.vertices)
+    for size in (1e-15, 1e15):
+        np.testing.assert_allclose(of(mesh, size * mesh.vertices, per_unit=1 / size), true, atol=1e-5)
+
+
+def test_what_has_no_area_has_no_normal():
+    needle = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.array([[0, 1, 2]]), np.arange(3))
+    np.testing.assert_array_equal(of(needle, needle.vertices), 0)
+
+
+def test_at_rest_nothing_is_added(turning, model):
+    np.testing.assert_allclose(turning.displacements(model.rest_controls[None]), 0, atol=2e-6)
+
+
+def test_normals_turn_with_a_character_that_turns_as_a_whole(turning, character, mesh, model):
+    turns = [Rotation.from_rotvec(axis).as_matrix() for axis in ([0.3, -0.9, 0.4], [0, 2.5, 0])]
+    frames = np.array([np.tile(np.vstack([turn.T, np.zeros(3)]), (len(model.A) // 4, 1)) for turn in turns])
+    moved = turning.displacements(frames)
+    normals = np.concatenate([part.normals for part in character.parts])
+    smooth = igl.per_vertex_normals(mesh.vertices, mesh.faces)[mesh.of_render]
+    for number, turn in enumerate(turns):
+        # the smallest turn of the surface's normal: the whole turn where the two normals are one
+        same = np.einsum("nc,nc->n", normals, smooth) > 1 - 1e-9
+        assert same.mean() > 0.3
+        np.testing.assert_allclose((normals + moved[:, :, number])[same], (normals @ turn.T)[same], atol=1e-4)
+        np.testing.assert_allclose(np.linalg.norm(normals + moved[:, :, number], axis=1), 1, atol=1e-5)
+
+
+def test_a_part_without_normals_gets_none(variants):
+    character = load_character(variants["without_normals"].path)
+    mesh = character.solver_mesh()
+    model = build(mesh)
+    frames = model.rest_controls + np.random.default_rng(3).normal(scale=0.1, size=(2, *model.rest_controls.shape))
+    np.testing.assert_array_equal(TurningNormals(character, mesh, model).displacements(frames), 0)

@@ -1,0 +1,427 @@
+"""Exported files in other programs: what Blender, three.js, Babylon.js, Godot and assimp show is what was solved."""
+
+import io
+import shutil
+import subprocess
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pygltflib as gltf
+import pytest
+from PIL import Image
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation, Slerp
+
+from engine_bridge.character.character import load_character
+from engine_bridge.export.convert import Summary, convert, write
+from engine_bridge.performance.clip import Clip
+from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.settings import Settings
+
+pytestmark = pytest.mark.slow
+
+PROGRAMS = ["Blender", "three.js", "Babylon.js", "Godot", "assimp"]
+FORMS = ["morph", "skin", "frames"]
+MADE = ["textured", "several_primitives", "node_transforms", "shared_mesh", "own_targets", "skinned", "animated"]
+REAL = ["kaykit_Knight", "quaternius_Adventurer", "khronos_Fox"]
+
+FPS = 30
+FRAMES = 31
+"""One second."""
+TIMES = 13
+"""Every two and a half frames: keyframes, and the middles between two, by turns."""
+ROUNDING = 2e-6
+"""Of the diagonal: what is left to the programs, which calculate in float32."""
+
+
+@pytest.fixture(params=PROGRAMS)
+def program(request, player):
+    """Each program that is here, in turn."""
+    player(request.param)
+    return request.param
+
+
+@dataclass(frozen=True)
+class File:
+    """An exported file, and what it was made of."""
+
+    raw: type
+    clip: Clip
+    summary: Summary
+
+    @property
+    def path(self):
+        return Path(self.summary.output)
+
+    @cached_property
+    def reader(self):
+        """The file as it is, without the project's own reader."""
+        return self.raw(self.path)
+
+    @property
+    def gltf(self):
+        return self.reader.file
+
+    @property
+    def diagonal(self):
+        return self.clip.rig.mesh.diagonal
+
+
+@pytest.fixture(scope="module")
+def second(record, dance, tmp_path_factory):
+    """A recording of one second."""
+    return record(tmp_path_factory.mktemp("second") / "one_second.log", dance(FRAMES))
+
+
+@pytest.fixture(scope="module")
+def character(variants, blob, new_glb, request, tmp_path_factory):
+    """Return the path of a character by its name; everything in those that are made here has a name of its own."""
+    folder = tmp_path_factory.mktemp("characters")
+
+    def opened(path):
+        made = new_glb()
+        made.file = gltf.GLTF2().load(path)
+        made.blob = made.file.binary_blob()
+        return made
+
+    def of(name):
+        if name in REAL:
+            return request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{name}.glb"
+        made = opened(variants["skinned" if name == "animated" else name].path)
+        if name == "animated":
+            add_animations(made)
+            add_texture(made, blob.uv)
+        if name == "several_primitives":
+            for material, color in zip(made.file.materials, ([0.8, 0.2, 0.1, 1], [0.1, 0.3, 0.9, 1]), strict=True):
+                material.pbrMetallicRoughness = gltf.PbrMetallicRoughness(baseColorFactor=color)
+        for kind in ("node", "mesh", "material", "image"):
+            for index, thing in enumerate(getattr(made.file, f"{kind}es" if kind == "mesh" else f"{kind}s")):
+                thing.name = thing.name or f"{kind}_{index}"
+        return made.save(folder / f"{name}.glb")
+
+    return of
+
+
+def add_animations(glb):
+    """Two animations that turn the upper of the two bones."""
+    hip, chest = glb.file.skins[0].joints
+    clock = glb.add(np.float32([0, 0.5, 1]), None)
+    for name, bone, angle in (("nod", chest, 40), ("sway", hip, -25)):
+        turns = Rotation.from_euler("y", [[0], [angle], [0]], degrees=True).as_quat().astype(np.float32)
+        sampler = gltf.AnimationSampler(input=clock, output=glb.add(turns, None), interpolation="LINEAR")
+        channel = gltf.AnimationChannel(sampler=0, target=gltf.AnimationChannelTarget(node=bone, path="rotation"))
+        glb.file.animations.append(gltf.Animation(name=name, channels=[channel], samplers=[sampler]))
+
+
+def add_texture(glb, uv):
+    png = io.BytesIO()
+    Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(png, "PNG")
+    glb.file.images = [gltf.Image(bufferView=glb.view(png.getvalue()), mimeType="image/png", name="squares")]
+    glb.file.textures = [gltf.Texture(source=0)]
+    surface = gltf.PbrMetallicRoughness(baseColorTexture=gltf.TextureInfo(index=0), metallicFactor=0)
+    glb.file.materials = [gltf.Material(name="paint", pbrMetallicRoughness=surface)]
+    primitive = glb.file.meshes[0].primitives[0]
+    primitive.material, primitive.attributes.TEXCOORD_0 = 0, glb.add(uv)
+
+
+@pytest.fixture(scope="module")
+def file(character, second, write_puppet, raw, tmp_path_factory):
+    """Export a character, once for all tests; the made ones are moved by a root as well."""
+    folder, exported = tmp_path_factory.mktemp("exported"), {}
+
+    def make(name, form):
+        path = character(name)
+        puppet, output = folder / f"{name}.toml", folder / f"{name}_{form}.glb"
+        if name in REAL:
+            vertices = load_character(path).vertices
+            scale = np.linalg.norm(np.ptp(vertices, axis=0)) / 4
+            more = f"[retarget]\nscale = {scale}\n\n[solver]\nfields = 5\nisolines = 6\n"
+            write_puppet(puppet, path, handles=tips(vertices), more=more)
+        else:
+            write_puppet(puppet, path)
+        return File(raw, *convert(second, puppet, output, Settings(form=form, bones=8 if form == "skin" else None)))
+
+    def once(name, form):
+        if form == "skin":
+            pytest.importorskip("py_dem_bones")
+        if (name, form) not in exported:
+            exported[name, form] = make(name, form)
+        return exported[name, form]
+
+    return once
+
+
+def tips(vertices):
+    """Handles at the outermost points of a character."""
+    picks = dict.fromkeys(int(pick) for axis in vertices.T for pick in (axis.argmin(), axis.argmax()))
+    joints = ["hand_left", "hand_right", "head", "foot_left", "foot_right", "spine"]
+    return "".join(
+        f'[[handle]]\nname = "{joint}"\nposition = {vertices[pick].tolist()}\njoint = "{joint}"\n\n'
+        for pick, joint in zip(picks, joints, strict=False)
+    )
+
+
+@pytest.fixture(scope="module")
+def play(file, player):
+    """Export a character and play it in a program, once for all tests: the file, and what is shown of it."""
+    played = {}
+
+    def once(program, name, form):
+        run = player(program)
+        if (program, name, form) not in played:
+            made = file(name, form)
+            played[program, name, form] = made, run(made.path, TIMES)
+        return played[program, name, form]
+
+    return once
+
+
+class Skinned:
+    """A skinned file as the specification plays it, in float64: bones turn along the shortest arc."""
+
+    def __init__(self, made):
+        self.made, self.nodes = made, made.file.nodes
+        self.parent = {child: index for index, node in enumerate(self.nodes) for child in node.children or []}
+        animation = made.file.animations[0]
+        self.tracks = {
+            (channel.target.node, channel.target.path): animation.samplers[channel.sampler]
+            for channel in animation.channels
+        }
+
+    def local(self, node, time):
+        own, matrix = self.nodes[node], np.eye(4)
+        matrix[:3, 3] = self.value(node, "translation", time, own.translation or [0, 0, 0])
+        turn = Rotation.from_quat(self.value(node, "rotation", time, own.rotation or [0, 0, 0, 1]))
+        matrix[:3, :3] = turn.as_matrix() * (own.scale or [1, 1, 1])
+        return matrix if own.matrix is None else np.array(own.matrix).reshape(4, 4).T
+
+    def value(self, node, path, time, rest):
+        if (node, path) not in self.tracks:
+            return rest
+        sampler = self.tracks[node, path]
+        times, values = (self.made.array(index).astype(np.float64) for index in (sampler.input, sampler.output))
+        time = np.clip(time, times[0, 0], times[-1, 0])
+        if path == "rotation":
+            return Slerp(times[:, 0], Rotation.from_quat(values))(time).as_quat()
+        return [np.interp(time, times[:, 0], column) for column in values.T]
+
+    def world(self, node, time):
+        local = self.local(node, time)
+        return self.world(self.parent[node], time) @ local if node in self.parent else local
+
+    def positions(self, part, times):
+        node = self.nodes[part.node]
+        skin, mesh = self.made.file.skins[node.skin], self.made.file.meshes[node.mesh]
+        primitive = mesh.primitives[part.primitive]
+        bound = self.made.array(primitive.attributes.POSITION).astype(np.float64)
+        for target, weight in zip(primitive.targets or [], mesh.weights or [], strict=True):
+            bound += weight * self.made.array(target["POSITION"])
+        bound = np.column_stack([bound, np.ones(len(bound))])
+        joints, weights = (self.made.array(getattr(primitive.attributes, name)) for name in ("JOINTS_0", "WEIGHTS_0"))
+        back = self.made.array(skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+        shown = []
+        for time in times:
+            bones = np.array([self.world(joint, time) for joint in skin.joints]) @ back
+            shown.append(np.einsum("vj,vjab,vb->va", weights.astype(np.float64), bones[joints], bound)[:, :3])
+        return np.array(shown)
+
+
+def allowed(program, made, expected):
+    """How far a vertex may be from where the file says, in the character's units."""
+    rounding = ROUNDING * made.diagonal
+    if program == "Godot" and made.gltf.skins:  # keeps each of at most four weights of a vertex in 16 bits
+        rounding += 4 / 65535 * max(np.linalg.norm(positions, axis=2).max() for positions in expected.values())
+    return rounding
+
+
+@pytest.mark.parametrize("name", [*MADE, *REAL])
+@pytest.mark.parametrize("form", FORMS)
+def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, players):
+    made, shown = play(program, name, form)
+    np.testing.assert_allclose(shown.times, np.arange(TIMES) * 2.5 / FPS, atol=1e-6)
+    between = np.arange(TIMES) % 2 == 1
+    expected = players.solved(made.clip)(shown.times)
+    rounding = allowed(program, made, expected)
+    if form == "skin":  # between two keyframes bones turn, and do not go in straight lines
+        exact = Skinned(made.reader)
+        turned = {(p.node, p.primitive): exact.positions(p, shown.times) for p in made.clip.rig.character.parts}
+        assert players.farthest(shown.meshes, turned) <= rounding
+        expected = {key: np.where(between[:, None, None], turned[key], expected[key]) for key in expected}
+    assert players.farthest(shown.meshes, expected) <= made.summary.error * made.diagonal + rounding
+    everything = np.concatenate(list(shown.meshes.values()), axis=1)
+    moved = np.nanmax(np.linalg.norm(everything - everything[0], axis=2), axis=1)
+    assert moved[1:].min() > 0.005 * made.diagonal
+
+
+PLAIN = str.maketrans(dict.fromkeys('.:@/"%', "_"))
+"""What Godot writes for characters that the names of its nodes may not have."""
+
+
+def names(things):
+    return [thing.name for thing in things]
+
+
+def targets(made, node):
+    """The names of the morph targets of a node's mesh."""
+    return ((made.meshes[made.nodes[node].mesh].extras or {}).get("targetNames")) or []
+
+
+@pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
+@pytest.mark.parametrize("form", ["morph", "skin"])
+def test_animations_nodes_and_targets_have_the_names_that_the_file_gives_them(program, form, name, play):
+    made, shown = play(program, name, form)
+    own, report = made.gltf, shown.report
+    assert own.animations[0].name == "one_second"
+    animations, nodes = names(own.animations), set(names(own.nodes))
+    if program in ("three.js", "Babylon.js", "assimp"):
+        assert report["animations"] == animations
+        assert nodes <= set(report["objects"])
+    elif program == "Godot":
+        assert sorted(report["animations"]) == sorted(animations)
+        assert {node.translate(PLAIN) for node in nodes} <= {node.translate(PLAIN) for node in report["objects"]}
+    else:
+        assert sorted(report["actions"]) == sorted(animations)
+        bones = {bone for armature in report["bones"].values() for bone in armature}
+        assert nodes <= set(report["objects"]) | bones
+    for mesh in report["meshes"]:
+        shown = [key["name"] for key in mesh["shape_keys"]] if program == "Blender" else mesh["targets"]
+        assert shown == targets(own, mesh["node"])
+
+
+def looks(made, node, primitive):
+    """Name, base colour, and the texture's name and size, or None, of a primitive's material."""
+    file = made.gltf
+    index = file.meshes[file.nodes[node].mesh].primitives[primitive].material
+    if index is None:
+        return None
+    material = file.materials[index]
+    surface = material.pbrMetallicRoughness
+    if surface.baseColorTexture is None:
+        return material.name, surface.baseColorFactor, None
+    image = file.images[file.textures[surface.baseColorTexture.index].source]
+    with Image.open(io.BytesIO(made.reader.view(image.bufferView))) as picture:
+        return material.name, surface.baseColorFactor, (image.name, picture.size)
+
+
+@pytest.mark.parametrize("name", ["animated", "several_primitives", *REAL])
+@pytest.mark.parametrize("form", ["morph", "skin"])
+def test_every_part_has_its_material(program, form, name, play):
+    made, shown = play(program, name, form)
+    own = made.gltf
+    for mesh in shown.report["meshes"]:
+        if program == "Blender":  # one mesh for all primitives of a node, with the materials that they have
+            count = len(own.meshes[own.nodes[mesh["node"]].mesh].primitives)
+            expected = list({str(look): look for look in (looks(made, mesh["node"], i) for i in range(count))}.values())
+        else:
+            expected = [looks(made, mesh["node"], mesh["primitive"])]
+        for look, seen in zip(filter(None, expected), mesh["materials"], strict=True):
+            material, color, texture = look
+            assert seen["name"] == material
+            if texture is None:
+                np.testing.assert_allclose(seen["base_color"][:3], color[:3], atol=1e-6)
+                assert seen["images"] == []
+            else:
+                (image,) = seen["images"]
+                assert tuple(image.get("size", texture[1])) == texture[1]
+                if texture[0] is not None and program in (
+                    "Blender",
+                    "three.js",
+                    "Godot",
+                ):  # others name it after its use
+                    assert image["name"] == texture[0]
+
+
+@pytest.mark.parametrize("name", ["own_targets", "animated", "node_transforms", *REAL])
+@pytest.mark.parametrize("form", FORMS)
+def test_blender_plays_the_recording_at_once_with_a_keyframe_a_frame(form, name, play):
+    made, shown = play("Blender", name, form)
+    report = shown.report
+    assert report["fps"] == FPS
+    assert report["actions"]["one_second"]["frames"] == [0, FRAMES - 1]
+    moved = {channel.target.node for channel in made.gltf.animations[0].channels}
+    assert moved
+    active = [owner for owner in report["animated"] if owner["action"] is not None]
+    assert {owner["action"] for owner in active} == {"one_second"}
+    for owner in active:
+        assert owner["slot"] == owner["object"]
+        assert "one_second" in {track["name"] for track in owner["tracks"]}
+    keyed = {owner["object"] for owner in active if owner["kind"] == "KEY"}
+    for mesh in report["meshes"]:
+        assert (mesh["name"] in keyed) == bool(form != "skin" or targets(made.gltf, mesh["node"]))
+        for key in mesh["shape_keys"]:
+            low, high = key["slider"]
+            assert low <= key["asked"][0] <= key["asked"][1] <= high
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_blender_plays_in_seconds_whatever_the_frame_rate_of_the_scene(form, player, file, players):
+    blender = player("Blender")
+    made = file("textured", form)
+    shown = blender(made.path, FRAMES, "24")
+    assert shown.report["fps"] == 24
+    np.testing.assert_allclose(shown.times, np.arange(FRAMES) / FPS, atol=1e-6)
+    off = players.farthest(shown.meshes, players.solved(made.clip)(shown.times))
+    assert off <= (made.summary.error + ROUNDING) * made.diagonal
+
+
+@pytest.mark.parametrize("form", ["morph", "skin"])
+def test_godots_editor_imports_every_vertex_when_its_optimizer_is_off(form, player, file, players, tmp_path):
+    player("Godot")
+    made, project = file("animated", form), tmp_path / "project"
+    shutil.copytree(players.PEERS / "godot", project, ignore=shutil.ignore_patterns(".godot"))
+    shutil.copy(made.path, project / "figure.glb")
+    (project / "figure.glb.import").write_text(
+        '[remap]\n\nimporter="scene"\n\n[params]\n\n'
+        '_subresources={"nodes": {"PATH:AnimationPlayer": {"optimizer/enabled": false}}}\n'
+    )
+    command = players.commands()["Godot"]
+    command[command.index("--path") + 1] = project
+    subprocess.run([*command[:4], "--import"], capture_output=True, check=True)
+    shown = players.play(command, made.path, TIMES, tmp_path / "shown", "res://figure.glb")
+    keys = slice(None, None, 2)
+    expected = players.solved(made.clip)(shown.times[keys])
+    for key, positions in expected.items():  # the editor puts vertices in another order: each is known by its path
+        paths, seen = (np.concatenate(table, axis=1) for table in (positions, shown.meshes[key][keys]))
+        far = made.summary.error * made.diagonal + allowed("Godot", made, expected)
+        for one, other in ((paths, seen), (seen, paths)):
+            _, nearest = cKDTree(one).query(other)
+            moved = (one[nearest] - other).reshape(len(other), -1, 3)
+            assert np.linalg.norm(moved, axis=2).max() <= far
+
+
+@pytest.fixture(scope="module")
+def hour(file, tmp_path_factory):
+    """An hour at 30 frames a second: one second there and back, again and again."""
+    made = file("textured", "morph")
+    there_and_back = np.abs((np.arange(3600 * FPS + 1) + FRAMES - 1) % (2 * FRAMES - 2) - (FRAMES - 1))
+    store, second = FrameStore(made.clip.frames[0].shape), made.clip.frames[:]
+    for some in np.array_split(there_and_back, 100):
+        store.append(second[some])
+    timeline = replace(made.clip.timeline, positions=made.clip.timeline.positions[there_and_back])
+    clip = replace(made.clip, frames=store, root=made.clip.root[there_and_back], timeline=timeline)
+    output = tmp_path_factory.mktemp("hour") / "hour.glb"
+    return File(made.raw, clip, write(clip, output, "hour", Settings(), lambda *_: None))
+
+
+MERGED = 1e-5
+"""Share of the time by which Godot takes two moments of an animation for one."""
+
+
+def test_an_hour_plays_to_its_end(program, player, request, players):
+    hour = request.getfixturevalue("hour")
+    shown = player(program)(hour.path, 65)  # keyframes, and the middles between two, by turns
+    assert shown.times[-1] == pytest.approx(3600, abs=1e-3)
+    assert hour.summary.frames == 3600 * FPS + 1
+    expected = players.solved(hour.clip)(shown.times)
+    second = players.solved(hour.clip)(np.arange(FRAMES) / FPS)
+    step = max(np.linalg.norm(np.diff(positions, axis=0), axis=2).max() for positions in second.values())
+    late = np.spacing(np.float32(3600)) * FPS * step  # a file's clock is float32
+    if (
+        program == "Godot"
+    ):  # merges keyframes that are nearer than its tolerance, and those nearer than twice that to a time
+        told = shown.times < 0.5 / FPS / MERGED
+        shown = replace(shown, meshes={key: positions[told] for key, positions in shown.meshes.items()})
+        expected = {key: positions[told] for key, positions in expected.items()}
+    assert players.farthest(shown.meshes, expected) <= (hour.summary.error + ROUNDING) * hour.diagonal + late

@@ -1,0 +1,176 @@
+"""Which bones the joints of real and hand-made skeletons follow, by name."""
+
+import numpy as np
+import pytest
+
+from engine_bridge.character.character import load_character
+from engine_bridge.export.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import rig_limbs
+from solver.motion.limbs import TRUNK, Limb, parents_first
+
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
+CORNERS = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+
+
+def limb(name, *points, parent=TRUNK):
+    return Limb(name, np.array(points, dtype=np.float64), ((0,),) * len(points), parent=parent)
+
+
+BODY = limb("trunk", (0, 1, 0), (0, 1.5, 0), (0, 2, 0), parent=None)
+ARM = limb("left arm", (0.3, 1.9, 0), (0.8, 1.9, 0), (1.2, 1.9, 0), (1.4, 1.9, 0))
+HEAD = limb("head", (0, 2, 0), (0, 2.5, 0))
+
+
+def sorted_by_name(character, limbs):
+    """Each joint's bones with their shares: {joint: {"left arm 1": 1.0}}."""
+    bones = rig_bones(character, limbs)
+    names = [f"{each.name} {k}" for each in parents_first(limbs) for k in range(len(each.points) - 1)]
+    nodes = character.document.gltf["nodes"]
+    return bones, {
+        nodes[node]["name"]: {names[b]: round(float(shares[b]), 3) for b in np.flatnonzero(shares)}
+        for node, shares in zip(bones.nodes, bones.shares, strict=True)
+    }
+
+
+@pytest.fixture
+def build(glb, tmp_path):
+    """A character of nodes (name: world place, parent), each of which shows a small tetrahedron."""
+
+    def make(joints):
+        nodes = {}
+        for name, (place, parent) in joints.items():
+            above = np.zeros(3) if parent is None else np.array(joints[parent][0])
+            mesh = glb.mesh(glb.primitive(CORNERS, FACES))
+            where = (np.array(place) - above).tolist()
+            nodes[name] = glb.node(mesh, parent=None if parent is None else nodes[parent], name=name, translation=where)
+        return load_character(glb.save(tmp_path / "nodes.glb"))
+
+    return make
+
+
+SPINE = {
+    "root": ((0, 0, 0), None),
+    "hips": ((0, 0.9, 0), "root"),
+    "middle": ((0, 1.5, 0), "hips"),
+    "chest": ((0, 1.7, 0), "middle"),
+    "collar": ((0.1, 1.85, 0), "chest"),
+    "upper": ((0.3, 1.9, 0), "collar"),
+    "twist": ((0.55, 1.9, 0), "upper"),
+    "lower": ((0.8, 1.9, 0), "twist"),
+    "hand": ((1.2, 1.9, 0), "lower"),
+    "thumb": ((1.25, 1.9, 0.1), "hand"),
+    "neck": ((0, 2, 0), "chest"),
+    "skull": ((0, 2.1, 0), "neck"),
+}
+
+
+def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
+    bones, found = sorted_by_name(build(SPINE), [BODY, ARM, HEAD])
+    expected = {
+        "trunk 0": ("root", "hips"),
+        "trunk 1": ("middle", "chest", "collar"),
+        "left arm 0": ("upper", "twist"),
+        "left arm 1": ("lower",),
+        "left arm 2": ("hand", "thumb"),
+        "head 0": ("neck", "skull"),
+    }
+    assert found == {joint: {bone: 1} for bone, joints in expected.items() for joint in joints}
+    names = list(found)
+    turning = {name for name, turns in zip(names, bones.turning, strict=True) if turns}
+    assert turning == {"root", "middle", "upper", "lower", "hand", "neck"}
+    assert {name for name, placed in zip(names, bones.placed, strict=True) if placed} == {"root"}
+
+
+def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
+    """There is no neck, and the head begins at the chest's joint: the arms would go with it."""
+    joints = {name: place for name, place in SPINE.items() if name not in ("neck", "skull")}
+    joints |= {"chest": ((0, 2, 0), "middle"), "skull": ((0, 2.1, 0), "chest")}
+    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    assert found["chest"] == {"trunk 1": 1}
+    assert found["skull"] == {"head 0": 1}
+    assert found["upper"] == {"left arm 0": 1}
+
+
+def test_of_two_joints_at_one_place_the_lower_begins_the_arm(build):
+    joints = SPINE | {"collar": ((0.3, 1.9, 0), "chest")}
+    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    assert (found["collar"], found["upper"]) == ({"trunk 1": 1}, {"left arm 0": 1})
+
+
+def test_several_joints_at_the_wrist_all_turn_as_the_hand(build):
+    joints = SPINE | {"palm": ((1.2, 1.9, 0), "lower"), "finger": ((1.3, 1.9, 0), "palm")}
+    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    assert found["hand"] == found["palm"] == found["finger"] == {"left arm 2": 1}
+
+
+def test_a_target_of_inverse_kinematics_goes_with_its_hand_and_a_pole_with_the_root(build):
+    joints = SPINE | {"grip": ((1.21, 1.9, 0), "root"), "pole": ((0.8, 1.9, -1), "root")}
+    bones, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    assert (found["grip"], found["pole"]) == ({"left arm 2": 1}, {"trunk 0": 1})
+    assert [name for name, placed in zip(found, bones.placed, strict=True) if placed] == ["root", "grip"]
+
+
+def test_something_that_hangs_on_the_hips_stays_with_them_however_near_to_an_arm(build):
+    joints = SPINE | {"pouch": ((1.2, 1.9, 0.01), "hips")}
+    _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
+    assert found["pouch"] == {"trunk 0": 1}
+
+
+def test_without_a_trunk_what_is_above_the_limbs_stands_still(build):
+    bones, found = sorted_by_name(build(SPINE), [limb("left arm", *ARM.points, parent=None)])
+    assert found["chest"] == found["neck"] == {}
+    assert found["upper"] == {"left arm 0": 1}
+    assert [name for name, placed in zip(found, bones.placed, strict=True) if placed] == ["root"]
+
+
+def test_limbs_off_the_skeleton_are_named(build):
+    tail = limb("tail", (0, 1, -0.5), (0, 1, -1))
+    bones, _ = sorted_by_name(build(SPINE), [BODY, ARM, HEAD, tail])
+    assert bones.missing == ("tail",)
+
+
+def test_one_plain_surface_is_no_skeleton(blob_file):
+    bones = rig_bones(load_character(blob_file), [BODY, ARM])
+    assert len(bones.nodes) == 0
+
+
+def of_file(real_data, name):
+    character = load_character(real_data / "mesh" / "gltf" / f"{name}.glb")
+    chains = rig_limbs(character).chains
+    names = [chain.name for chain in chains]
+    parents = {name: None if name == TRUNK else TRUNK for name in names}
+    if "neck" in names:
+        parents["head"] = "neck"
+    return sorted_by_name(character, [limb(each.name, *each.points, parent=parents[each.name]) for each in chains])
+
+
+def test_joints_of_a_knight(real_data):
+    """His spine has no joint in its middle, and his head's is above the shoulders."""
+    bones, found = of_file(real_data, "kaykit_Knight")
+    assert found["hips"] == {"trunk 0": 1}
+    assert found["spine"] == {"trunk 0": 0.574, "trunk 1": 0.426}
+    assert found["chest"] == {"trunk 1": 1}
+    assert found["head"] == {"head 0": 1}
+    assert found["handslot.l"] == {"left arm 2": 1}
+    assert found["toes.r"] == {"right leg 2": 1}
+    assert found["kneeIK.l"] == {"trunk 0": 1}
+    assert (bones.missing, bones.loose) == ((), ())
+
+
+def test_joints_of_a_robot_whose_feet_hang_on_nothing(real_data):
+    bones, found = of_file(real_data, "quaternius_George")
+    assert found["Foot.L"] == found["LowerLeg.L"] == {"left leg 2": 1}
+    assert found["Neck"] == found["Shoulder.R"] == {"trunk 1": 1}
+    assert found["PalmT.R"] == found["Thumb1.R"] == {"right arm 2": 1}
+    assert [name for name, placed in zip(found, bones.placed, strict=True) if placed] == ["Body", "Foot.L", "Foot.R"]
+
+
+def test_joints_of_a_fox_and_its_tail(real_data):
+    _, found = of_file(real_data, "quaternius_Fox")
+    assert found["Torso3"] == found["FrontShoulder.L"] == {"trunk 1": 1}
+    assert found["BackShoulder.R"] == found["Body"] == {"trunk 0": 1}
+    assert found["IKFrontLeg.R"] == found["FF.R"] == {"right front leg 2": 1}
+    assert (found["Neck3"], found["Head"]) == ({"neck 1": 1}, {"head 0": 1})
+    tail = [found[f"Tail{number}"] for number in range(1, 7)]
+    assert (tail[0], tail[-1]) == ({"tail 0": 1}, {"tail 2": 1})
+    assert [max(each) for each in tail] == sorted(max(each) for each in tail)

@@ -1,0 +1,5 @@
+"""A stage for the tests that play on one."""
+
+from ..service.conftest import executor, kung_fu, make_role, make_stage
+
+__all__ = ["executor", "kung_fu", "make_role", "make_stage"]

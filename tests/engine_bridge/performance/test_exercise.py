@@ -1,0 +1,95 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine_bridge.performance.exercise import exercise
+from engine_bridge.performance.performance import make_deformer
+from engine_bridge.performance.retargeting import fit_sizes
+from engine_bridge.performance.rig import load_rig
+
+
+def handles_of(rig, rest):
+    """Where the handles are in every frame of the exercise, (F, h, 3) from their rest positions, mesh units."""
+    R = np.concatenate(list(exercise(rig, rest, 64))).astype(np.float64)
+    deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
+    rows = rig.model.rows(rig.mesh, deformer.handles)
+    return np.einsum("hj,fjx->fhx", rows, R - rig.model.rest_controls) * rig.mesh.diagonal
+
+
+@pytest.fixture(scope="module")
+def free_rig(blob_file, write_puppet):
+    """The figure with its scale found by trying, so that its handles have a reach."""
+    path = write_puppet(blob_file.with_name("free.toml"), blob_file.name, more="[solver]\nfields = 5\nisolines = 6\n")
+    return load_rig(path)
+
+
+def test_it_is_the_same_every_time_however_many_frames_are_asked_for_at_a_time(blob_rig, standing):
+    all_at_once = np.concatenate(list(exercise(blob_rig, standing, 10_000)))
+    np.testing.assert_array_equal(np.concatenate(list(exercise(blob_rig, standing, 7))), all_at_once)
+
+
+def test_each_handle_goes_nearly_to_the_end_of_its_reach_and_never_beyond(free_rig, standing):
+    fit = fit_sizes(
+        free_rig.puppet, make_deformer(free_rig.puppet, free_rig.mesh, free_rig.model), free_rig.mesh, standing
+    )
+    gain = free_rig.puppet.mapping.gain[:, None]
+    moved = handles_of(free_rig, standing) / gain
+    share = moved / np.where(moved < 0, fit.reach[..., 0], fit.reach[..., 1])
+    left, right, head, *feet = range(5)
+    pulled = 0.02  # handles are pulled, not nailed
+    assert np.linalg.norm(share[:, [left, right, head]], axis=-1).max() < 1 + pulled
+    for handle, axes in ((left, "xyz"), (right, "xyz"), (head, "xz")):
+        for axis in ("xyz".index(name) for name in axes):
+            for side in (moved[:, handle, axis] < 0, moved[:, handle, axis] > 0):
+                assert np.abs(share[side, handle, axis]).max() > 0.9
+    for foot in feet:  # which no joint moves
+        assert np.abs(moved[:, foot]).max() < 0.002 * free_rig.mesh.diagonal
+    assert np.abs(moved[:, head, 1]).max() < 0.002 * free_rig.mesh.diagonal  # its joint moves it along x and z only
+
+
+def test_handles_move_alone_and_all_at_once(free_rig, standing):
+    moves = np.linalg.norm(handles_of(free_rig, standing)[:, :3], axis=-1) > 1e-3 * free_rig.mesh.diagonal
+    assert {tuple(row) for row in moves.tolist()} >= {
+        (True, False, False),
+        (False, True, False),
+        (False, False, True),
+        (True, True, True),
+    }
+
+
+def test_with_a_scale_given_handles_go_as_far_as_the_performers_limbs_are_long(blob_rig, standing):
+    """1.3 units a metre, of an arm of 0.6 m that is not scaled down to any reach."""
+    moved = handles_of(blob_rig, standing)
+    arm = 0.26 + 0.25 + 0.08
+    assert np.linalg.norm(moved[:, 0], axis=-1).max() == pytest.approx(1.3 * arm, rel=0.05)
+    larger = handles_of(blob_rig, standing * 1.5)
+    assert np.linalg.norm(larger[:, 0], axis=-1).max() == pytest.approx(1.5 * 1.3 * arm, rel=0.05)
+
+
+def test_a_puppet_whose_handles_no_joint_moves_stays_at_rest(blob_rig, standing):
+    still = tuple(handle.model_copy(update={"joint": None, "joints": None}) for handle in blob_rig.puppet.handle)
+    rig = replace(blob_rig, puppet=blob_rig.puppet.model_copy(update={"handle": still}))
+    assert np.abs(handles_of(rig, standing)).max() < 1e-6 * rig.mesh.diagonal
+
+
+def test_bones_are_turned_alone_and_all_at_once(limbed_rig, standing):
+    rest = limbed_rig.model.rest_controls
+    R = np.concatenate(list(exercise(limbed_rig, standing, 64)))
+    bones = make_deformer(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model).bones
+    tips = bones.tails[[3, 5]] * 0.98 + bones.heads[[3, 5]] * 0.02  # of the forearms, within the surface
+    rows = limbed_rig.model.rows(limbed_rig.mesh, tips)
+    moved = np.linalg.norm(np.einsum("hj,fjx->fhx", rows, R - rest), axis=2)
+    assert {tuple(row) for row in (moved > 0.02).tolist()} >= {
+        (False, False),
+        (True, False),
+        (False, True),
+        (True, True),
+    }
+    assert moved.max() > 0.2
+
+
+def test_a_puppet_of_limbs_alone_is_exercised(limbed_rig, standing):
+    puppet = limbed_rig.puppet.model_copy(update={"handle": ()})
+    R = np.concatenate(list(exercise(replace(limbed_rig, puppet=puppet), standing, 500)))
+    assert np.abs(R - limbed_rig.model.rest_controls).max() > 0.3

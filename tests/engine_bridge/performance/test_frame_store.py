@@ -1,0 +1,63 @@
+import tempfile
+
+import numpy as np
+import pytest
+
+from engine_bridge.performance import frame_store
+from engine_bridge.performance.frame_store import FrameStore
+from puppetline.errors import OutputError
+
+FRAMES = np.random.default_rng(0).normal(size=(50, 8, 3)).astype(np.float32)
+
+
+@pytest.fixture(params=["memory", "file"])
+def store(request, monkeypatch):
+    """The frames in a store, once small enough for memory and once not."""
+    monkeypatch.setattr(frame_store, "IN_MEMORY", 10**6 if request.param == "memory" else 1000)
+    made = FrameStore((8, 3))
+    for start in (0, 20, 30):
+        made.append(FRAMES[start : {0: 20, 20: 30, 30: 50}[start]].astype(np.float64))
+    return made
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        slice(None),
+        slice(10, 35),
+        slice(40, 99),
+        slice(None, None, 3),
+        slice(5, 5),
+        np.array([3, 49, 7, 7]),
+        np.array([4, 5, 6]),
+        np.array([], dtype=int),
+    ],
+    ids=str,
+)
+def test_it_is_read_as_an_array_is(store, chosen):
+    found = store[chosen]
+    np.testing.assert_array_equal(found, FRAMES[chosen])
+    assert found.dtype == np.float32
+
+
+def test_one_frame_and_all_one_by_one(store):
+    assert len(store) == 50
+    np.testing.assert_array_equal(store[-1], FRAMES[-1])
+    np.testing.assert_array_equal(list(store), FRAMES)
+    with pytest.raises(IndexError):
+        store[50]
+
+
+def test_it_goes_on_growing_after_it_was_read(store):
+    store[3:9]
+    store.append(FRAMES[:2])
+    np.testing.assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))
+
+
+def test_a_system_without_room_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_store, "IN_MEMORY", 1000)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
+    with pytest.raises(OutputError) as refused:
+        FrameStore((8, 3)).append(FRAMES)
+    assert refused.value.where == "the folder for temporary files"
+    assert "TMPDIR" in refused.value.fix

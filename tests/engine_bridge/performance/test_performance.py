@@ -1,0 +1,322 @@
+import numpy as np
+import pytest
+
+from capture.skeleton import JOINT_INDEX, mirrored
+from engine_bridge.character.character import make_character
+from engine_bridge.performance.performance import Performance, check_handles, check_limbs
+from engine_bridge.performance.rig import make_rig
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.puppet import CharacterTable, RetargetTable, RootTable, SmoothingTable
+from puppetline.errors import PuppetError
+from solver.model.reduced_model import position_matrix
+
+RAW = SmoothingTable(alpha=1, gamma=0, jitter_radius=0, max_deviation=float("inf"), prediction=0)
+"""No smoothing: what is measured is what is played."""
+
+
+@pytest.fixture(scope="module")
+def puppet(blob_file, write_puppet):
+    path = write_puppet(blob_file.with_name("stage.toml"), blob_file.name, more="[solver]\nfields = 5\nisolines = 6\n")
+    return puppet_file.load(path).model_copy(update={"smoothing": RAW})
+
+
+@pytest.fixture(scope="module")
+def rig_of(blob):
+    """Prepare the figure for a puppet, its vertices turned by a matrix for row vectors."""
+
+    def make(puppet, turn=None):
+        vertices = blob.vertices.astype(np.float64)
+        return make_rig(puppet, make_character("blob", vertices if turn is None else vertices @ turn, blob.faces))
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def rig(rig_of, puppet):
+    return rig_of(puppet)
+
+
+def play(rig, puppet, frames, rest):
+    """Return (T, n, 3) vertices without the root's motion, and (T, 3) the root's."""
+    performance = Performance(puppet, rig.mesh, rig.model, rest)
+    poses = [performance.step(frame) for frame in frames]
+    model = rig.model
+    W = position_matrix(
+        model.to_model(rig.mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+    )
+    vertices = np.array([W @ pose.R for pose in poses]) * model.diagonal + model.center
+    return vertices, np.array([pose.root for pose in poses])
+
+
+def changed(puppet, **tables):
+    return puppet.model_copy(update=tables)
+
+
+def test_a_still_performer_leaves_the_character_as_it_is(rig, puppet, frames, standing):
+    vertices, root = play(rig, puppet, frames(np.tile(standing, (5, 1, 1))), standing)
+    np.testing.assert_allclose(vertices, np.tile(rig.mesh.vertices, (5, 1, 1)), atol=1e-6 * rig.mesh.diagonal)
+    np.testing.assert_array_equal(root, np.zeros((5, 3)))
+
+
+@pytest.mark.parametrize("scale", ["auto", 1.7])
+def test_a_mirroring_puppet_plays_what_another_plays_to_the_mirrored_performer(
+    rig, puppet, frames, dance, standing, scale
+):
+    takes = dance(30)
+    takes[10:13, JOINT_INDEX["hand_left"]] = np.nan  # lost on one side only
+    mirroring = changed(puppet, retarget=RetargetTable(mirror=True, scale=scale))
+    plain = changed(puppet, retarget=RetargetTable(scale=scale))
+    ours, our_root = play(rig, mirroring, frames(takes), standing)
+    theirs, their_root = play(rig, plain, frames(mirrored(takes)), mirrored(standing))
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+    np.testing.assert_allclose(our_root, their_root, atol=1e-12)
+    straight, straight_root = play(rig, plain, frames(takes), standing)
+    np.testing.assert_allclose(our_root, straight_root * [-1, 1, 1], atol=1e-12)
+    assert np.abs(our_root[:, 0]).max() > 0.1
+    assert np.abs(ours - straight).max() > 0.05 * rig.mesh.diagonal
+
+
+@pytest.mark.parametrize("axes", ["", "x", "xz", "xyz"])
+@pytest.mark.parametrize("scale", ["auto", 2.5])
+def test_the_root_moves_as_the_hips_do_times_the_scale(rig, puppet, frames, dance, standing, axes, scale):
+    moving = changed(puppet, root=RootTable(axes=axes), retarget=RetargetTable(scale=scale))
+    takes = dance(20)
+    _, root = play(rig, moving, frames(takes), standing)
+    hips = takes[:, JOINT_INDEX["hip_center"]] - standing[JOINT_INDEX["hip_center"]]
+    if scale == "auto":  # the character's height to the performer's: soles, legs, trunk and the top of the head
+        bone = lambda a, b: np.linalg.norm(standing[JOINT_INDEX[a]] - standing[JOINT_INDEX[b]])  # noqa: E731
+        legs = [
+            bone(f"{upper}_{side}", f"{lower}_{side}")
+            for side in ("left", "right")
+            for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+        ]
+        trunk = bone("hip_center", "spine") + bone("spine", "shoulder_center") + bone("shoulder_center", "head")
+        scale = np.ptp(rig.mesh.vertices[:, 1]) / (0.09 + sum(legs) / 2 + trunk + 0.11)
+    expected = scale * hips * [-1, 1, -1] * [axis in axes for axis in "xyz"]
+    np.testing.assert_allclose(root, expected, atol=1e-9)
+
+
+def test_the_roots_motion_is_not_played_by_the_handles_as_well(rig, puppet, frames, standing):
+    walk = np.tile(standing, (10, 1, 1)) + np.linspace(0, 1, 10)[:, None, None] * [0.5, 0, -0.8]
+    vertices, root = play(rig, puppet, frames(walk), standing)
+    np.testing.assert_allclose(vertices, np.tile(rig.mesh.vertices, (10, 1, 1)), atol=1e-6 * rig.mesh.diagonal)
+    assert root[-1, 0] < 0 < root[-1, 2]
+
+
+def test_the_root_of_a_body_that_is_lost_stays_where_it_was(rig, puppet, frames, dance, standing):
+    takes = dance(12)
+    takes[5:9] = np.nan
+    _, root = play(rig, puppet, frames(takes), standing)
+    np.testing.assert_array_equal(root[5:9], np.tile(root[4], (4, 1)))
+
+
+def test_with_a_number_for_scale_handles_go_that_far_without_limit(rig, puppet, frames, standing):
+    numeric = changed(puppet, root=None, retarget=RetargetTable(scale=0.5))
+    takes = np.tile(standing, (40, 1, 1))
+    takes[:, JOINT_INDEX["hand_left"]] += np.linspace(0, 1, 40)[:, None] * [-0.2, 0.9, -0.6]
+    performance = Performance(numeric, rig.mesh, rig.model, standing)
+    handles = performance.deformer.handles
+    for frame in frames(takes):
+        pose = performance.step(frame)
+    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    expected = handles.copy()
+    expected[0] += 0.5 * np.array([0.2, 0.9, 0.6])  # the figure's axes: −x, y, −z of the sensor's
+    np.testing.assert_allclose(there, expected, atol=1e-3 * rig.mesh.diagonal)
+
+
+@pytest.mark.parametrize("scale", ["auto", 1.3])
+def test_a_character_in_centimetres_moves_as_in_metres(rig_of, rig, puppet, frames, dance, standing, scale):
+    metres = changed(puppet, retarget=RetargetTable(scale=scale))
+    large = rig_of(puppet, 100 * np.eye(3))
+    centimetres = changed(
+        metres,
+        character=metres.character.model_copy(update={"scale": 0.01}),
+        handle=tuple(
+            handle.model_copy(update={"position": tuple(100 * x for x in handle.position)}) for handle in metres.handle
+        ),
+    )
+    takes = dance(12)
+    ours, our_root = play(rig, metres, frames(takes), standing)
+    theirs, their_root = play(large, centimetres, frames(takes), standing)
+    np.testing.assert_allclose(theirs, 100 * ours, atol=1e-4 * large.mesh.diagonal)
+    np.testing.assert_allclose(their_root, 100 * our_root, atol=1e-6)
+
+
+def test_handles_take_the_mean_of_their_joints_their_axes_and_their_gain(rig, puppet, frames, standing):
+    numeric = changed(puppet, root=None, retarget=RetargetTable(scale=1.0))
+    takes = np.tile(standing, (2, 1, 1))
+    takes[1, JOINT_INDEX["hand_right"]] += [0, 0.2, 0]
+    takes[1, JOINT_INDEX["wrist_right"]] += [0.1, 0, 0]
+    takes[1, JOINT_INDEX["head"]] += [0.1, 0.3, -0.2]
+    performance = Performance(numeric, rig.mesh, rig.model, standing)
+    handles = performance.deformer.handles
+    pose = [performance.step(frame) for frame in frames(takes)][-1]
+    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    moved = np.zeros_like(handles)
+    moved[1] = [-0.05, 0.1, 0]
+    moved[2] = 0.8 * np.array([-0.1, 0, 0.2])
+    np.testing.assert_allclose(there - handles, moved, atol=1e-3 * rig.mesh.diagonal)
+
+
+@pytest.mark.parametrize(
+    ("up", "front", "scale"),
+    [("z", "-y", "auto"), ("z", "-y", 1.0), ("x", "y", 1.0), ("-y", "-z", 1.0), ("z", "x", 1.0)],
+)
+def test_a_character_that_stands_otherwise_in_its_file_plays_the_same(
+    rig, rig_of, puppet, frames, dance, standing, up, front, scale
+):
+    upright = changed(puppet, retarget=RetargetTable(scale=scale), root=RootTable(axes="xyz"))
+    table = CharacterTable(mesh="a", up=up, front=front)
+    turn = table.basis  # rows: where left, up and front go
+    turned = changed(
+        upright,
+        character=table,
+        handle=tuple(
+            handle.model_copy(update={"position": tuple(np.array(handle.position) @ turn)}) for handle in puppet.handle
+        ),
+    )
+    takes = dance(15)
+    vertices, root = play(rig, upright, frames(takes), standing)
+    other, other_root = play(rig_of(turned, turn), turned, frames(takes), standing)
+    np.testing.assert_allclose(other, vertices @ turn, atol=1e-4 * rig.mesh.diagonal)
+    np.testing.assert_allclose(other_root, root @ turn, atol=1e-9)
+    assert np.abs(vertices - vertices[0]).max() > 0.03 * rig.mesh.diagonal
+
+
+def test_where_the_performer_stands_and_when_makes_no_difference(rig, puppet, frames, dance, standing):
+    takes = dance(10)
+    here, root = play(rig, puppet, frames(takes), standing)
+    offset = np.array([1.5, 0.3, -1.0])
+    there, other_root = play(rig, puppet, frames(takes + offset, start=1e5), standing + offset)
+    np.testing.assert_allclose(there, here, atol=1e-6)
+    np.testing.assert_allclose(other_root, root, atol=1e-9)
+
+
+def test_with_auto_scale_a_performer_twice_as_large_gives_the_same_motion(rig, puppet, frames, dance, standing):
+    takes = dance(10)
+    here, _ = play(rig, puppet, frames(takes), standing)
+    there, _ = play(rig, puppet, frames(2 * takes), 2 * standing)
+    np.testing.assert_allclose(there, here, atol=1e-6)
+
+
+def test_a_joint_that_is_never_known_moves_nothing(rig, puppet, frames, dance, standing):
+    takes, rest = dance(10), standing.copy()
+    takes[:, JOINT_INDEX["hand_left"]] = rest[JOINT_INDEX["hand_left"]] = np.nan
+    performance = Performance(puppet, rig.mesh, rig.model, rest)
+    handles = performance.deformer.handles
+    pose = [performance.step(frame) for frame in frames(takes)][-1]
+    there = rig.model.rows(rig.mesh, handles) @ pose.R * rig.model.diagonal + rig.model.center
+    np.testing.assert_allclose(there[0], handles[0], atol=1e-3 * rig.mesh.diagonal)
+
+
+def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(rig, puppet):
+    first, *others = puppet.handle
+    off = changed(puppet, handle=(first, others[0].model_copy(update={"position": (50.0, 1.2, 0.0)}), *others[1:]))
+    with pytest.raises(PuppetError) as error:
+        check_handles(off.handle, rig.mesh, "figure.toml")
+    told = error.value
+    assert told.where == "figure.toml, [[handle]] 2 'right hand', position"
+    assert told.found.startswith("[50, 1.2, 0], which is 48.")
+    low, high = rig.mesh.vertices.min(axis=0), rig.mesh.vertices.max(axis=0)
+    spans = " to ".join("[" + ", ".join(f"{value:.4g}" for value in corner) + "]" for corner in (low, high))
+    assert told.expected == f"a point on the mesh, which spans {spans}"
+    nearest = np.array([float(number) for number in told.fix.split("[")[1].split("]")[0].split(",")])
+    assert np.linalg.norm(rig.mesh.vertices - nearest, axis=1).min() < 0.05
+    assert nearest[0] > 1.4
+
+
+def test_a_limb_outside_the_mesh_is_refused_and_one_deep_inside_is_not(rig, limbed_rig):
+    limb = limbed_rig.puppet.limb[2]
+    check_limbs(limbed_rig.puppet.limb, limbed_rig.mesh, "figure.toml")
+    out = limb.model_copy(update={"points": (*limb.points[:2], (1.4, 5.0, 0.1))})
+    with pytest.raises(PuppetError) as error:
+        check_limbs([limbed_rig.puppet.limb[0], out], rig.mesh, "figure.toml")
+    told = error.value
+    assert told.where == "figure.toml, [[limb]] 2 'left arm', points, 3"
+    assert told.found.startswith("[1.4, 5, 0.1], which is 3.")
+    assert told.expected.startswith("a point inside the mesh, which spans")
+
+
+def test_a_limb_in_the_middle_of_a_fat_character_is_inside_it(limbed_rig):
+    ball = make_rig(limbed_rig.puppet, make_character("ball", *sphere()))
+    core = limbed_rig.puppet.limb[0].model_copy(update={"points": ((0.0, -0.1, 0.0), (0.0, 0.0, 0.0), (0.0, 0.1, 0.0))})
+    check_limbs([core], ball.mesh, "ball.toml")
+    beside = core.model_copy(update={"points": ((0.0, 0.0, 0.0), (0.0, 1.2, 0.0), (0.0, 1.9, 0.0))})
+    with pytest.raises(PuppetError, match="points, 3"):
+        check_limbs([beside], ball.mesh, "ball.toml")
+
+
+def sphere(count=16):
+    """Vertices and triangles of a unit sphere that face outwards."""
+    polar, around = np.meshgrid(np.linspace(0.01, np.pi - 0.01, count), np.arange(2 * count) * np.pi / count)
+    points = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), -np.sin(polar) * np.sin(around)], axis=-1)
+    quads = []
+    for i in range(2 * count):
+        for j in range(count - 1):
+            a, b = i * count + j, (i + 1) % (2 * count) * count + j
+            quads += [(a, a + 1, b + 1), (a, b + 1, b)]
+    return points.reshape(-1, 3), np.array(quads)
+
+
+def walk_without_hips(frames, standing):
+    """A walk of 2 cm a frame in which the hips are lost from frame 20 to 39."""
+    takes = np.tile(standing, (90, 1, 1))
+    takes[:, :, 0] += 0.02 * np.arange(90)[:, None]
+    takes[20:40, JOINT_INDEX["hip_center"]] = np.nan
+    return takes, frames(takes)
+
+
+@pytest.fixture
+def walking(puppet):
+    return changed(puppet, retarget=RetargetTable(scale=1.0), root=RootTable(axes="xz"))
+
+
+def test_a_root_that_is_lost_goes_on_with_the_other_joints(rig, walking, frames, standing):
+    _, sequence = walk_without_hips(frames, standing)
+    vertices, root = play(rig, walking, sequence, standing)
+    np.testing.assert_allclose(root[:, 0], -0.02 * np.arange(90), atol=1e-9)
+    np.testing.assert_allclose(vertices, np.tile(rig.mesh.vertices, (90, 1, 1)), atol=1e-6 * rig.mesh.diagonal)
+
+
+def test_a_body_that_is_lost_and_found_carries_the_character_on_without_a_jump(rig, walking, frames, standing):
+    takes, _ = walk_without_hips(frames, standing)
+    takes[20:40] = np.nan
+    _, root = play(rig, walking, frames(takes), standing)
+    np.testing.assert_allclose(root[20:40], np.tile(root[19], (20, 1)), atol=1e-12)
+    assert np.abs(np.diff(root[39:, 0])).max() < 0.12  # it is 0.42 m behind when it returns
+    np.testing.assert_allclose(root[-1, 0], -0.02 * 89, atol=0.02)
+
+
+def test_a_turn_of_the_performer_is_a_rigid_turn_of_a_character_with_limbs(limbed_rig, frames, standing):
+    puppet = changed(limbed_rig.puppet, smoothing=RAW)
+    hips, count = standing[JOINT_INDEX["hip_center"]], 40
+    angles = np.linspace(0, 2 * np.pi, count)
+    turns = np.array([[[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]] for a in angles])
+    takes = np.einsum("txy,jy->tjx", turns, standing - hips) + hips
+    vertices, _ = play(limbed_rig, puppet, frames(takes), standing)
+    axis = limbed_rig.puppet.limbs[0].points[0]
+    flip = np.array([-1.0, 1, -1])
+    for now, turn in zip(vertices, turns, strict=True):
+        expected = (vertices[0] - axis) @ (flip[:, None] * turn * flip).T + axis
+        np.testing.assert_allclose(now, expected, atol=5e-3 * limbed_rig.mesh.diagonal)
+
+
+def test_a_character_with_limbs_crosses_its_arms(limbed_rig, frames, standing):
+    """The surface around each bone goes where the bone goes."""
+    puppet = changed(limbed_rig.puppet, smoothing=RAW, handle=())
+    crossed = standing.copy()
+    for side, sign in (("left", 1), ("right", -1)):
+        shoulder = standing[JOINT_INDEX[f"shoulder_{side}"]]
+        elbow = shoulder + 0.26 * np.array([0.2 * -sign, -0.95, -0.25])
+        wrist = elbow + 0.25 * np.array([0.9 * sign, 0.2, -0.38])
+        crossed[[JOINT_INDEX[f"{joint}_{side}"] for joint in ("elbow", "wrist")]] = elbow, wrist
+    vertices, _ = play(limbed_rig, puppet, frames(np.tile(crossed, (20, 1, 1))), standing)
+    performance = Performance(puppet, limbed_rig.mesh, limbed_rig.model, standing)
+    motions = performance.retargeting.step(frames(crossed[None])[0]).motions
+    bones = performance.deformer.bones
+    for bone in (3, 5):  # the upper arms
+        middle = (bones.heads[bone] + bones.tails[bone]) / 2
+        near = np.linalg.norm(limbed_rig.mesh.vertices - middle, axis=1) < 0.2
+        expected = limbed_rig.mesh.vertices[near] @ motions[bone, :3] + motions[bone, 3]
+        away = np.linalg.norm(vertices[-1][near] - expected, axis=1)
+        assert np.median(away) < 0.02 * limbed_rig.mesh.diagonal

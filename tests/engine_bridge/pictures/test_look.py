@@ -1,0 +1,189 @@
+import numpy as np
+import pytest
+from PIL import ImageFont
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.sensors.sight import Reason, Sight, reasons
+from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.trackers.picture import Lens, Picture
+from engine_bridge.pictures import look
+from engine_bridge.pictures.look import GUESSED, HEIGHT, PANEL, PAPER, PERFORMERS, draw, shaded, small_panels
+
+GAP = 12
+LENS = Lens(320, 240, 262.5)
+POSE = PERFORMANCES["walk"]().positions[0]
+BLUE = PERFORMERS[0]
+USER = len(PERFORMERS)
+"""Whose colour is the first."""
+
+
+def sight_of(confidence=1.0, picture=None, pose=POSE):
+    sight = Sight("test:", False, picture=picture)
+    sight.take(SkeletonFrame(0.0, USER, pose, np.full(20, 1, np.float32) * confidence))
+    return sight
+
+
+def drawn(sight, why=()):
+    return np.asarray(draw(sight, why)).astype(int)
+
+
+def near(image, place, color):
+    """Say whether a pixel at (right, down) is of that colour, or mostly."""
+    x, y = np.rint(place).astype(int)
+    return bool(np.abs(image[y, x] - color).max() < 40)
+
+
+def places_of(image, color):
+    """Return the (n, 2) pixels right and down that are of that colour."""
+    return np.argwhere(np.abs(image - color).max(axis=2) < 8)[:, ::-1]
+
+
+@pytest.fixture
+def picture():
+    return Picture(0.0, LENS, np.full((240, 320, 3), (90, 40, 140), np.uint8), np.full((240, 320), 4000, np.uint16))
+
+
+def test_joints_are_drawn_where_the_lens_sees_them_in_colour_and_in_depth(picture):
+    sure = np.ones(20)
+    sure[JOINT_INDEX["knee_left"]] = 0.5
+    image = drawn(sight_of(sure, picture))
+    for panel in range(2):
+        corner = np.array([GAP + panel * (640 + GAP), GAP])
+        for name, index in JOINT_INDEX.items():
+            place = corner + 2 * LENS.project(POSE[index])
+            assert near(image, place, GUESSED if name == "knee_left" else BLUE), name
+    background = [(90, 40, 140), shaded(picture.depth)[0, 0]]
+    for panel, color in enumerate(background):
+        left = GAP + panel * (640 + GAP)
+        np.testing.assert_array_equal(
+            image[GAP + 100 : GAP + HEIGHT, left : left + 150], np.broadcast_to(color, (380, 150, 3))
+        )
+
+
+def test_what_is_not_known_is_not_drawn(picture):
+    sure = np.ones(20)
+    sure[[JOINT_INDEX[name] for name in ("wrist_left", "hand_left")]] = 0
+    image = drawn(sight_of(sure, picture))
+    shown = drawn(sight_of(1, picture))
+    hand = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["hand_left"]])
+    assert near(shown, hand, BLUE)
+    assert near(image, hand, (90, 40, 140))
+
+
+def test_a_joint_behind_the_sensor_is_not_drawn(picture):
+    behind = POSE.copy()
+    behind[JOINT_INDEX["head"], 2] = -1
+    image = drawn(sight_of(1, picture, behind))
+    neck = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["shoulder_center"]])
+    assert near(image, neck, BLUE)
+    assert not near(image, neck - [0, 15], BLUE)
+
+
+def test_without_a_picture_the_performer_stands_on_the_floor_their_right_hand_on_the_left():
+    sure = np.ones(20)
+    sure[JOINT_INDEX["hand_right"]] = 0.5
+    image = drawn(sight_of(sure))
+    front = image[GAP : GAP + HEIGHT, GAP : GAP + HEIGHT]
+    body = places_of(front, BLUE)
+    hand = places_of(front, GUESSED)
+    assert hand[:, 0].mean() < body[:, 0].mean()
+    assert hand[:, 1].mean() > body[:, 1].min()
+
+
+def test_from_above_the_performer_is_as_far_from_the_sensor_as_in_truth():
+    image = drawn(sight_of())
+    above = image[GAP : GAP + HEIGHT, 2 * GAP + HEIGHT : 2 * GAP + 2 * HEIGHT]
+    # everything from the sensor to the farthest joint is shown, the sensor in the middle from side to side
+    size = POSE[:, 2].max()
+    pixels = HEIGHT / (1.3 * size)
+    across = HEIGHT / 2 + (POSE[:, 0].max() + POSE[:, 0].min()) / 2 * pixels
+    sensor = np.array([across, HEIGHT / 2 + size / 2 * pixels])
+    for index in (JOINT_INDEX["foot_left"], JOINT_INDEX["foot_right"], JOINT_INDEX["head"]):
+        place = sensor - POSE[index, [0, 2]] * pixels
+        assert near(above, place, BLUE)
+
+
+def test_an_empty_room_is_drawn_too():
+    image = drawn(Sight("osc:7110", True), [Reason("Nothing has come in 10 s.", "Start the sender.")])
+    assert image.shape[:2] > (HEIGHT, 2 * HEIGHT)
+    assert len(places_of(image[:HEIGHT], PANEL)) > HEIGHT * HEIGHT
+    assert len(places_of(image[:HEIGHT], BLUE)) == 0
+
+
+def test_what_is_amiss_is_written_below_in_its_own_colour(picture):
+    black = Picture(0.0, LENS, picture.color * 0, picture.depth)
+    bad, good = sight_of(1, black), sight_of(1, picture)
+    assert len(places_of(drawn(bad, reasons(bad))[HEIGHT + GAP :], look.AMISS)) > 0
+    words = drawn(good, reasons(good))[HEIGHT + GAP :]
+    assert len(places_of(words, look.AMISS)) == 0
+    assert len(places_of(words, look.WELL)) > 0
+
+
+def test_depth_is_lighter_the_nearer_it_is_and_violet_where_there_is_none():
+    depth = np.repeat(np.array([[1000, 2000, 3000, 4000]], np.uint16), 9, axis=0).repeat(9, axis=1)
+    grey = shaded(depth)[4, 4::9].astype(int)
+    assert (np.diff(grey[:, 0]) < 0).all()
+    assert (grey == grey[:, :1]).all()
+    np.testing.assert_array_equal(shaded(depth * 0), np.broadcast_to((52, 26, 66), (9, 36, 3)))
+
+
+def test_long_texts_are_broken_between_words_and_lose_none():
+    text = " ".join(f"{'wide' * (n % 4 + 1)}{n}" for n in range(60))
+    lines = look._wrapped(text, 15, 300)
+    assert " ".join(lines) == text
+    assert all(ImageFont.load_default(15).getlength(line) <= 300 for line in lines)
+    assert look._wrapped("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
+    assert look._wrapped("", 15, 50) == []
+
+
+def small(sight, width, height, *, plain=False):
+    return {
+        panel.title: np.asarray(panel.image()).astype(int) for panel in small_panels(sight, width, height, plain=plain)
+    }
+
+
+@pytest.mark.parametrize(("height", "plain"), [(20, False), (34, False), (82, False), (34, True), (82, True)])
+def test_on_a_screen_of_few_pixels_the_skeleton_is_where_the_lens_sees_it_and_nowhere_else(picture, height, plain):
+    image = small(sight_of(1, picture), 400, height, plain=plain)["colour"]
+    assert image.shape == (height, round(height * 4 / 3), 3)
+    drawn = np.argwhere(np.abs(image - BLUE).max(axis=2) < 90)[:, ::-1] + 0.5
+    places = LENS.project(POSE) * height / LENS.height
+    for name, place in zip(JOINT_INDEX, places, strict=True):
+        assert np.linalg.norm(drawn - place, axis=1).min() < 1.5, name
+    bones = [places[[JOINT_INDEX[child], JOINT_INDEX[parent]]] for child, parent in PARENTS.items()]
+    along = np.concatenate([np.linspace(*bone, 50) for bone in bones])
+    assert np.linalg.norm(drawn[:, None] - along, axis=2).min(axis=1).max() < 2 + height / 40
+
+
+def test_for_few_colours_no_shades_are_drawn(picture):
+    dark = tuple(int(0.35 * value) for value in (90, 40, 140))
+    colors = {tuple(color) for color in small(sight_of(1, picture), 45, 34, plain=True)["colour"].reshape(-1, 3)}
+    assert colors == {dark, BLUE, PAPER}
+
+
+@pytest.mark.parametrize(
+    ("width", "expected"),
+    [
+        (45 + 34 + 1, {"colour": (34, 45), "from above": (34, 34)}),
+        (45 + 20 + 1, {"colour": (34, 45), "from above": (34, 20)}),
+        (45 + 10, {"colour": (34, 45)}),
+        (24, {"colour": (18, 24)}),
+    ],
+)
+def test_the_view_from_above_is_drawn_where_there_is_room_beside_what_the_sensor_sees(picture, width, expected):
+    panels = small(sight_of(1, picture), width, 34)
+    assert {title: image.shape[:2] for title, image in panels.items()} == expected
+
+
+def test_depth_is_shown_on_a_screen_of_few_pixels_where_there_is_no_colour(picture):
+    blind = Picture(0.0, LENS, None, picture.depth)
+    assert list(small(sight_of(1, blind), 80, 34)) == ["depth, violet where there is none", "from above"]
+
+
+def test_a_small_view_stands_still_while_somebody_moves_on_the_spot():
+    moved = POSE + np.array([0.02, 0, 0.02])
+    assert (np.floor(2 * moved.min(axis=0)) == np.floor(2 * POSE.min(axis=0))).all()
+    before, after = small(sight_of(), 80, 34), small(sight_of(pose=moved), 80, 34)
+    for title, image in before.items():
+        for edge in np.s_[:, :8], np.s_[:, -8:]:  # where nobody is
+            np.testing.assert_array_equal(image[edge], after[title][edge], title)

@@ -1,0 +1,204 @@
+import difflib
+import os
+import stat
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from capture.skeleton import JOINTS
+from engine_bridge.puppet.puppet import Puppet, RootTable, loads, with_handle
+from engine_bridge.puppet.puppet_document import PuppetDocument, with_mapping
+from puppetline.errors import OutputError, PuppetError
+
+TEXT = """# A dog that nods.
+[character]
+mesh = "dog.glb"    # beside this file
+
+[[handle]]
+name = "head"           # the nose, in truth
+position = [0.0, 1.60, 0.2]
+joint = "head"
+
+# wags
+[[handle]]
+name = "tail"
+position = [0.0, 0.9, -1.4]
+axes  =  "xy"           # never forwards
+joints = [
+    "hand_right",       # the one
+    "hand_left",        # and the other
+]
+gain = 1.5   # strong
+
+[[handle]]
+name = "rump"
+position = [0.0, 0.9, -1.0]
+
+
+[root]
+joint = "hip_center"   # carries it
+
+[solver]
+iterations = 6
+# the end
+"""
+
+INLINE = """root.joint = "head"
+handle = [
+    {name = "a", position = [0, 0, 0]},   # rests
+    {name = "b", position = [1, 1, 1], joint = "head", gain = 2},
+]
+[character]
+mesh = "dog.glb"
+"""
+
+
+def changed_lines(before, after):
+    return [line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[0] in "+-"]
+
+
+def edited(text, index, joints=(), axes="xyz", gain=1.0):
+    before = loads(text, "dog.toml")
+    after = with_handle(before, index, joints, axes, gain)
+    written = with_mapping(text, before, after)
+    assert loads(written, "dog.toml") == after
+    return written
+
+
+def scaled(puppet, scale):
+    return puppet.model_copy(update={"retarget": puppet.retarget.model_copy(update={"scale": scale})})
+
+
+@pytest.mark.parametrize(
+    ("index", "mapping", "lines"),
+    [
+        (0, {"joints": ("spine",)}, ['- joint = "head"', '+ joint = "spine"']),
+        (0, {"joints": ("head",), "gain": 2.0}, ["+ gain = 2.0"]),
+        (0, {}, ['- joint = "head"']),
+        (0, {"joints": ("head", "spine")}, ['- joint = "head"', '+ joints = ["head", "spine"]']),
+        (
+            1,
+            {"joints": ("hand_right", "hand_left"), "axes": "xyz", "gain": 1.0},
+            [
+                '- axes  =  "xy"           # never forwards',
+                '+ axes  =  "xyz"           # never forwards',
+                "- gain = 1.5   # strong",
+                "+ gain = 1.0   # strong",
+            ],
+        ),
+        (2, {"joints": ("head",), "axes": ""}, ['+ joint = "head"', '+ axes = ""']),
+    ],
+    ids=["another joint", "a gain that was not there", "none", "several", "in its place", "one that rested"],
+)
+def test_only_what_is_edited_changes(index, mapping, lines):
+    assert sorted(line for line in changed_lines(TEXT, edited(TEXT, index, **mapping))) == sorted(lines)
+
+
+def test_what_is_added_stands_above_the_comment_of_the_next_handle():
+    assert 'joint = "head"\ngain = 2.0\n\n# wags\n[[handle]]' in edited(TEXT, 0, ("head",), gain=2.0)
+
+
+def test_root_and_scale_come_and_go():
+    before = loads(TEXT, "dog.toml")
+    other = before.model_copy(update={"root": RootTable(joint="spine", axes="xz")})
+    assert changed_lines(TEXT, with_mapping(TEXT, before, other)) == [
+        '- joint = "hip_center"   # carries it',
+        '+ joint = "spine"   # carries it',
+    ]
+    none = before.model_copy(update={"root": None})
+    without = with_mapping(TEXT, before, none)
+    assert loads(without, "dog.toml") == none
+    assert "hip_center" not in without
+    back = with_mapping(without, none, scaled(before, 1.25))
+    assert loads(back, "dog.toml") == scaled(before, 1.25)
+    assert back.startswith(TEXT[: TEXT.index("[root]")])
+
+
+def test_other_ways_to_write_toml_are_kept():
+    written = edited(INLINE, 1, ("spine",), "xy", 0.5)
+    assert changed_lines(INLINE, written) == [
+        '-     {name = "b", position = [1, 1, 1], joint = "head", gain = 2},',
+        '+     {name = "b", position = [1, 1, 1], joint = "spine", gain = 0.5, axes = "xy"},',
+    ]
+    windows = TEXT.replace("\n", "\r\n")
+    assert edited(windows, 0, ("spine",), gain=2.0) == edited(TEXT, 0, ("spine",), gain=2.0).replace("\n", "\r\n")
+
+
+mappings = st.tuples(
+    st.lists(st.sampled_from(JOINTS), max_size=4).map(tuple),
+    st.sampled_from(["", "x", "y", "z", "xy", "xz", "yz", "xyz"]),
+    st.floats(-1e9, 1e9),
+)
+roots = st.none() | st.builds(RootTable, joint=st.sampled_from(JOINTS), axes=st.sampled_from(["x", "xz", "xyz"]))
+
+
+@settings(deadline=None)
+@given(st.sampled_from([TEXT, INLINE]), st.lists(st.tuples(st.integers(0, 1), mappings), max_size=4), roots)
+def test_whatever_is_edited_is_what_is_read_again(text, edits, root):
+    before: Puppet = loads(text, "dog.toml")
+    for index, mapping in edits:
+        after = with_handle(before, index, *mapping).model_copy(update={"root": root})
+        written = with_mapping(text, before, after)
+        assert loads(written, "dog.toml") == after
+        text, before = written, after
+    assert with_mapping(text, before, before) == text
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "dog.toml"
+    path.write_bytes(TEXT.encode())
+    path.chmod(0o640)
+    return path
+
+
+def test_it_is_saved_again_and_again_as_the_same_file(file, tmp_path):
+    link = tmp_path / "link.toml"
+    link.symlink_to(file)
+    document = PuppetDocument(link)
+    for gain in (2.0, 3.0):
+        document.save(with_handle(document.puppet, 0, ("head",), "xyz", gain))
+        assert file.read_text() == edited(TEXT, 0, ("head",), gain=gain)
+        assert document.puppet == loads(file.read_text(), file)
+    assert link.is_symlink()
+    assert stat.S_IMODE(file.stat().st_mode) == 0o640
+    assert sorted(tmp_path.iterdir()) == [file, link]
+
+
+@pytest.mark.parametrize("change", ["text", "comment", "gone", "folder"])
+def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
+    document = PuppetDocument(file)
+    file.unlink()
+    if change == "folder":
+        file.mkdir()
+    elif change != "gone":
+        file.write_text(TEXT.replace("1.60", "1.61") if change == "text" else TEXT + "# mine")
+    was = file.read_bytes() if file.is_file() else None
+    with pytest.raises(PuppetError, match="somebody has changed") as told:
+        document.save(with_handle(document.puppet, 0, (), "xyz", 1.0))
+    assert told.value.where == str(file)
+    assert "Reload" in told.value.fix
+    assert (file.read_bytes() if file.is_file() else None) == was
+    assert document.puppet == loads(TEXT, file)
+
+
+def test_nothing_is_lost_where_it_cannot_be_written(file, monkeypatch):
+    document = PuppetDocument(file)
+
+    def full(*_):
+        raise OSError(28, os.strerror(28))
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    with pytest.raises(OutputError, match="No space left"):
+        document.save(with_handle(document.puppet, 0, (), "xyz", 1.0))
+    assert file.read_text() == TEXT
+    assert list(file.parent.iterdir()) == [file]
+
+
+def test_only_a_mapping_is_written(file):
+    document = PuppetDocument(file)
+    solver = document.puppet.solver.model_copy(update={"iterations": 9})
+    with pytest.raises(PuppetError, match="cannot be edited"):
+        document.save(document.puppet.model_copy(update={"solver": solver}))
+    assert file.read_text() == TEXT

@@ -1,0 +1,204 @@
+import numpy as np
+import pytest
+
+from engine_bridge.character.character import from_document, load_character, make_character
+from engine_bridge.puppet.rig_limbs import Joint, axes_of, limbs_of, rig_limbs
+
+PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
+FOUR_LEGGED = ["left front leg", "right front leg", "left hind leg", "right hind leg"]
+
+PLACES = {
+    "hips": (0.0, 1.0, 0.0),
+    "spine": (0.0, 1.2, 0.0),
+    "chest": (0.0, 1.35, 0.0),
+    "neck": (0.0, 1.5, 0.0),
+    "head": (0.0, 1.6, 0.0),
+    "crown": (0.0, 1.8, 0.0),
+    "shoulder": (0.05, 1.45, 0.0),
+    "upper arm": (0.2, 1.45, 0.0),
+    "twist": (0.35, 1.45, 0.0),
+    "lower arm": (0.5, 1.45, 0.0),
+    "hand": (0.75, 1.45, 0.0),
+    "finger": (0.85, 1.45, 0.0),
+    "thigh": (0.1, 0.95, 0.0),
+    "shin": (0.1, 0.5, 0.0),
+    "foot": (0.1, 0.08, 0.0),
+    "toes": (0.1, 0.02, 0.15),
+}
+PARENTS = {
+    "hips": None,
+    "spine": "hips",
+    "chest": "spine",
+    "neck": "chest",
+    "head": "neck",
+    "crown": "head",
+    "shoulder": "chest",
+    "upper arm": "shoulder",
+    "twist": "upper arm",
+    "lower arm": "twist",
+    "hand": "lower arm",
+    "finger": "hand",
+    "thigh": "hips",
+    "shin": "thigh",
+    "foot": "shin",
+    "toes": "foot",
+}
+"""A person in T-pose, with a bone between upper arm and lower arm. What lies beside the middle is there twice."""
+
+VRM = ["hips", "spine", "chest", "neck", "head", "headEnd"]
+VRM += ["{side}Shoulder", "{side}UpperArm", "{side}UpperArmTwist", "{side}LowerArm", "{side}Hand"]
+VRM += ["{side}MiddleProximal", "{side}UpperLeg", "{side}LowerLeg", "{side}Foot", "{side}Toes"]
+MIXAMO = ["mixamorig:Hips", "mixamorig:Spine", "mixamorig:Spine2", "mixamorig:Neck", "mixamorig:Head"]
+MIXAMO += ["mixamorig:HeadTop_End", "mixamorig:{Side}Shoulder", "mixamorig:{Side}Arm", "mixamorig:{Side}ArmTwist"]
+MIXAMO += ["mixamorig:{Side}ForeArm", "mixamorig:{Side}Hand", "mixamorig:{Side}HandMiddle1", "mixamorig:{Side}UpLeg"]
+MIXAMO += ["mixamorig:{Side}Leg", "mixamorig:{Side}Foot", "mixamorig:{Side}ToeBase"]
+RIGIFY = ["DEF-pelvis", "DEF-spine.001", "DEF-spine.003", "DEF-neck", "DEF-head", "DEF-crown"]
+RIGIFY += ["DEF-shoulder.{S}", "DEF-upper_arm.{S}", "DEF-upper_arm.{S}.001", "DEF-forearm.{S}", "DEF-hand.{S}"]
+RIGIFY += ["DEF-f_middle.01.{S}", "DEF-thigh.{S}", "DEF-shin.{S}", "DEF-foot.{S}", "DEF-toe.{S}"]
+UNREAL = ["pelvis", "spine_01", "spine_03", "neck_01", "head", "crown", "clavicle_{s}", "upperarm_{s}"]
+UNREAL += ["upperarm_twist_01_{s}", "lowerarm_{s}", "hand_{s}", "middle_01_{s}", "thigh_{s}", "calf_{s}", "foot_{s}"]
+UNREAL += ["ball_{s}"]
+QUATERNIUS = ["Hips", "Abdomen", "Chest", "Neck", "Head", "Top", "Shoulder.{S}", "UpperArm.{S}", "Extra.{S}"]
+QUATERNIUS += ["LowerArm.{S}", "Hand.{S}", "Middle1.{S}", "UpperLeg.{S}", "LowerLeg.{S}", "Foot.{S}", "Toes.{S}"]
+KAYKIT = ["hips", "spine", "chest", "neck", "head", "top", "shoulder.{s}", "upperarm.{s}", "extra.{s}", "lowerarm.{s}"]
+KAYKIT += ["wrist.{s}", "hand.{s}", "upperleg.{s}", "lowerleg.{s}", "foot.{s}", "toes.{s}"]
+MAX = ["Bip01 Pelvis", "Bip01 Spine", "Bip01 Spine1", "Bip01 Neck", "Bip01 Head", "Bip01 HeadNub"]
+MAX += ["Bip01 {S} Clavicle", "Bip01 {S} UpperArm", "Bip01 {S}UpTwist", "Bip01 {S} Forearm", "Bip01 {S} Hand"]
+MAX += ["Bip01 {S} Finger0", "Bip01 {S} Thigh", "Bip01 {S} Calf", "Bip01 {S} Foot", "Bip01 {S} Toe0"]
+VROID = ["J_Bip_C_Hips", "J_Bip_C_Spine", "J_Bip_C_Chest", "J_Bip_C_Neck", "J_Bip_C_Head", "HairJoint"]
+VROID += ["J_Bip_{S}_Shoulder", "J_Bip_{S}_UpperArm", "J_Sec_{S}_Sleeve", "J_Bip_{S}_LowerArm", "J_Bip_{S}_Hand"]
+VROID += ["J_Bip_{S}_Middle1", "J_Bip_{S}_UpperLeg", "J_Bip_{S}_LowerLeg", "J_Bip_{S}_Foot", "J_Bip_{S}_ToeBase"]
+CONVENTIONS = {
+    "VRM": VRM,
+    "Mixamo": MIXAMO,
+    "Rigify": RIGIFY,
+    "Unreal": UNREAL,
+    "Quaternius": QUATERNIUS,
+    "KayKit": KAYKIT,
+    "3ds Max": MAX,
+    "VRoid": VROID,
+}
+"""Names of the joints of `PLACES`, in its order."""
+
+
+def skeleton(names, vertices=None):
+    """Make the person's joints, the root of an armature above them, and a control for each foot."""
+    joints = [Joint("Armature", -1, np.zeros(3), np.zeros((0, 3)))]
+    index = {None: 0}
+    for sign, side in ((0, ""), (1, "left"), (-1, "right")):
+        for key, name in zip(PLACES, names, strict=True):
+            if (PLACES[key][0] == 0) != (sign == 0):
+                continue
+            parent = index.get((PARENTS[key], side), index.get((PARENTS[key], ""), 0))
+            index[key, side] = len(joints)
+            spelled = name.format(side=side, Side=side.title(), S=side[:1].upper(), s=side[:1])
+            place = np.array(PLACES[key]) * (sign or 1, 1, 1)
+            joints.append(Joint(spelled, parent, place, np.zeros((0, 3))))
+    joints.append(Joint("IK-foot.l", 0, np.array([0.1, 0.08, 0.5]), np.zeros((0, 3))))
+    return joints
+
+
+@pytest.mark.parametrize("names", CONVENTIONS.values(), ids=CONVENTIONS)
+def test_a_person_is_known_by_the_names_of_every_convention(names):
+    limbs = limbs_of(skeleton(names))
+    assert limbs.notes == ()
+    assert list(limbs.points) == PERSON
+    for side, sign in (("left", np.ones(3)), ("right", np.array([-1.0, 1, 1]))):
+        arm = [PLACES[key] for key in ("upper arm", "lower arm", "hand", "finger")] * sign
+        leg = [PLACES[key] for key in ("thigh", "shin", "foot", "toes")] * sign
+        np.testing.assert_array_equal(limbs.points[f"{side} arm"], arm)
+        np.testing.assert_array_equal(limbs.points[f"{side} leg"], leg)
+    np.testing.assert_allclose(limbs.points["trunk"], [(0, 0.95, 0), PLACES["spine"], PLACES["neck"]])
+    np.testing.assert_array_equal(limbs.points["head"], [PLACES["neck"], PLACES["crown"]])
+
+
+def test_left_is_what_the_names_say_and_the_front_follows():
+    joints = skeleton(UNREAL)
+    assert axes_of(limbs_of(joints)) == ("y", "z")
+    turned = [Joint(j.name, j.parent, j.place[[2, 0, 1]], j.vertices) for j in joints]  # up is z
+    assert axes_of(limbs_of(turned, np.array([0.0, 0, 1]))) == ("z", "x")
+
+
+def test_a_limb_ends_where_the_vertices_end_that_follow_it():
+    held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
+    joints = [Joint(j.name, j.parent, j.place, held if j.name == "hand_l" else j.vertices) for j in skeleton(UNREAL)]
+    end = limbs_of(joints).points["left arm"][-1]
+    np.testing.assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
+
+
+def test_names_that_say_nothing_leave_it_to_the_shape():
+    joints = [Joint(f"Bone.{i:03}", i - 1, np.array([0.0, i, 0]), np.zeros((0, 3))) for i in range(7)]
+    limbs = limbs_of(joints)
+    assert limbs.chains == ()
+    assert limbs.notes == (
+        "The names of the joints in its skeleton say too little (Bone.000, Bone.001, Bone.002, Bone.003, Bone.004, …): "
+        "limbs are found from the shape.",
+    )
+    assert axes_of(limbs) is None
+
+
+def test_a_file_without_a_skeleton_has_no_limbs_by_it(blob):
+    assert rig_limbs(make_character("blob", blob.vertices.astype(float), blob.faces)) is None
+
+
+REAL = {
+    "kaykit_Knight": PERSON,
+    "quaternius_Adventurer": PERSON,
+    "quaternius_Witch": PERSON,
+    "quaternius_George": PERSON,
+    "quaternius_Trex": [*PERSON, "tail"],
+    "khronos_Fox": ["trunk", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Fox": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Husky": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Stegosaurus": ["trunk", "neck", "head", *FOUR_LEGGED, "tail"],
+    "quaternius_Frog": ["trunk", "head", *FOUR_LEGGED],
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_files_have_their_limbs(real_data, name):
+    character = load_character(real_data / "mesh" / "gltf" / f"{name}.glb")
+    limbs = rig_limbs(character)
+    assert list(limbs.points) == REAL[name]
+    assert axes_of(limbs) == ("y", "z")
+    low, high = character.vertices.min(axis=0), character.vertices.max(axis=0)
+    margin = 0.02 * np.linalg.norm(high - low)
+    for points in limbs.points.values():
+        assert (points > low - margin).all()
+        assert (points < high + margin).all()
+
+
+def test_joints_of_real_files_are_those_of_their_nodes(real_data):
+    limbs = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Fox.glb")).points
+    np.testing.assert_allclose(
+        limbs["left front leg"][:3], [(0.33, 1.45, 0.95), (0.33, 1.11, 0.86), (0.33, 0.22, 1.05)], atol=0.01
+    )
+    np.testing.assert_allclose(
+        limbs["left hind leg"][:3], [(0.34, 1.74, -0.61), (0.34, 1.32, -0.36), (0.35, 0.81, -1.25)], atol=0.01
+    )
+    knight = rig_limbs(load_character(real_data / "mesh" / "gltf" / "kaykit_Knight.glb")).points
+    np.testing.assert_allclose(
+        knight["right arm"][:3], [(-0.21, 1.11, 0), (-0.45, 1.11, -0.01), (-0.71, 1.11, 0)], atol=0.01
+    )
+
+
+def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
+    """The table counts, not the names: here those of the nodes are numbers."""
+    document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
+    named = {"Hips": "hips", "Neck": "neck", "Head": "head"}
+    for side, letter in (("left", "L"), ("right", "R")):
+        for bone in ("UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot"):
+            named[f"{bone}.{letter}"] = f"{side}{bone}"
+    table = {}
+    for index, node in enumerate(document.gltf["nodes"]):
+        if node.get("name") in named:
+            table[named[node["name"]]] = {"node": index}
+        node["name"] = f"{index}"
+    expected = rig_limbs(load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb")).points
+    older = [{"bone": bone, "node": entry["node"]} for bone, entry in table.items()]
+    for extensions in ({"VRMC_vrm": {"humanoid": {"humanBones": table}}}, {"VRM": {"humanoid": {"humanBones": older}}}):
+        document.gltf["extensions"] = extensions
+        found = rig_limbs(from_document(document)).points
+        assert list(found) == PERSON
+        for name in ("left arm", "right arm", "left leg", "right leg"):
+            np.testing.assert_array_equal(found[name], expected[name])

@@ -1,0 +1,300 @@
+"""A small character on a stage of its own, and a performer for it."""
+
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+
+import numpy as np
+import pytest
+import zmq
+from puppetline.examples.performances import PERFORMANCES
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+
+from capture.skeleton import JOINTS, SkeletonFrame
+from engine_bridge.service.character_player import Manner, Role
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.stage import Direction, Stage
+
+PATIENCE = 180.0
+"""Seconds after which a test gives up: a first start compiles."""
+
+MANNER, DIRECTION = Manner(), Direction()
+
+
+@pytest.fixture(scope="session")
+def executor():
+    with ThreadPoolExecutor(2) as pool:
+        yield pool
+
+
+@pytest.fixture
+def make_role(blob_rig, executor):
+    """Give the small figure a role."""
+
+    def make(name="dog", manner=MANNER, idle=None, rig=blob_rig):
+        return Role(StreamedCharacter(name, rig, 1), manner, executor, idle)
+
+    return make
+
+
+@pytest.fixture
+def make_stage(make_role):
+    """Make a stage of some characters of the same figure."""
+
+    def make(names=("dog",), manner=MANNER, direction=DIRECTION, **more):
+        return Stage("stage", [make_role(name, manner, **more) for name in names], direction)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def kung_fu():
+    """The frames of an example performance: somebody stands still for a second, then walks."""
+    return tuple(PERFORMANCES["kung_fu"]().frames())
+
+
+@pytest.fixture(scope="session")
+def moved():
+    """Return a frame at another time, of another user, elsewhere."""
+
+    def move(frame, time=None, user=None, by=(0.0, 0.0, 0.0)):
+        return SkeletonFrame(
+            frame.time if time is None else time,
+            frame.user if user is None else user,
+            frame.positions + np.array(by),
+            frame.confidence,
+        )
+
+    return move
+
+
+OSCELETON = {
+    "hip_center": "waist",
+    "spine": "torso",
+    "shoulder_center": "neck",
+    "head": "head",
+    **{
+        f"{joint}_{side}": f"{side[0]}_{joint}"
+        for joint in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
+        for side in ("left", "right")
+    },
+}
+
+
+class Sender:
+    """A program that sends skeletons as OSCeleton does with -xr and -r: a bundle a performer a frame, millimetres."""
+
+    def __init__(self):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    @property
+    def uri(self):
+        return f"osc:{self.port}?units=mm&mirrored=0"
+
+    def send(self, frame, user=1):
+        bundle = OscBundleBuilder(IMMEDIATELY)
+        for joint, position, sure in zip(JOINTS, frame.positions, frame.confidence, strict=True):
+            if sure > 0:
+                message = OscMessageBuilder("/joint")
+                for value, tag in zip((OSCELETON[joint], user, *map(float, 1000 * position)), "sifff", strict=True):
+                    message.add_arg(value, tag)
+                bundle.add_content(message.build())
+        self.raw(bundle.build().dgram)
+
+    def raw(self, datagram):
+        self.socket.sendto(datagram, ("127.0.0.1", self.port))
+
+    def lose(self, user=1):
+        message = OscMessageBuilder("/lost_user")
+        message.add_arg(user, "i")
+        self.raw(message.build().dgram)
+
+    def play(self, frames, interval=1 / 60, user=1, until=lambda: False):
+        """Send frames one after another until there are no more or it is enough; return how many were sent."""
+        sent = 0
+        for frame in frames:
+            if until():
+                break
+            self.send(frame, user)
+            sent += 1
+            time.sleep(interval)
+        return sent
+
+
+class Client:
+    """Somebody who listens, with a real SUB socket."""
+
+    def __init__(self, endpoint, *topics, token=None):
+        self.context = zmq.Context()
+        self.socket = self.context.socket(zmq.SUB)
+        self.socket.linger = 0
+        self.socket.reconnect_ivl, self.socket.reconnect_ivl_max = 50, 200
+        if token is not None:
+            self.socket.plain_username, self.socket.plain_password = b"puppetline", token
+        for topic in topics:
+            self.socket.subscribe(topic.encode() + b"\0")
+        self.socket.connect(endpoint)
+
+    def until(self, wanted, kind=None):
+        """Receive until a message of a kind satisfies a condition; return all of that kind, that one last."""
+        give_up = time.monotonic() + PATIENCE
+        received = []
+        while True:
+            assert self.socket.poll(max(0, 1000 * (give_up - time.monotonic()))), received[-3:]
+            message = decode(self.socket.recv())
+            if kind is None or message.topic.endswith(f"/{kind}"):
+                received.append(message)
+                if wanted(message):
+                    return received
+
+    def pending(self):
+        """Return what has come already."""
+        received = []
+        while self.socket.poll(0):
+            received.append(decode(self.socket.recv()))
+        return received
+
+    def close(self):
+        self.socket.close()
+        self.context.term()
+
+
+class Served:
+    """The real command, as a process."""
+
+    def __init__(self, *arguments, env=None):
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "puppetline", "serve", "--log-format", "json", *map(str, arguments)],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+            env=os.environ | (env or {}),
+        )
+        self.log = []
+        self._read = threading.Thread(target=self._follow)
+        self._read.start()
+        self._clients = []
+        try:
+            serving = self.logged("serving")
+        except AssertionError:
+            self.process.kill()
+            raise
+        if serving is not None:
+            self.stream, self.control = serving["fields"]["stream"][0], serving["fields"]["control"][0]
+            self.port, self.control_port = (int(each.rpartition(":")[2]) for each in (self.stream, self.control))
+
+    def _follow(self):
+        for line in self.process.stderr:
+            self.log.append(line)
+
+    def logged(self, event):
+        """Wait for an event in the log; None if the process ends without it."""
+        give_up = time.monotonic() + PATIENCE
+        while time.monotonic() < give_up:
+            ended = self.process.poll() is not None
+            if ended:
+                self._read.join()
+            for line in list(self.log):
+                if line.startswith("{") and json.loads(line)["event"].startswith(event):
+                    return json.loads(line)
+            if ended:
+                return None
+            time.sleep(0.02)
+        raise AssertionError(f"no {event!r} in {self.log}")
+
+    def client(self, *topics, token=None):
+        self._clients.append(Client(self.stream, *topics, token=token))
+        return self._clients[-1]
+
+    def ask(self, do, token=None, **arguments):
+        """Make a request; return the result, or the error as a dict."""
+        with zmq.Context() as context, context.socket(zmq.REQ) as asking:
+            asking.linger = 0
+            if token is not None:
+                asking.plain_username, asking.plain_password = b"puppetline", token
+            asking.connect(self.control)
+            asking.send_json({"do": do, **arguments})
+            assert asking.poll(1000 * PATIENCE), f"no answer to {do}"
+            reply = asking.recv_json()
+        return reply["result"] if reply["ok"] else reply["error"]
+
+    def stop(self, number=signal.SIGTERM):
+        """End it and return its exit code."""
+        self.process.send_signal(number)
+        return self.ended()
+
+    def ended(self):
+        code = self.process.wait(PATIENCE)
+        self._read.join()
+        for client in self._clients:
+            client.close()
+        self._clients.clear()
+        return code
+
+
+@pytest.fixture
+def sender():
+    sending = Sender()
+    yield sending
+    sending.socket.close()
+
+
+@pytest.fixture
+def serve(tmp_path, own_cache):
+    """Start `puppetline serve` on free ports with a state of its own; whatever still runs at the end is killed."""
+    started = []
+
+    def start(*arguments, env=None):
+        free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", tmp_path / "takes")
+        mine = {"XDG_STATE_HOME": str(tmp_path / "state"), **(env or {})}
+        started.append(Served(*free, *arguments, env=mine))
+        return started[-1]
+
+    yield start
+    for service in started:
+        if service.process.poll() is None:
+            service.process.kill()
+        service.ended()
+        service.process.stderr.close()
+
+
+@pytest.fixture
+def listen():
+    """Connect somebody who listens to an endpoint that the test knows."""
+    connected = []
+
+    def connect(endpoint, *topics):
+        connected.append(Client(endpoint, *topics))
+        return connected[-1]
+
+    yield connect
+    for client in connected:
+        client.close()
+
+
+@pytest.fixture
+def free_port():
+    """Find a TCP port that is free, as is the next one, of those that the system gives to nobody by itself."""
+
+    def find():
+        while True:
+            port = random.randrange(20_000, 32_000)
+            with socket.socket() as one, socket.socket() as next_one, suppress(OSError):
+                one.bind(("127.0.0.1", port))
+                next_one.bind(("127.0.0.1", port + 1))
+                return port
+
+    return find

@@ -1,0 +1,238 @@
+import json
+
+import msgpack
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine_bridge.service.control.requests import (
+    ARGUMENTS,
+    LARGEST,
+    decode,
+    encode,
+    encoding_of,
+    error_reply,
+    ok_reply,
+    take_command,
+    take_id,
+)
+from puppetline import toml_schema
+from puppetline.errors import ServiceError
+
+scalars = st.one_of(
+    st.none(), st.booleans(), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.text(max_size=30)
+)
+flat = st.dictionaries(st.text(st.characters(codec="utf-8"), max_size=20), scalars, max_size=16)
+
+
+@settings(deadline=None)
+@given(flat)
+def test_both_encodings_say_the_same(values):
+    text = json.dumps(values).encode()
+    assert encoding_of(text) == "json"
+    assert decode(text) == values
+    binary = msgpack.packb(values)
+    assert encoding_of(binary) == "msgpack"
+    assert decode(binary) == values
+
+
+@settings(deadline=None)
+@given(flat)
+def test_a_request_cut_anywhere_is_none(values):
+    for whole in (json.dumps(values).encode(), msgpack.packb(values)):
+        for end in range(len(whole)):
+            with pytest.raises(ServiceError):
+                decode(whole[:end])
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"",
+        b" ",
+        b"\0",
+        b"hello",
+        b"[]",
+        b"null",
+        b'"ping"',
+        b"[" * 60_000,
+        b'{"a":' * 10_000,
+        b'{"do": "ping"} {"do": "ping"}',
+        b'{"do": ["ping"]}',
+        b'{"do": {"ping": 1}}',
+        b'{"a": ' + b"9" * 5000 + b"}",
+        b'\xef\xbb\xbf{"do": "ping"}',
+        '{"do": "ping"}'.encode("utf-16"),
+        b'{"do": "\xff"}',
+        b'{"do": "ping"}' + b" " * LARGEST,
+        json.dumps(dict.fromkeys(map(str, range(17)), 1)).encode(),
+        msgpack.packb({"do": "ping"}) + b"\0",
+        msgpack.packb({"do": ["ping"]}),
+        msgpack.packb({"do": {}}),
+        msgpack.packb({"do": b"ping"}),
+        msgpack.packb({b"do": "ping"}),
+        msgpack.packb({1: "ping"}),
+        msgpack.packb(dict.fromkeys(map(str, range(17)), 1)),
+        msgpack.packb({"do": msgpack.ExtType(5, b"")}),
+        msgpack.packb({"do": msgpack.ExtType(5, b"ping")}),
+        msgpack.packb({"do": msgpack.Timestamp(0)}),
+        b"\x81\xa2do" + b"\x91" * 40_000 + b"\xc0",
+        b"\x81\xa2do" * 10_000,
+        b"\x81\xa2do\xdb\xff\xff\xff\xffping",
+        b"\x81\xa2do\xdd\xff\xff\xff\xff",
+        b"\xdf\xff\xff\xff\xff",
+        b"\xde\xff\xff\xa2do\xa4ping",
+        b"\x81\xa2do\xa4pin\xff",
+        b"\x81\xa2do\xc1",
+    ],
+    ids=range(36),
+)
+def test_anything_else_is_refused_in_a_sentence(body):
+    with pytest.raises(ServiceError) as told:
+        decode(body)
+    assert told.value.where == "the request"
+    assert len(str(told.value)) < 400
+    assert "docs/control.md" in told.value.fix
+
+
+@given(st.binary(max_size=200) | flat.map(lambda values: json.dumps(values).encode()))
+def test_bytes_are_a_flat_map_or_refused(body):
+    try:
+        values = decode(body)
+    except ServiceError:
+        return
+    assert all(isinstance(key, str) for key in values)
+    assert all(type(value) in {str, int, float, bool, type(None)} for value in values.values())
+    assert len(values) <= 16
+
+
+@pytest.mark.parametrize("good", [None, 0, -(2**63), 2**64 - 1, "", "a" * 64, "№ 7"])
+def test_an_id_comes_back_as_it_is(good):
+    values = {"id": good, "do": "ping"}
+    assert take_id(values) == good
+    assert values == {"do": "ping"}
+
+
+def test_no_id_is_null():
+    assert take_id({}) is None
+
+
+@pytest.mark.parametrize("bad", [True, 1.0, float("nan"), 2**64, -(2**63) - 1, "a" * 65, "\n", "\ud800", "\0", 9**4000])
+def test_a_strange_id_is_refused(bad):
+    with pytest.raises(ServiceError) as told:
+        take_id({"id": bad})
+    assert told.value.where == "the request, id"
+
+
+def test_an_unknown_command_is_told_what_it_may_have_meant():
+    assert take_command({"do": "reload"}, ARGUMENTS) == "reload"
+    with pytest.raises(ServiceError, match="unknown command 'calibrat'") as told:
+        take_command({"do": "calibrat"}, ARGUMENTS)
+    assert told.value.fix == "Did you mean 'calibrate'?"
+    assert all(name in told.value.expected for name in ARGUMENTS)
+    for strange in (None, 1, True, "", "x" * 60_000, "\ud800"):
+        with pytest.raises(ServiceError):
+            take_command({"do": strange}, ARGUMENTS)
+
+
+@pytest.mark.parametrize(
+    ("do", "arguments"),
+    [
+        ("ping", {}),
+        ("calibrate", {"character": "dog-2_B"}),
+        ("choose_user", {"character": "dog", "user": 0}),
+        ("choose_user", {"character": "dog", "user": 2**31 - 1}),
+        ("choose_user", {"character": "dog", "user": None}),
+        ("mirror", {"character": "dog", "on": False}),
+        ("record_start", {}),
+        ("record_start", {"name": "take1", "stage": "main"}),
+        ("record_stop", {"stage": "main"}),
+        ("puppet", {"character": "dog"}),
+        ("set_handle", {"character": "dog", "handle": "left hand"}),
+        ("set_handle", {"character": "dog", "handle": "№ 1", "axes": "", "gain": -0.5}),
+        ("set_root", {"character": "dog", "joint": None}),
+        ("set_root", {"character": "dog", "joint": "spine", "axes": "xyz"}),
+        ("set_scale", {"character": "dog", "scale": "auto"}),
+        ("set_scale", {"character": "dog", "scale": 1.5}),
+        ("save_puppet", {"character": "dog"}),
+        ("revert_puppet", {"character": "dog"}),
+    ],
+)
+def test_arguments_are_taken(do, arguments):
+    model = toml_schema.check(ARGUMENTS[do], arguments, "the request", ServiceError)
+    assert model.model_dump(exclude_unset=True) == arguments
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [("head", ("head",)), ("  hand_left\thead ", ("hand_left", "head")), ("", ()), (None, ())],
+)
+def test_joints_are_a_text_of_names(text, names):
+    arguments = {"character": "dog", "handle": "tail", "joints": text}
+    assert toml_schema.check(ARGUMENTS["set_handle"], arguments, "the request", ServiceError).joints == names
+
+
+NOT_NAMES = [
+    "",
+    "..",
+    "../dog",
+    "a/b",
+    "a\\b",
+    "dog.toml",
+    "/etc/passwd",
+    "dog\n",
+    "dog\0",
+    "a" * 65,
+    "hünd",
+    " dog",
+    "C:",
+    "~",
+]
+
+
+@pytest.mark.parametrize(
+    ("do", "arguments", "field"),
+    [
+        ("ping", {"now": 1}, "now"),
+        ("calibrate", {}, "character"),
+        ("choose_user", {"character": "dog"}, "user"),
+        *(("choose_user", {"character": "dog", "user": user}, "user") for user in (-1, 2**31, 1.0, "1", True)),
+        *(("mirror", {"character": "dog", "on": on}, "on") for on in (1, 0, "true", None)),
+        *(("calibrate", {"character": name}, "character") for name in NOT_NAMES),
+        *(("record_start", {"name": name}, "name") for name in NOT_NAMES),
+        *(("record_start", {"stage": name}, "stage") for name in NOT_NAMES),
+        ("set_handle", {"character": "dog", "joints": "head"}, "handle"),
+        ("set_handle", {"character": "dog", "handle": ""}, "handle"),
+        *(
+            ("set_handle", {"character": "dog", "handle": "tail", key: value}, key)
+            for key, values in {
+                "joints": ("tail", "head,spine", "head " * 21, 1, True),
+                "axes": ("zyx", "xx", "X", None, 1, True),
+                "gain": (float("nan"), float("inf"), 2e9, "1", True, None),
+            }.items()
+            for value in values
+        ),
+        ("set_root", {"character": "dog"}, "joint"),
+        ("set_root", {"character": "dog", "joint": "tail"}, "joint"),
+        *(("set_scale", {"character": "dog", "scale": scale}, "scale") for scale in (0, -1, "big", None, True)),
+    ],
+)
+def test_other_arguments_are_refused_by_name(do, arguments, field):
+    with pytest.raises(ServiceError) as told:
+        toml_schema.check(ARGUMENTS[do], arguments, "the request", ServiceError)
+    assert told.value.where == f"the request, {field}"
+
+
+@given(st.text(), st.text(), st.integers() | st.text(max_size=64))
+def test_an_error_is_written_whatever_it_quotes(where, found, number):
+    reply = error_reply(None, ServiceError(where, found=found * 50, expected=str(number), fix="Nothing."))
+    assert set(reply["error"]) == {"where", "found", "expected", "fix"}
+    assert all(len(text) <= 5000 for text in reply["error"].values())
+    assert json.loads(encode(reply, "json")) == msgpack.unpackb(encode(reply, "msgpack")) == reply
+
+
+@pytest.mark.parametrize("result", [float("nan"), b"bytes", object(), {1, 2}, {"a": float("inf")}])
+def test_a_result_without_a_type_in_json_is_no_reply(result):
+    for encoding in ("json", "msgpack"):
+        with pytest.raises((TypeError, ValueError)):
+            encode(ok_reply(1, result), encoding)

@@ -1,0 +1,142 @@
+import io
+import json
+import logging
+import re
+import threading
+from datetime import datetime
+
+import pytest
+
+from engine_bridge.service.monitoring import logs
+from engine_bridge.service.monitoring.logs import MOST_WAITING, OnceASecond, beside, fields, setup
+
+
+@pytest.fixture
+def stream():
+    """Where all logs go during a test; the root logger is as it was afterwards."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    root.handlers[:] = []
+    yield io.StringIO()
+    root.handlers[:] = handlers
+    root.setLevel(level)
+
+
+@pytest.fixture
+def log():
+    return logging.getLogger("engine_bridge.service.stage")
+
+
+def test_json_is_one_object_a_line_with_time_level_logger_event_and_fields(stream, log):
+    setup("json", stream=stream)
+    before = datetime.now().astimezone()
+    log.info("performer %s", "found\nand kept", extra=fields(stage="kinect", user=3, name="é"))
+    log.warning("lost")
+    first, second = map(json.loads, stream.getvalue().splitlines())
+    moment = datetime.fromisoformat(first.pop("time"))
+    assert abs((moment - before).total_seconds()) < 60
+    assert first == {
+        "level": "info",
+        "logger": "engine_bridge.service.stage",
+        "event": "performer found\nand kept",
+        "fields": {"stage": "kinect", "user": 3, "name": "é"},
+    }
+    assert (second["level"], second["event"], second["fields"]) == ("warning", "lost", {})
+
+
+def test_text_is_one_line_to_read(stream, log):
+    setup("text", stream=stream)
+    log.info("performer found", extra=fields(stage="kinect", user=3))
+    assert re.fullmatch(
+        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     live\.stage: performer found \(stage=kinect, user=3\)\n",
+        stream.getvalue(),
+    )
+
+
+def test_what_comes_from_the_network_cannot_make_lines_or_move_the_cursor(stream, log):
+    setup("text", stream=stream)
+    log.warning("refused %s", "a\nb\x1b[2J\u2028\u202e", extra=fields(reason="c\rd é"))
+    (line,) = stream.getvalue().splitlines()
+    assert line.endswith("refused a\\nb\\x1b[2J\\u2028\\u202e (reason=c\\rd é)")
+
+
+@pytest.mark.parametrize("form", ["text", "json"])
+def test_an_exception_brings_its_traceback(stream, log, form):
+    setup(form, stream=stream)
+    try:
+        raise ValueError("no")
+    except ValueError:
+        log.exception("failed")
+    text = stream.getvalue()
+    assert "Traceback" in text
+    assert "ValueError: no" in text
+    if form == "json":
+        assert json.loads(text)["traceback"].endswith("ValueError: no")
+
+
+def test_values_that_json_does_not_know_are_written_as_text(stream, log):
+    setup("json", stream=stream)
+    log.info("x", extra=fields(where=ValueError("there")))
+    assert json.loads(stream.getvalue())["fields"] == {"where": "there"}
+
+
+def test_what_is_below_the_level_is_left_out_and_a_second_setup_replaces_the_first(stream, log):
+    setup("json", "info", stream)
+    setup("text", "warning", stream)
+    log.info("quiet")
+    log.warning("loud")
+    assert stream.getvalue().splitlines()[0].endswith("live.stage: loud")
+    assert stream.getvalue().count("\n") == 1
+
+
+def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, log, monkeypatch):
+    setup("json", stream=stream)
+    now = [50.0]
+    monkeypatch.setattr(logs.time, "monotonic", lambda: now[0])
+    limited = OnceASecond(log)
+    for _ in range(1000):
+        limited.warning("refused", source="osc:7110")
+    limited.warning("skipped")
+    now[0] += 1.0
+    limited.warning("refused", source="osc:7111")
+    limited.warning("refused", source="osc:7111")
+    now[0] += 5.0
+    limited.warning("refused", source="osc:7112")
+    said = [(line["event"], line["fields"]) for line in map(json.loads, stream.getvalue().splitlines())]
+    assert said == [
+        ("refused", {"source": "osc:7110"}),
+        ("skipped", {}),
+        ("refused", {"source": "osc:7111", "more": 999}),
+        ("refused", {"source": "osc:7112", "more": 1}),
+    ]
+
+
+def test_logs_beside_come_in_order_and_with_their_tracebacks(stream):
+    setup("json", stream=stream)
+    log = logging.getLogger("engine_bridge.live.test")
+    with beside():
+        for number in range(500):
+            log.info("event", extra=fields(number=number))
+        try:
+            raise ZeroDivisionError("at all")
+        except ZeroDivisionError:
+            log.exception("fault")
+    lines = [json.loads(line) for line in stream.getvalue().splitlines()]
+    assert [line["fields"].get("number") for line in lines] == [*range(500), None]
+    assert "ZeroDivisionError: at all" in lines[-1]["traceback"]
+
+
+def test_a_stream_that_is_stuck_costs_records_and_no_time(stream):
+    class Stuck(io.StringIO):
+        going_on = threading.Event()
+
+        def write(self, text):
+            self.going_on.wait()
+            return super().write(text)
+
+    stuck = Stuck()
+    setup("text", stream=stuck)
+    with beside():
+        for number in range(3 * MOST_WAITING):
+            logging.getLogger("engine_bridge.live.test").info("event", extra=fields(number=number))
+    stuck.going_on.set()

@@ -1,0 +1,160 @@
+import http.client
+import socket
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from engine_bridge.service.monitoring.metrics import MetricsServer
+from puppetline.errors import ServiceError
+
+STATUS = {
+    "service": {"version": "1.2.3", "uptime": 3725.5, "pid": 7, "memory": 123_000_000, "cpu": 0.25},
+    "stages": [
+        {
+            "name": "kinect",
+            "source": "osc:7110",
+            "frames": 900,
+            "rate": 30.0,
+            "dropped": 4,
+            "refused": {'not "OSC"\n': 2, "short": 1},
+            "latency_ms": {"p50": 1.25, "p95": 2.5, "p99": None, "max": 9.0},
+            "users": [{"user": 1, "state": "performing", "character": "dog", "seen": 0.02}],
+            "recording": "evening",
+        }
+    ],
+    "characters": [
+        {
+            "name": "dog",
+            "performer": 1,
+            "state": "performing",
+            "frames": 890,
+            "rate": 30.0,
+            "residual": 0.5,
+            "limited": 7,
+        },
+        {
+            "name": "cat",
+            "performer": None,
+            "state": "waiting",
+            "frames": 10,
+            "rate": 0.0,
+            "residual": None,
+            "limited": 0,
+        },
+    ],
+    "clients": {"connected": 3, "refused": 2, "limit": 64},
+    "sent": {"messages": 5000, "bytes": 10},
+    "osc": [{"target": "127.0.0.1:9000", "sent": 90, "skipped": 12, "failed": 1}],
+}
+
+
+@pytest.fixture
+def server():
+    server = MetricsServer(lambda: STATUS, 0)
+    yield server
+    server.close()
+
+
+def ask(port, path="/metrics", **headers):
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.request("GET", path, headers=headers)
+    response = connection.getresponse()
+    body = response.read().decode()
+    connection.close()
+    return response, body
+
+
+def samples(body):
+    return {
+        (sample.name, *sorted(sample.labels.items())): sample.value
+        for family in text_string_to_metric_families(body)
+        for sample in family.samples
+    }
+
+
+def test_prometheus_reads_the_whole_status(server):
+    response, body = ask(server.port)
+    assert response.status == 200
+    assert response.headers["Content-Type"].startswith("text/plain; version=")
+    dog, cat, kinect = ("character", "dog"), ("character", "cat"), ("stage", "kinect")
+    target = ("target", "127.0.0.1:9000")
+    states = {
+        ("puppetline_character_state", who, ("state", state)): float(state == now)
+        for who, now in ((dog, "performing"), (cat, "waiting"))
+        for state in ("waiting", "calibrating", "performing", "leaving")
+    }
+    assert samples(body) == states | {
+        ("puppetline_info", ("version", "1.2.3")): 1,
+        ("puppetline_uptime_seconds",): 3725.5,
+        ("puppetline_resident_memory_bytes",): 123e6,
+        ("puppetline_cpu_share",): 0.25,
+        ("puppetline_clients_connected",): 3,
+        ("puppetline_clients_limit",): 64,
+        ("puppetline_clients_refused_total",): 2,
+        ("puppetline_stage_frames_total", kinect): 900,
+        ("puppetline_stage_dropped_total", kinect): 4,
+        ("puppetline_stage_refused_total", ("reason", 'not "OSC"\n'), kinect): 2,
+        ("puppetline_stage_refused_total", ("reason", "short"), kinect): 1,
+        ("puppetline_latency_seconds", ("quantile", "0.5"), kinect): 0.00125,
+        ("puppetline_latency_seconds", ("quantile", "0.95"), kinect): 0.0025,
+        ("puppetline_latency_seconds", ("quantile", "1"), kinect): 0.009,
+        ("puppetline_stage_users", kinect): 1,
+        ("puppetline_stage_recording", kinect): 1,
+        ("puppetline_character_frames_total", dog): 890,
+        ("puppetline_character_frames_total", cat): 10,
+        ("puppetline_character_residual", dog): 0.5,
+        ("puppetline_character_limited_frames_total", dog): 7,
+        ("puppetline_sent_messages_total",): 5000,
+        ("puppetline_sent_bytes_total",): 10,
+        ("puppetline_osc_sent_total", target): 90,
+        ("puppetline_osc_skipped_total", target): 12,
+        ("puppetline_osc_failed_total", target): 1,
+    }
+
+
+@pytest.mark.parametrize("host", ["localhost", "localhost:9464", "127.0.0.1", "127.0.0.1:9464", "[::1]:9464", "[::1]"])
+def test_requests_for_this_machine_are_answered(server, host):
+    assert ask(server.port, Host=host)[0].status == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:9464", "", "localhost.evil.example", "127.0.0.1.nip.example"]
+)
+def test_a_web_page_whose_name_points_here_gets_nothing(server, host):
+    response, body = ask(server.port, Host=host)
+    assert response.status == 421
+    assert "puppetline" not in body
+
+
+def test_there_is_nothing_else(server):
+    assert ask(server.port, "/")[0].status == 404
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+    connection.request("POST", "/metrics", body=b"x")
+    assert connection.getresponse().status == 501
+    connection.close()
+
+
+def test_it_listens_on_loopback_unless_told_otherwise(server):
+    assert server._server.server_address == ("127.0.0.1", server.port)
+
+
+def test_a_port_that_is_taken_is_an_error_that_says_which(server):
+    with pytest.raises(ServiceError, match=f"metrics at 127.0.0.1:{server.port}: found that nothing can listen there"):
+        MetricsServer(lambda: STATUS, server.port)
+
+
+def test_garbage_and_clients_that_go_away_change_nothing(server, capfd):
+    for rubbish in (b"\x00\xff" * 500, b"GET /metrics HTTP/1.1\r\n", b"A" * 70_000, b"GET /metrics HTTP/1.1\r\nHost"):
+        with socket.create_connection(("127.0.0.1", server.port)) as client:
+            client.sendall(rubbish)
+    assert ask(server.port)[0].status == 200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_port_is_free_again_when_it_is_closed():
+    server = MetricsServer(lambda: STATUS, 0)
+    server.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", server.port))
+    MetricsServer(lambda: STATUS, server.port).close()
+    server._thread.join()

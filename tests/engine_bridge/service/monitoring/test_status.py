@@ -1,0 +1,149 @@
+import io
+import threading
+import time
+
+import pytest
+from rich.console import Console
+
+from engine_bridge.service.monitoring.status import StatusDisplay, lines, show
+
+STATUS = {
+    "service": {"version": "1.2.3", "uptime": 3725.4, "pid": 7, "memory": 123_000_000, "cpu": 0.256},
+    "stages": [
+        {
+            "name": "kinect",
+            "source": "osc:7110",
+            "frames": 900,
+            "rate": 29.97,
+            "dropped": 4,
+            "refused": {"[red]not OSC": 2, "short": 1},
+            "latency_ms": {"p50": 1.234, "p95": 2.5, "p99": 3.456, "max": 9.0},
+            "users": [
+                {"user": 1, "state": "performing", "character": "dog", "seen": 0.02, "height": 1.684, "reach": 0.6},
+                {"user": 5, "state": "waiting", "character": None, "seen": 1.5, "height": None, "reach": None},
+            ],
+            "recording": "evening",
+        }
+    ],
+    "characters": [
+        {
+            "name": "dog",
+            "performer": 1,
+            "state": "performing",
+            "frames": 890,
+            "rate": 29.9,
+            "residual": 0.0123,
+            "limited": 7,
+        },
+        {
+            "name": "cat",
+            "performer": None,
+            "state": "waiting",
+            "frames": 10,
+            "rate": 0.0,
+            "residual": None,
+            "limited": 0,
+        },
+    ],
+    "clients": {"connected": 3, "refused": 2, "limit": 64},
+    "sent": {"messages": 5000, "bytes": 10},
+    "osc": [{"target": "127.0.0.1:9000", "sent": 90, "skipped": 12, "failed": 1}],
+}
+
+SILENT = {
+    "service": STATUS["service"],
+    "stages": [
+        STATUS["stages"][0]
+        | {"latency_ms": dict.fromkeys(("p50", "p95", "p99", "max")), "users": [], "refused": {}, "recording": None}
+    ],
+    "characters": [],
+    "clients": STATUS["clients"],
+    "sent": STATUS["sent"],
+    "osc": [],
+}
+
+
+def drawn(status, width=140):
+    console = Console(file=io.StringIO(), width=width)
+    console.print(show(status))
+    return [" ".join(line.split()) for line in console.file.getvalue().splitlines()]
+
+
+def test_the_table_has_sources_users_rates_percentiles_clients_and_drops():
+    assert drawn(STATUS) == [
+        "Puppetline 1.2.3 up 1:02:05 123 MB 26 % of a core 3 of 64 clients 2 refused 5000 messages sent",
+        "source users frames/s p50 ms p95 ms p99 ms max ms dropped refused",
+        "kinect osc:7110 ● evening 2 30.0 1.23 2.50 3.46 9.00 4 2 [red]not OSC, 1 short",
+        "user state character seen s ago tall m reach m",
+        "1 performing dog 0.0 1.68 0.60",
+        "5 waiting – 1.5 – –",
+        "character state performer frames/s frames residual limited",
+        "dog performing 1 29.9 890 0.012 7",
+        "cat waiting – 0.0 10 – –",
+        "OSC to sent skipped failed",
+        "127.0.0.1:9000 90 12 1",
+    ]
+
+
+def test_tables_without_rows_are_left_out_and_latencies_without_frames_are_dashes():
+    assert drawn(SILENT)[1:] == [
+        "source users frames/s p50 ms p95 ms p99 ms max ms dropped refused",
+        "kinect osc:7110 0 30.0 – – – – 4 0",
+    ]
+
+
+def test_in_lines_there_is_one_for_the_service_and_one_for_each_stage():
+    service, stage = lines(STATUS)
+    assert service.startswith("Puppetline 1.2.3  up 1:02:05")
+    assert stage == (
+        "  kinect (osc:7110): 30.0 frames/s, latency p50 1.23 p99 3.46 ms, 2 users, 4 dropped, 3 refused, "
+        "recording evening"
+    )
+
+
+def show_all(console, statuses):
+    """Give a display one status after the other, each when the one before has been taken."""
+    display = StatusDisplay(console)
+    for status in statuses:
+        display.update(status)
+        while display._latest is not None:
+            time.sleep(0.001)
+    display.close()
+    assert not display._thread.is_alive()
+    return console.file.getvalue()
+
+
+def test_a_terminal_is_drawn_over_and_the_last_status_stays():
+    console = Console(file=io.StringIO(), force_terminal=True, width=140)
+    text = show_all(console, [STATUS, SILENT])
+    assert text.count("\x1b[1A") >= 10  # as many lines up as there were
+    assert text.count("Puppetline") >= 2
+    assert "evening" not in text.rpartition("Puppetline")[2]
+
+
+def test_elsewhere_lines_are_written_once_in_a_while_without_colour_or_markup():
+    console = Console(file=io.StringIO(), width=40)
+    assert show_all(console, [STATUS] * 5).splitlines() == lines(STATUS)
+
+
+def test_a_terminal_that_is_halted_halts_neither_updates_nor_the_end():
+    class Halted(io.StringIO):
+        released = threading.Event()
+
+        def write(self, text):
+            self.released.wait()
+            return super().write(text)
+
+    console = Console(file=Halted(), force_terminal=True)
+    display = StatusDisplay(console)
+    for _ in range(100):
+        display.update(STATUS)
+    display.close()
+    assert display._thread.is_alive()
+    Halted.released.set()
+    display._thread.join()
+
+
+@pytest.mark.parametrize("status", [STATUS, SILENT])
+def test_a_narrow_terminal_is_no_failure(status):
+    assert drawn(status, width=30)[0].startswith("Puppetline 1.2.3")

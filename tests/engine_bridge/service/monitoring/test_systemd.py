@@ -1,0 +1,187 @@
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from engine_bridge.service.monitoring import systemd
+from engine_bridge.service.monitoring.systemd import Notifier
+
+UNIT = Path(__file__).parents[4] / "packaging" / "systemd" / "puppetline.service"
+
+
+@pytest.fixture(params=["path", "abstract"])
+def manager(request, tmp_path, monkeypatch):
+    """A socket as systemd has one, in the file system or abstract; gives all datagrams that have come."""
+    if request.param == "abstract" and not sys.platform.startswith("linux"):
+        pytest.skip("abstract sockets are Linux's")
+    address = str(tmp_path / "notify") if request.param == "path" else f"\0puppetline-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(address)
+        receiver.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", address.replace("\0", "@"))
+        monkeypatch.delenv("WATCHDOG_USEC", raising=False)
+        monkeypatch.delenv("WATCHDOG_PID", raising=False)
+
+        def received():
+            came = []
+            while True:
+                try:
+                    came.append(receiver.recv(4096).decode())
+                except BlockingIOError:
+                    return came
+
+        yield received
+
+
+@pytest.fixture
+def notifier():
+    made = []
+
+    def make():
+        made.append(Notifier())
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def test_each_state_is_a_datagram_as_sd_notify_sends_it(manager, notifier):
+    told = notifier()
+    before = time.monotonic_ns() // 1000
+    told.ready()
+    told.status("2 users,\n30 frames a second\nREADY=0")
+    told.reloading()
+    told.stopping()
+    ready, status, reloading, stopping = manager()
+    assert (ready, stopping) == ("READY=1", "STOPPING=1")
+    assert status == "STATUS=2 users, 30 frames a second READY=0"
+    first, second = reloading.split("\n")
+    assert first == "RELOADING=1"
+    assert before <= int(second.removeprefix("MONOTONIC_USEC=")) <= time.monotonic_ns() // 1000
+
+
+def test_the_watchdog_is_fed_by_frames_and_by_nothing_else(manager, notifier, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(systemd.time, "monotonic", lambda: now[0])
+    monkeypatch.setenv("WATCHDOG_USEC", "10000000")
+    told = notifier()
+    told.watchdog(0)
+    assert manager() == []
+    told.watchdog(1)
+    assert manager() == ["WATCHDOG=1"]
+    for k in range(2, 50):  # not more often than at half of the time
+        now[0] += 0.1
+        told.watchdog(k)
+    assert manager() == []
+    now[0] = 105.0
+    told.watchdog(50)
+    assert manager() == ["WATCHDOG=1"]
+    for _ in range(100):  # time alone does not feed it
+        now[0] += 1.0
+        told.watchdog(50)
+    assert manager() == []
+    told.watchdog(51)
+    assert manager() == ["WATCHDOG=1"]
+
+
+@pytest.mark.parametrize(
+    "environment", [{}, {"WATCHDOG_USEC": "10000000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "x"}]
+)
+def test_without_a_watchdog_for_this_process_nothing_is_fed(manager, notifier, monkeypatch, environment):
+    for key, value in environment.items():
+        monkeypatch.setenv(key, value)
+    told = notifier()
+    told.watchdog(5)
+    assert manager() == []
+
+
+def test_a_watchdog_for_this_process_by_its_number_is_fed(manager, notifier, monkeypatch):
+    monkeypatch.setenv("WATCHDOG_USEC", "10000000")
+    monkeypatch.setenv("WATCHDOG_PID", str(os.getpid()))
+    told = notifier()
+    told.watchdog(5)
+    assert manager() == ["WATCHDOG=1"]
+
+
+def test_without_systemd_nothing_happens(notifier, monkeypatch):
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    monkeypatch.setenv("WATCHDOG_USEC", "10000000")
+    told = notifier()
+    assert told._socket is None
+    for tell in (told.ready, told.reloading, told.stopping, told.close):
+        assert tell() is None
+
+
+def test_a_manager_that_is_gone_or_does_not_listen_is_not_waited_for(notifier, monkeypatch, tmp_path):
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "none"))
+    told = notifier()
+    told.ready()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as deaf:
+        deaf.bind(str(tmp_path / "none"))
+        for k in range(10_000):  # far more than its queue holds
+            told.status(str(k))
+        assert deaf.recv(100) == b"STATUS=0"
+
+
+@pytest.fixture
+def unit(tmp_path):
+    """The unit file, its program one that is there."""
+    copy = tmp_path / UNIT.name
+    copy.write_text(UNIT.read_text().replace("/opt/puppetline/bin/puppetline", shutil.which("true")))
+    return copy
+
+
+def analyze(*arguments):
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("systemd-analyze is not here")
+    return subprocess.run(["systemd-analyze", *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+def test_systemd_has_nothing_against_the_unit_file(unit):
+    result = analyze("verify", "--man=no", unit)
+    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_the_unit_file_is_as_hard_as_systemd_calls_ok(unit):
+    result = analyze("security", "--offline=true", "--threshold=20", unit)
+    if "unrecognized option" in result.stderr:
+        pytest.skip("this systemd-analyze looks at running services only")
+    assert result.returncode == 0, result.stdout
+
+
+def test_what_is_kept_between_runs_is_in_folders_that_the_unit_may_write_to(tmp_path):
+    settings = [line.partition("=") for line in UNIT.read_text().splitlines() if line and line[0] != "#"]
+    environment = dict(pair.split("=") for key, _, value in settings if key == "Environment" for pair in value.split())
+    owned = {key: value for key, _, value in settings if key in ("CacheDirectory", "StateDirectory")}
+    code = (
+        "from engine_bridge.performance.rig import cache_folder\n"
+        "from engine_bridge.service.calibration_store import state_file\n"
+        "print(cache_folder(), state_file())"
+    )
+    # numba's own folder is as good as none here, where /var/cache may not be written to
+    kept = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=UNIT.parents[2],
+    ).stdout.split()
+    assert kept == [
+        f"/var/cache/{owned['CacheDirectory']}/models",
+        f"/var/lib/{owned['StateDirectory']}/performers.json",
+    ]
+    assert environment["NUMBA_CACHE_DIR"].startswith(f"/var/cache/{owned['CacheDirectory']}/")
+
+
+def test_the_unit_file_says_what_the_service_keeps_to():
+    lines = UNIT.read_text().splitlines()
+    for line in ("Type=notify", "Restart=on-failure", "ExecReload=/bin/kill -HUP $MAINPID", "NoNewPrivileges=yes"):
+        assert line in lines
+    assert any(line.startswith("WatchdogSec=") for line in lines)

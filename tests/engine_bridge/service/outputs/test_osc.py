@@ -1,0 +1,277 @@
+import socket
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_message import OscMessage
+
+from capture.skeleton import JOINTS
+from engine_bridge.export.live_basis import Projection
+from engine_bridge.service.outputs.osc import CHUNK, KINDS, SLACK, OscOutput, OscTarget, part_names
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from puppetline.errors import ServiceError
+
+
+class Basis:
+    names = ("a", "b")
+
+    def project(self, R):
+        return Projection(np.array([0.5, 1], dtype=np.float32), 0.125, False)
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture(scope="module")
+def dog(blob_rig):
+    return StreamedCharacter("dog", blob_rig, 1, Basis())
+
+
+@pytest.fixture
+def receiver():
+    """A socket that takes what targets are sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as made:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        made.bind(("127.0.0.1", 0))
+        made.setblocking(False)
+        yield made
+
+
+@pytest.fixture
+def output(receiver, clock):
+    made = []
+
+    def make(**more):
+        made.append(OscOutput([OscTarget("127.0.0.1", receiver.getsockname()[1], **more)], clock))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def frame_of(character, sequence=0, **more):
+    joints = np.arange(60.0).reshape(20, 3)
+    joints[3] = np.nan
+    return Frame(
+        **{
+            "character": character,
+            "sequence": sequence,
+            "time": sequence / 30,
+            "received": 0,
+            "state": "performing",
+            "user": 2,
+            "R": character.rig.model.rest_controls * (1 + 0.01 * sequence),
+            "root": np.array([1.0, 2.0, 3.0]),
+            "targets": character.rig.puppet.handle_positions,
+            "joints": joints,
+            "confidence": np.linspace(0, 1, 20, dtype=np.float32),
+            **more,
+        }
+    )
+
+
+def received(receiver):
+    """All datagrams that have come."""
+    datagrams = []
+    while True:
+        try:
+            datagrams.append(receiver.recv(65536))
+        except BlockingIOError:
+            return datagrams
+
+
+def messages(receiver):
+    """All that has come, as python-osc reads it: address and arguments."""
+    found = []
+    for datagram in received(receiver):
+        contents = [OscMessage(datagram)] if datagram.startswith(b"/") else list(OscBundle(datagram))
+        found += [(message.address, message.params) for message in contents]
+    return found
+
+
+def test_controls_are_one_datagram_of_floats(output, receiver, dog):
+    out, frame = output(), frame_of(dog, 3)
+    out.offer(frame)
+    out.send_due()
+    ((address, numbers),) = messages(receiver)
+    assert address == "/puppetline/dog/controls"
+    assert len(numbers) == 12 * len(frame.controls)
+    np.testing.assert_array_equal(np.array(numbers, dtype=np.float32), frame.controls.ravel())
+
+
+def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, receiver, dog):
+    out = output(kinds=("morphs",))
+    out.offer(frame_of(dog))
+    out.send_due()
+    assert messages(receiver) == [
+        ("/puppetline/dog/morphs", [0.5, 1]),
+        ("/puppetline/dog/residual", [0.125]),
+        ("/puppetline/dog/root", [1, 2, 3]),
+    ]
+
+
+def test_joints_that_are_known_and_handles_have_their_names_in_the_address(output, receiver, dog):
+    out, frame = output(kinds=("joints", "handles")), frame_of(dog)
+    out.offer(frame)
+    out.send_due()
+    got = dict(messages(receiver))
+    joints = {name: got.pop(f"/puppetline/dog/joint/{name}") for name in JOINTS if name != "head"}
+    for name, values in joints.items():
+        number = JOINTS.index(name)
+        np.testing.assert_allclose(values, [*frame.joints[number], frame.confidence[number]], rtol=1e-6)
+    names = [handle.name.replace(" ", "_") for handle in dog.rig.puppet.handle]
+    assert list(got) == [f"/puppetline/dog/handle/{name}" for name in names]
+    np.testing.assert_allclose(list(got.values()), frame.targets, rtol=1e-6)
+
+
+def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, dog):
+    out, frame = output(kinds=("vertices",)), frame_of(dog, 2**31 + 5)
+    out.offer(frame)
+    out.send_due()
+    datagrams = received(receiver)
+    assert max(map(len, datagrams)) <= 9000
+    n = len(dog.rest)
+    vertices = np.zeros((n, 6), dtype=np.float32)
+    for number, datagram in enumerate(datagrams):
+        message = OscMessage(datagram)
+        sequence, chunk, chunks, first, *floats = message.params
+        assert (message.address, sequence, chunk, chunks) == ("/puppetline/dog/vertices", 5, number, len(datagrams))
+        assert first == chunk * CHUNK
+        vertices[first : first + CHUNK] = np.reshape(floats, (-1, 6))
+    np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
+
+
+def test_what_a_frame_does_not_have_is_not_sent(output, receiver, dog):
+    out = output(kinds=KINDS)
+    out.offer(frame_of(replace(dog, basis=None), joints=None, confidence=None))
+    out.send_due()
+    addresses = {address for address, _ in messages(receiver)}
+    assert not any("morphs" in address or "/joint/" in address for address in addresses)
+    assert "/puppetline/dog/controls" in addresses
+
+
+def test_who_performs_is_told_when_it_changes_and_each_second(output, receiver, dog, clock):
+    out = output(kinds=("performer",), rate=100)
+    for step in range(251):
+        out.offer(frame_of(dog, step, state="leaving" if step >= 120 else "performing", user=2 if step < 120 else None))
+        out.send_due()
+        clock.now += 0.01
+    told = [params for address, params in messages(receiver) if address == "/puppetline/dog/performer"]
+    assert told == [["performing", 2], ["performing", 2], ["leaving", -1], ["leaving", -1]]
+
+
+@pytest.mark.parametrize(("offered", "rate"), [(30, 30), (120, 30), (60, 25), (1000, 7.5), (30, 100)])
+def test_nothing_is_sent_faster_than_the_rate_and_the_newest_wins(output, receiver, dog, clock, offered, rate):
+    out = output(rate=rate, kinds=("handles",))
+    sent, seconds, tick = [], 4, 0.001
+    random = np.random.default_rng(3)
+    frames, arrivals = 0, np.arange(offered * seconds) / offered + random.uniform(0, 0.1 / offered, offered * seconds)
+    for step in range(int(seconds / tick)):
+        clock.now = 1000 + step * tick
+        while frames < len(arrivals) and arrivals[frames] <= step * tick:
+            out.offer(frame_of(dog, frames, targets=dog.rig.puppet.handle_positions * 0 + frames))
+            frames += 1
+        if out.due() <= clock.now:
+            out.send_due()
+            got = messages(receiver)
+            sent.append((clock.now, got[0][1][0]))
+            assert got[0][1][0] == frames - 1  # the newest that has been offered
+    times = np.array([time for time, _ in sent])
+    for count in (1, 5, 50):
+        if len(times) > count:
+            assert (times[count:] - times[:-count] >= (count - SLACK) / rate - 1e-9).all()
+    assert len(sent) >= 0.93 * seconds * min(rate, offered)
+    (statistics,) = out.statistics
+    assert statistics["sent"] == len(sent)
+    assert statistics["skipped"] == frames - len(sent) - (out.due() < float("inf"))
+
+
+def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, clock):
+    port = receiver.getsockname()[1]
+    cat = replace(dog, name="cat")
+    targets = [
+        OscTarget("127.0.0.1", port, kinds=("handles",)),
+        OscTarget("127.0.0.1", port, kinds=("handles",), characters=("cat",), rate=1),
+    ]
+    out = OscOutput(targets, clock)
+    for _ in range(2):
+        for character in (dog, cat):
+            out.offer(frame_of(character))
+        out.send_due()
+        clock.now += 0.5
+    out.close()
+    counts = [address.split("/")[2] for address, _ in messages(receiver) if address.endswith("head")]
+    assert sorted(counts) == ["cat"] * 3 + ["dog"] * 2
+
+
+def test_nothing_is_computed_before_it_is_sent(output, dog):
+    out, frame = output(kinds=("controls",)), frame_of(dog)
+    out.offer(frame)
+    assert "controls" not in vars(frame)
+    out.offer(frame_of(dog))
+    out.send_due()
+    assert "controls" not in vars(frame)
+
+
+def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, clock):
+    out = output(kinds=("controls",))
+    many = replace(frame_of(dog))
+    many.__dict__["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
+    out.offer(many)
+    out.send_due()
+    assert (out.statistics[0]["sent"], out.statistics[0]["failed"]) == (0, 1)
+    clock.now += 1
+    out.offer(frame_of(dog))
+    out.send_due()
+    assert (out.statistics[0]["sent"], out.statistics[0]["failed"]) == (1, 1)
+    assert len(received(receiver)) == 1
+
+
+def test_nobody_need_be_there(dog, clock):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as closed:
+        closed.bind(("127.0.0.1", 0))
+        port = closed.getsockname()[1]
+    out = OscOutput([OscTarget("localhost", port)], clock)
+    for step in range(5):
+        clock.now += 1
+        out.offer(frame_of(dog, step))
+        out.send_due()
+    out.close()
+    assert out.statistics == [{"target": f"localhost:{port}", "sent": 5, "skipped": 0, "failed": 0}]
+
+
+def test_a_name_that_nobody_knows_is_said_at_once():
+    with pytest.raises(ServiceError, match="nobody knows"):
+        OscOutput([OscTarget("no-such-machine.invalid", 9000)])
+
+
+def test_names_in_addresses_hold_nothing_that_osc_forbids_and_differ():
+    assert part_names(["left hand", "left_hand", "a/b#c", "Ärmel", "x"]) == [
+        "left_hand",
+        "left_hand_1",
+        "a_b_c",
+        "_rmel",
+        "x",
+    ]
+
+
+def test_a_whole_network_can_be_a_target(dog, clock):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
+        heard.bind(("", 0))
+        heard.settimeout(5)
+        out = OscOutput([OscTarget("127.255.255.255", heard.getsockname()[1], kinds=("performer",))], clock)
+        out.offer(frame_of(dog, 0))
+        out.send_due()
+        assert heard.recv(1000).startswith(b"/puppetline/")
+        out.close()

@@ -1,0 +1,129 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine_bridge.service.outputs.subscriptions import (
+    ANSWER_EVERY,
+    ANSWER_RATE,
+    MOST_PENDING,
+    MOST_REMEMBERED,
+    Answers,
+    Subscriptions,
+)
+from engine_bridge.service.protocol.header import Kind, topic
+
+DOG, CAT = topic("dog", Kind.CONTROLS), topic("cat", Kind.CONTROLS)
+
+
+@pytest.fixture
+def made():
+    return Subscriptions()
+
+
+def test_a_subscription_stands_for_all_that_begins_with_it(made):
+    made.add(b"dog/", 1, [DOG])
+    assert made.wants(DOG)
+    assert made.wants(topic("dog", Kind.JOINTS))
+    assert not made.wants(topic("dog2", Kind.CONTROLS))
+
+
+def test_the_empty_one_stands_for_everything(made):
+    made.add(b"", 1, [DOG])
+    assert made.wants(DOG)
+    assert made.wants(CAT)
+
+
+def test_it_lasts_until_the_last_client_withdraws_it_or_leaves(made):
+    made.add(DOG[:13], 1, [DOG])
+    made.add(DOG[:13], 2, [DOG])
+    made.remove(DOG[:13], 1)
+    assert made.wants(DOG)
+    made.remove(DOG[:13], None)
+    assert not made.wants(DOG)
+
+
+def test_nobody_can_withdraw_what_others_asked_for(made):
+    made.add(DOG[:13], 1, [DOG])
+    for _ in range(3):
+        made.remove(DOG[:13], 2)
+    assert made.wants(DOG)
+
+
+def test_somebody_who_comes_back_by_the_same_number_before_the_first_has_gone_is_served(made):
+    made.add(DOG[:13], 1, [DOG])
+    made.add(DOG[:13], 1, [DOG])
+    made.remove(DOG[:13], None)
+    assert made.wants(DOG)
+
+
+def test_a_character_may_come_later(made):
+    made.add(CAT[:13], 1, [DOG])
+    assert made.wants(CAT)
+    assert made.ignored == 0
+
+
+@pytest.mark.parametrize(
+    "prefix", [b"dog/nothing", b"dog/controls\0x", b"/", b"\xff", b"dog\0", b"x" * 33, b"dog/controls" + b"\0" * 60]
+)
+def test_what_nothing_can_match_is_not_kept(made, prefix):
+    made.add(prefix, 1, [DOG])
+    made.remove(prefix, 1)
+    assert made.ignored == 1
+    assert not made.wants(DOG)
+
+
+def test_what_is_kept_for_later_has_a_limit_and_what_is_there_has_always_room(made):
+    for number in range(MOST_REMEMBERED + 10):
+        made.add(b"later%d/controls" % number, 1, [DOG])
+    assert made.ignored == 10
+    made.add(DOG[:13], 2, [DOG])
+    assert made.wants(DOG)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.sampled_from([b"", b"dog", b"dog/", DOG[:13]]), st.integers(1, 3))))
+def test_whatever_clients_say_everybody_who_has_asked_and_not_withdrawn_is_served(said):
+    made = Subscriptions()
+    balance = {}
+    for asks, prefix, client in said:
+        (made.add if asks else lambda p, c, _: made.remove(p, c))(prefix, client, [DOG])
+        count = balance.get((prefix, client), 0)
+        balance[prefix, client] = count + 1 if asks else max(count - 1, 0)
+    assert made.wants(DOG) == any(balance.values())
+
+
+def test_an_answer_is_given_at_once_and_the_next_one_a_second_later():
+    answers = Answers()
+    answers.ask(DOG, 5.0)
+    assert answers.due() == 5.0
+    assert answers.take(5.0) == DOG
+    answers.given(DOG, 100, 5.0)
+    answers.ask(DOG, 5.2)
+    assert answers.due() == 5.0 + ANSWER_EVERY
+    assert answers.take(5.9) is None
+    assert answers.take(6.0) == DOG
+    assert answers.due() == float("inf")
+
+
+def test_topics_are_asked_for_once_however_often():
+    answers = Answers()
+    for _ in range(3):
+        answers.ask(DOG, 0.0)
+    assert answers.take(0.0) == DOG
+    assert answers.take(0.0) is None
+
+
+def test_another_topic_need_not_wait_longer_than_the_bytes_take():
+    answers = Answers()
+    answers.ask(DOG, 0.0)
+    answers.ask(CAT, 0.0)
+    answers.given(answers.take(0.0), int(ANSWER_RATE / 10), 0.0)
+    assert answers.take(0.09) is None
+    assert answers.due() == pytest.approx(0.1)
+    assert answers.take(0.11) == CAT
+
+
+def test_the_list_has_an_end():
+    answers = Answers()
+    taken = [answers.ask(b"%d" % number, 0.0) for number in range(MOST_PENDING + 5)]
+    assert sum(taken) == MOST_PENDING
+    assert answers.ask(b"0", 0.0)

@@ -1,0 +1,269 @@
+import itertools
+import math
+import socket
+import threading
+import time
+from select import select
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle import OscBundle
+from scipy.spatial.transform import Rotation
+
+from capture.network.source import open_vmc
+from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
+from engine_bridge.performance.retargeting import PERFORMER
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.service.outputs.osc import OscOutput, OscTarget
+from engine_bridge.service.outputs.vmc import MOST, datagrams
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from solver.motion.limb_motion import LimbMotion
+
+PATIENCE = 60.0
+SIDE = """
+[[limb]]
+name = "{side} arm"
+points = [[{x}0.3, 1.12, 0.02], [{x}0.8, 1.2, 0.04], [{x}1.2, 1.26, 0.06], [{x}1.4, 1.3, 0.07]]
+joints = ["shoulder_{side}", "elbow_{side}", "wrist_{side}", "hand_{side}"]
+
+[[limb]]
+name = "{side} leg"
+points = [[{x}0.1, -0.15, 0.0], [{x}0.3, -0.8, 0.05], [{x}0.48, -1.4, 0.05], [{x}0.5, -1.5, 0.12]]
+joints = ["hip_{side}", "knee_{side}", "ankle_{side}", "foot_{side}"]
+"""
+LIMBS = (
+    """
+[[limb]]
+name = "trunk"
+points = [[0, 0, 0], [0, 0.5, 0], [0, 1.15, 0]]
+joints = ["hip_center", "spine", "shoulder_center"]
+
+[[limb]]
+name = "head"
+points = [[0, 1.15, 0], [0, 1.9, 0.25]]
+joints = ["shoulder_center", "head"]
+"""
+    + SIDE.format(side="left", x="")
+    + SIDE.format(side="right", x="-")
+)
+STRAIGHT = [
+    *(("hip_center", "spine"), ("spine", "shoulder_center"), ("shoulder_center", "head")),
+    *(
+        (f"{tail}_{side}", f"{head}_{side}")
+        for side in ("left", "right")
+        for tail, head in (
+            *(("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand")),
+            *(("hip", "knee"), ("knee", "ankle")),
+        )
+    ),
+]
+"""Pairs of joints whose direction is a bone's in the T-pose of any body."""
+
+
+@pytest.fixture(scope="module")
+def limbed_puppet(blob_file, write_puppet):
+    """A puppet file for the figure, with limbs."""
+    return write_puppet(blob_file.with_name("limbed.toml"), blob_file.name, handles=LIMBS, character="scale = 0.5\n")
+
+
+@pytest.fixture(scope="module")
+def figure(limbed_puppet):
+    return StreamedCharacter("figure", load_rig(limbed_puppet), 1)
+
+
+@pytest.fixture
+def frame_of(figure):
+    def make(motions, sequence=0, state="performing", root=(0.0, 0.0, 0.0), character=figure):
+        return Frame(
+            character=character,
+            sequence=sequence,
+            time=sequence / 30,
+            received=0,
+            state=state,
+            user=1,
+            R=character.rig.model.rest_controls,
+            root=np.array(root),
+            targets=np.zeros((0, 3)),
+            motions=motions,
+        )
+
+    return make
+
+
+def still(figure):
+    """Bones that are where they rest."""
+    return np.tile(np.eye(4, 3), (sum(len(limb.points) - 1 for limb in figure.rig.puppet.limbs), 1, 1))
+
+
+def messages(sent):
+    """What python-osc reads in datagrams: address and arguments, in their order."""
+    return [(message.address, message.params) for datagram in sent for message in OscBundle(datagram)]
+
+
+def bones(sent):
+    """Place and quaternion of each bone."""
+    return {
+        values[0]: (np.array(values[1:4]), Rotation.from_quat(values[4:8]))
+        for address, values in messages(sent)
+        if address == "/VMC/Ext/Bone/Pos"
+    }
+
+
+def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, frame_of):
+    sent = list(datagrams(frame_of(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
+    assert all(len(datagram) <= MOST and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
+    assert len(sent) == 2
+    assert sum(map(len, sent)) > MOST
+    read = messages(sent)
+    assert read[:3] == [
+        ("/VMC/Ext/OK", [1, 3, 0, 1]),
+        ("/VMC/Ext/T", [12.5]),
+        ("/VMC/Ext/Root/Pos", ["root", 0, 0, 0, 0, 0, 0, 1]),
+    ]
+    assert {address for address, _ in read[3:]} == {"/VMC/Ext/Bone/Pos"}
+    assert [values[0] for _, values in read[3:]] == list(figure.humanoid.names)
+    assert len(read) == 3 + 19
+    place, turn = bones(sent)["Hips"]
+    floor = figure.rest[:, 1].min()
+    np.testing.assert_allclose(place, [-1.0, -0.5 * floor, -0.5], rtol=1e-6)
+    assert turn.magnitude() == 0
+    np.testing.assert_allclose(bones(sent)["LeftUpperLeg"][0], [-0.05, -0.075, 0], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("state", "expected"),
+    [
+        ("waiting", [1, 0, 0, 0]),
+        ("calibrating", [1, 2, 0, 0]),
+        ("performing", [1, 3, 0, 1]),
+        ("leaving", [1, 0, 0, 0]),
+    ],
+)
+def test_the_state_is_the_protocols(figure, frame_of, state, expected):
+    assert messages(datagrams(frame_of(still(figure), state=state), 0.0))[0] == ("/VMC/Ext/OK", expected)
+
+
+def test_a_character_without_limbs_is_not_sent(blob_rig, frame_of):
+    assert not list(datagrams(frame_of(None, character=StreamedCharacter("blob", blob_rig, 1)), 0.0))
+
+
+def directions(joints):
+    """(p, 3): where the bones of `STRAIGHT` point."""
+    ends = np.array([[JOINT_INDEX[name] for name in pair] for pair in STRAIGHT])
+    along = joints[ends[:, 1]] - joints[ends[:, 0]]
+    return along / np.linalg.norm(along, axis=1)[:, None]
+
+
+def own_directions(figure, motions):
+    """The same of the character's bones."""
+    found, row = {}, 0
+    for table, limb in zip(figure.rig.puppet.limb, figure.rig.puppet.limbs, strict=True):
+        for number, pair in enumerate(itertools.pairwise(table.joints)):
+            along = (limb.points[number + 1] - limb.points[number]) @ motions[row, :3]
+            found[pair] = along / np.linalg.norm(along)
+            row += 1
+    return np.array([found[pair] for pair in STRAIGHT])
+
+
+def test_what_reads_vmc_gets_the_directions_of_the_characters_bones_back(figure, frame_of, kung_fu):
+    """Our own reader, which poses a body of its own by them."""
+    motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
+    source = open_vmc("127.0.0.1:0")
+    clock = [0.0]
+    output = OscOutput([OscTarget("127.0.0.1", source.port, 1000, ("vmc",))], lambda: clock[0])
+    try:
+        seen = 0
+        for number, performed in enumerate(kung_fu[30:180:5]):
+            motions = motion.step(performed.time, to_character_axes(performed.positions), performed.confidence)
+            output.offer(frame_of(motions, number))
+            output.send_due()
+            clock[0] += 0.1
+            frame = next_frame(source)
+            assert (frame.confidence > LOST).all()
+            read, own = directions(to_character_axes(frame.positions)), own_directions(figure, motions)
+            assert math.degrees(np.arccos(np.clip((read * own).sum(axis=1), -1, 1)).max()) < 0.05
+            seen += 1
+    finally:
+        output.close()
+        source.close()
+    assert seen == 30
+    assert not source.counts.refused
+
+
+def next_frame(source):
+    give_up = time.monotonic() + PATIENCE
+    while time.monotonic() < give_up:
+        select([source.fileno()], [], [], max(0, min(source.due() - time.monotonic(), 1)))
+        for event in source.receive():
+            if isinstance(event, SkeletonFrame):
+                return event
+    raise AssertionError("no frame")
+
+
+def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, frame_of):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.setblocking(False)
+        clock = [5000.0]
+        target = OscTarget("127.0.0.1", receiver.getsockname()[1], 10, ("vmc", "performer"))
+        output = OscOutput([target], lambda: clock[0])
+        for number in range(60):
+            output.offer(frame_of(still(figure), number))
+            output.send_due()
+            clock[0] += 1 / 60
+        output.close()
+        got = []
+        while select([receiver], [], [], 0)[0]:
+            got.append(receiver.recv(65536))
+    whole = [datagram for datagram in got if datagram.startswith(b"#bundle")]
+    times = [values[0] for address, values in messages(whole) if address == "/VMC/Ext/T"]
+    np.testing.assert_allclose(times, np.arange(10) / 10, atol=1e-4)
+    assert len(whole) == 20
+    assert len(got) == 21
+
+
+@pytest.fixture
+def service_file(limbed_puppet, tmp_path, free_port):
+    def write(source, port):
+        file = tmp_path / "kiosk.toml"
+        file.write_text(
+            f'announce = false\n[network]\nport = {free_port()}\n[[stage]]\nsource = "{source}"\n'
+            f'[[stage.character]]\npuppet = "{limbed_puppet}"\n[[osc]]\nport = {port}\nrate = 60\nsend = ["vmc"]\n'
+        )
+        return file
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service_file, sender, kung_fu, moved):
+    first, held = kung_fu[0], kung_fu[100]
+    begin = [moved(first, time=n / 60) for n in range(100)]
+    frames = itertools.chain(begin, (moved(held, time=2 + n / 60) for n in itertools.count()))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(PATIENCE)
+        serve("--config", service_file(sender.uri, receiver.getsockname()[1]))
+        stop = threading.Event()
+        thread = threading.Thread(target=sender.play, args=(frames,), kwargs={"until": stop.is_set})
+        thread.start()
+        try:
+            expected = directions(to_character_axes(held.positions))[3:5]  # the left upper arm and forearm
+            give_up = time.monotonic() + PATIENCE
+            calibrated, latest, apart = [], {}, 180.0
+            while apart > 2 and time.monotonic() < give_up:
+                sent = [receiver.recv(65536)]
+                assert len(sent[0]) <= MOST
+                calibrated += [values for address, values in messages(sent) if address == "/VMC/Ext/OK"]
+                latest |= bones(sent)
+                if len(latest) == 19:
+                    chest = latest["Hips"][1] * latest["Spine"][1] * latest["Chest"][1] * latest["LeftShoulder"][1]
+                    upper = chest * latest["LeftUpperArm"][1]
+                    lower = upper * latest["LeftLowerArm"][1]
+                    arms = np.array([turn.apply([-1, 0, 0]) for turn in (upper, lower)]) * [-1, 1, 1]
+                    apart = math.degrees(np.arccos(np.clip((arms * expected).sum(axis=1), -1, 1)).max())
+        finally:
+            stop.set()
+            thread.join()
+    assert apart <= 2
+    assert [1, 3, 0, 1] in calibrated

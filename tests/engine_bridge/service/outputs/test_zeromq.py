@@ -1,0 +1,566 @@
+import contextlib
+import json
+import secrets
+import select
+import socket
+import struct
+import time
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zmq
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from engine_bridge.service.outputs.subscriptions import MOST_REMEMBERED
+from engine_bridge.service.outputs.zeromq import AT_A_TIME, Publisher
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
+from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.security.endpoints import Door
+from engine_bridge.service.security.guard import Guard
+
+SECONDS = 20
+"""After which what a test waits for has not come."""
+
+COMPUTED = {"controls", "vertices_and_normals", "morphs"}
+
+
+class Open:
+    """A door that stands open at any free port."""
+
+    def __init__(self, stream="tcp://127.0.0.1:*"):
+        self.stream = stream
+
+    def prepare(self, socket):
+        socket.maxmsgsize = 1024
+
+
+@pytest.fixture(scope="module")
+def dog(blob_rig):
+    return StreamedCharacter("dog", blob_rig, 1)
+
+
+@pytest.fixture(scope="module")
+def cat(blob_rig):
+    return StreamedCharacter("cat", blob_rig, 1)
+
+
+@pytest.fixture
+def context():
+    made = zmq.Context()
+    yield made
+    made.destroy(linger=0)
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self):
+        return self.now
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def open_publisher(context):
+    made = []
+
+    def open_one(*characters, doors=None, clock=time.monotonic):
+        made.append(Publisher(context, doors or [Open()], characters, clock))
+        return made[-1]
+
+    yield open_one
+    for publisher in made:
+        publisher.close()
+
+
+@pytest.fixture
+def publisher(open_publisher, dog, cat):
+    return open_publisher(dog, cat)
+
+
+@pytest.fixture
+def subscribe(context):
+    def make(publisher, *topics, door=0):
+        client = context.socket(zmq.SUB)
+        client.rcvhwm = 0
+        client.connect(publisher.endpoints[door])
+        for text in topics:
+            client.subscribe(subscription(text) if isinstance(text, str) else text)
+        return client
+
+    return make
+
+
+class Raw:
+    """A subscriber of ZMTP 3.0 that is written by hand: what a small client relies on."""
+
+    METADATA = b"\x0bSocket-Type\0\0\0\x03SUB"
+
+    def __init__(self, publisher, minor=0, token=None):
+        port = int(publisher.endpoints[0].rpartition(":")[2])
+        self.socket = socket.create_connection(("127.0.0.1", port))
+        self.socket.settimeout(SECONDS)
+        mechanism = (b"NULL" if token is None else b"PLAIN").ljust(20, b"\0")
+        self.socket.sendall(b"\xff" + bytes(8) + b"\x7f" + bytes([3, minor]) + mechanism + bytes(32))
+        if token is None:
+            self.command(b"READY", self.METADATA)
+        else:
+            self.command(b"HELLO", bytes([4]) + b"user" + bytes([len(token)]) + token)
+        self.greeting = self.exactly(64)
+
+    def command(self, name, data):
+        body = bytes([len(name)]) + name + data
+        self.socket.sendall(bytes([4, len(body)]) + body)
+
+    def send(self, body):
+        self.socket.sendall(
+            bytes([0, len(body)]) + body if len(body) < 256 else b"\2" + struct.pack(">Q", len(body)) + body
+        )
+
+    def exactly(self, count):
+        got = b""
+        while len(got) < count:
+            more = self.socket.recv(count - len(got))
+            if not more:
+                raise ConnectionError
+            got += more
+        return got
+
+    def frame(self):
+        """Return the flags and the body of the next frame."""
+        (flags,) = self.exactly(1)
+        (size,) = struct.unpack(">Q", self.exactly(8)) if flags & 2 else self.exactly(1)
+        return flags, self.exactly(size)
+
+    def message(self):
+        """Return the next message, answering pings."""
+        while True:
+            flags, body = self.frame()
+            if not flags & 4:
+                return flags, body
+            if body.startswith(b"\x04PING"):
+                self.command(b"PONG", body[7:])
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.fixture
+def raw():
+    made = []
+
+    def connect(publisher, minor=0, token=None):
+        made.append(Raw(publisher, minor, token))
+        return made[-1]
+
+    yield connect
+    for client in made:
+        client.close()
+
+
+def serve(publisher, until):
+    """Run the publisher as the service does until something is true."""
+    end = time.monotonic() + SECONDS
+    while not until():
+        assert time.monotonic() < end, "it has not come"
+        for each in publisher.sockets:
+            if each.poll(2):
+                publisher.handle(each)
+        publisher.send_due()
+
+
+def readable(client):
+    """Tell whether something has come for a raw client."""
+    return bool(select.select([client.socket], [], [], 0)[0])
+
+
+def heard(publisher, client):
+    """Run the publisher until the client has a message."""
+    serve(publisher, lambda: client.poll(0))
+    return decode(client.recv())
+
+
+def wanted(publisher, name, *kinds, door=0):
+    """Run the publisher until just these kinds of a character's frames are wanted at a door."""
+    stream = list(publisher._streams.values())[door]
+    serve(publisher, lambda: set(stream.kinds_of(name)) == set(kinds))
+
+
+def frame_of(character, sequence=0, **more):
+    model = character.rig.model
+    return Frame(
+        **{
+            "character": character,
+            "sequence": sequence,
+            "time": sequence / 30,
+            "received": time.monotonic_ns(),
+            "state": "waiting",
+            "user": None,
+            "R": model.rest_controls,
+            "root": np.zeros(3),
+            "targets": character.rig.puppet.handle_positions,
+            **more,
+        }
+    )
+
+
+def test_a_late_subscriber_gets_the_scene_at_once(publisher, subscribe, dog):
+    for sequence in range(5):
+        publisher.publish(frame_of(dog, sequence))
+    received = heard(publisher, subscribe(publisher, "dog/scene"))
+    assert received.topic == "dog/scene"
+    assert (received.header.kind, received.header.revision) == (Kind.SCENE, 1)
+    np.testing.assert_array_equal(received.body.arrays["positions"], dog.rest.astype(np.float32))
+
+
+def test_a_scene_under_a_topic_of_its_own_goes_to_one_client_alone(publisher, subscribe):
+    other = subscribe(publisher, "dog/scene", "dog/scene/other")
+    first, second = heard(publisher, other), heard(publisher, other)
+    assert {first.topic, second.topic} == {"dog/scene", "dog/scene/other"}
+    received = heard(publisher, subscribe(publisher, "dog/scene/mine"))
+    assert received.topic == "dog/scene/mine"
+    assert received.body.facts["character"] == "dog"
+    assert not other.poll(100)
+
+
+def test_the_same_scene_can_be_asked_for_again(publisher, subscribe):
+    client = subscribe(publisher, "dog/scene/mine")
+    heard(publisher, client)
+    client.unsubscribe(subscription("dog/scene/mine"))
+    client.subscribe(subscription("dog/scene/mine"))
+    assert heard(publisher, client).topic == "dog/scene/mine"
+
+
+def test_a_scene_of_nobody_is_never_sent(publisher, subscribe):
+    client = subscribe(publisher, "cow/scene", "cow/scene/mine", "dog/scene")
+    assert heard(publisher, client).topic == "dog/scene"
+    assert not client.poll(100)
+
+
+def test_who_performs_is_told_when_it_changes_and_to_whoever_comes_later(publisher, subscribe, dog):
+    early = subscribe(publisher, "dog/performer")
+    serve(publisher, lambda: publisher._streams[publisher.sockets[0]].subscriptions._held)
+    for sequence, (state, user) in enumerate([("waiting", None), ("waiting", None), ("calibrating", 3)]):
+        publisher.publish(frame_of(dog, sequence, state=state, user=user))
+    told = [heard(publisher, early) for _ in range(2)]
+    assert [(each.body["state"], each.body["user"]) for each in told] == [("waiting", None), ("calibrating", 3)]
+    assert [each.header.sequence for each in told] == [0, 2]
+    late = heard(publisher, subscribe(publisher, "dog/performer"))
+    assert late.body == {"character": "dog", "state": "calibrating", "user": 3, "time": 2 / 30}
+
+
+def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, dog):
+    client = subscribe(publisher, "service/characters")
+    assert heard(publisher, client).body == [
+        {
+            "name": name,
+            "revision": 1,
+            "vertices": len(dog.rest),
+            "kinds": ["controls", "vertices", "vertices16", "joints", "handles"],
+        }
+        for name in ("dog", "cat")
+    ]
+    publisher.publish_json("service/status", {"uptime": 1})
+    publisher.publish_json("service/status", {"uptime": 2})
+    assert heard(publisher, subscribe(publisher, "service/status")).body == {"uptime": 2}
+
+
+def test_frames_come_to_whoever_subscribed_in_the_kinds_asked_for(publisher, subscribe, dog, cat):
+    client = subscribe(publisher, "dog/controls", "cat/handles")
+    wanted(publisher, "dog", Kind.CONTROLS)
+    wanted(publisher, "cat", Kind.HANDLES)
+    for sequence in range(3):
+        publisher.publish(frame_of(dog, sequence))
+        publisher.publish(frame_of(cat, sequence))
+    got = [heard(publisher, client) for _ in range(6)]
+    assert [(each.topic, each.header.sequence) for each in got] == [
+        (topic, sequence) for sequence in range(3) for topic in ("dog/controls", "cat/handles")
+    ]
+
+
+def test_what_nobody_wants_is_never_computed(publisher, subscribe, dog):
+    frame = frame_of(dog)
+    publisher.publish(frame)
+    assert not COMPUTED & set(vars(frame))
+    client, leaving = subscribe(publisher, "dog/controls", "dog/vertices"), subscribe(publisher, "dog/vertices16")
+    wanted(publisher, "dog", Kind.CONTROLS, Kind.VERTICES, Kind.VERTICES16)
+    client.unsubscribe(subscription("dog/vertices"))
+    leaving.close(0)
+    wanted(publisher, "dog", Kind.CONTROLS)
+    frame = frame_of(dog)
+    publisher.publish(frame)
+    assert COMPUTED & set(vars(frame)) == {"controls"}
+    client.close(0)
+    wanted(publisher, "dog")
+    frame = frame_of(dog)
+    before = publisher.messages
+    publisher.publish(frame)
+    assert not COMPUTED & set(vars(frame))
+    assert publisher.messages == before
+
+
+def test_a_subscription_without_the_zero_stands_for_everything_that_begins_so(publisher, subscribe, dog, cat):
+    everything = subscribe(publisher, b"")
+    topics = {heard(publisher, everything).topic for _ in range(3)}
+    assert topics == {"dog/scene", "cat/scene", "service/characters"}
+    wanted(publisher, "dog", *FRAME_KINDS)
+    publisher.publish(frame_of(dog))
+    assert [heard(publisher, everything).topic for _ in range(5)] == [
+        f"dog/{kind}" for kind in ("performer", "controls", "vertices", "vertices16", "handles")
+    ]
+
+
+def test_two_doors_serve_their_own_clients_and_compute_once(open_publisher, subscribe, dog, monkeypatch):
+    publisher = open_publisher(dog, doors=[Open(), Open()])
+    first, second = subscribe(publisher, "dog/vertices"), subscribe(publisher, "dog/vertices", "dog/joints", door=1)
+    wanted(publisher, "dog", Kind.VERTICES)
+    wanted(publisher, "dog", Kind.VERTICES, Kind.JOINTS, door=1)
+    made = []
+    evaluate = type(dog.binding).vertices_and_normals
+    monkeypatch.setattr(type(dog.binding), "vertices_and_normals", lambda *args: made.append(1) or evaluate(*args))
+    publisher.publish(frame_of(dog, joints=np.zeros((20, 3)), confidence=np.ones(20, dtype=np.float32)))
+    assert heard(publisher, first).topic == "dog/vertices"
+    assert [heard(publisher, second).topic for _ in range(2)] == ["dog/vertices", "dog/joints"]
+    assert made == [1]
+    assert not first.poll(50)
+
+
+def test_a_topic_is_answered_once_a_second_and_nobody_is_forgotten(open_publisher, subscribe, dog, clock):
+    publisher = open_publisher(dog, clock=clock)
+    first = subscribe(publisher, "service/characters")
+    heard(publisher, first)
+    later = [subscribe(publisher, "service/characters") for _ in range(3)]
+    serve(publisher, lambda: publisher.due() < float("inf"))
+    assert publisher.due() == pytest.approx(clock.now + 1)
+    stream = publisher._streams[publisher.sockets[0]]
+    serve(publisher, lambda: stream.subscriptions._held[subscription("service/characters")] == 4)
+    assert not any(client.poll(20) for client in later)
+    clock.now += 1
+    for client in later:
+        assert heard(publisher, client).topic == "service/characters"
+    assert publisher.due() == float("inf")
+
+
+def test_after_a_reload_new_scenes_go_to_whoever_subscribed_to_them(publisher, subscribe, dog, cat):
+    client = subscribe(publisher, "dog/scene", "cat/scene", "cow/scene")
+    assert {heard(publisher, client).topic for _ in range(2)} == {"dog/scene", "cat/scene"}
+    time.sleep(1.0)  # a topic is answered once a second
+    cow = replace(cat, name="cow")
+    publisher.announce([replace(dog, revision=2), cow])
+    got = [heard(publisher, client) for _ in range(2)]
+    assert [(each.topic, each.header.revision) for each in got] == [("dog/scene", 2), ("cow/scene", 1)]
+    assert got[0].body.facts["revision"] == 2
+    listed = heard(publisher, subscribe(publisher, "service/characters")).body
+    assert [(each["name"], each["revision"]) for each in listed] == [("dog", 2), ("cow", 1)]
+
+
+def test_what_was_said_of_a_character_goes_with_it(publisher, subscribe, dog, cat):
+    publisher.publish(frame_of(cat))
+    publisher.announce([dog])
+    client = subscribe(publisher, "cat/performer", "cat/scene", "dog/scene")
+    assert heard(publisher, client).topic == "dog/scene"
+    assert not client.poll(100)
+
+
+def test_a_client_that_never_reads_costs_nobody_else_a_message(publisher, subscribe, raw, dog):
+    asleep = raw(publisher)
+    asleep.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    asleep.send(b"\1" + subscription("dog/vertices"))
+    client = subscribe(publisher, "dog/vertices")
+    stream = publisher._streams[publisher.sockets[0]]
+    serve(publisher, lambda: stream.subscriptions._held[subscription("dog/vertices")] == 2)
+    got = []
+    for sequence in range(1000):  # 35 MB, which is more than anything on the way can hold
+        publisher.publish(frame_of(dog, sequence))
+        assert client.poll(1000 * SECONDS)
+        got.append(decode(client.recv()).header.sequence)
+    assert got == list(range(1000))
+
+
+def test_a_client_that_wakes_up_finds_few_old_frames_and_then_the_newest(publisher, subscribe, context, dog):
+    client = subscribe(publisher)
+    client.close(0)
+    client = context.socket(zmq.SUB)
+    client.rcvhwm, client.rcvbuf = 1, 4096
+    client.connect(publisher.endpoints[0])
+    client.subscribe(subscription("dog/vertices"))
+    wanted(publisher, "dog", Kind.VERTICES)
+    for sequence in range(500):
+        publisher.publish(frame_of(dog, sequence))
+        time.sleep(0.001)
+    got = []
+    while client.poll(200):
+        got.append(decode(client.recv()).header.sequence)
+    assert got == list(range(len(got)))  # what was on its way, in order; the rest was dropped, not queued
+    assert len(got) < 100
+    time.sleep(0.1)
+    publisher.publish(frame_of(dog, 500))
+    assert heard(publisher, client).header.sequence == 500
+
+
+def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscribe, raw, dog):
+    client = raw(publisher)
+    junk = [b"", b"\1" + b"\xff" * 200, b"\1" + b"x" * 500, b"\0never", b"\2user message", b"\1dog/scene/" + b"y" * 60]
+    for body in junk:
+        client.send(body)
+    sent = b"".join(bytes([0, len(body)]) + body for body in (b"\1n%d/controls" % number for number in range(100_000)))
+    client.socket.setblocking(False)
+    waiting = memoryview(sent)
+    while waiting:
+        with contextlib.suppress(BlockingIOError):
+            waiting = waiting[client.socket.send(waiting[:65536]) :]
+        publisher.handle(publisher.sockets[0])
+    stream = publisher._streams[publisher.sockets[0]]
+    serve(publisher, lambda: publisher.ignored >= 100_000 - MOST_REMEMBERED)
+    assert len(stream.subscriptions._held) <= MOST_REMEMBERED
+    assert heard(publisher, subscribe(publisher, "dog/scene")).topic == "dog/scene"
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    requests=st.lists(
+        st.binary(max_size=80) | st.text("/\0adegcnostrlhk", max_size=20).map(lambda text: b"\1" + text.encode())
+    )
+)
+def test_any_bytes_are_a_subscription_or_nothing(publisher, raw, requests):
+    client = raw(publisher)
+    for body in requests:
+        client.send(body)
+    own = f"dog/scene/{secrets.token_hex(4)}"  # each topic is answered once a second
+    client.send(b"\1" + subscription(own))
+    serve(publisher, lambda: readable(client))
+    client.frame()  # its READY
+    topics = []
+    while own not in topics:
+        serve(publisher, lambda: readable(client))
+        topics.append(client.message()[1].partition(b"\0")[0].decode("latin-1"))
+    client.close()
+
+
+def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):
+    client = raw(publisher)
+    client.socket.sendall(b"\0\x04\1a b" * (3 * AT_A_TIME))
+    first = publisher.sockets[0]
+    assert first.poll(1000 * SECONDS)
+    time.sleep(0.2)
+    publisher.handle(first)
+    assert publisher.ignored <= AT_A_TIME
+    serve(publisher, lambda: publisher.ignored == 3 * AT_A_TIME)
+
+
+def test_nobody_can_take_away_what_others_follow(publisher, subscribe, raw, dog):
+    client = subscribe(publisher, "dog/controls")
+    wanted(publisher, "dog", Kind.CONTROLS)
+    rude = raw(publisher)
+    rude.send(b"\0" + subscription("dog/controls"))
+    rude.send(b"\1" + subscription("dog/handles"))
+    wanted(publisher, "dog", Kind.CONTROLS, Kind.HANDLES)
+    publisher.publish(frame_of(dog))
+    assert heard(publisher, client).topic == "dog/controls"
+
+
+def test_a_client_finds_the_service_again_when_it_comes_back(open_publisher, subscribe, dog, free_port):
+    first = open_publisher(dog, doors=[Open(f"tcp://127.0.0.1:{free_port()}")])
+    client = subscribe(first, "dog/scene/mine", "dog/controls")
+    heard(first, client)
+    endpoint = first.endpoints[0]
+    first.close()
+    second = None
+    while second is None:  # libzmq closes it in a thread of its own
+        with suppress(zmq.ZMQError):
+            second = open_publisher(dog, doors=[Open(endpoint)])
+    assert heard(second, client).topic == "dog/scene/mine"
+    wanted(second, "dog", Kind.CONTROLS)
+    second.publish(frame_of(dog))
+    assert heard(second, client).topic == "dog/controls"
+
+
+def test_a_port_that_is_taken_is_said_and_nothing_stays_open(open_publisher, context, dog):
+    taken = open_publisher(dog).endpoints[0]
+    with pytest.raises(zmq.ZMQError) as error:
+        Publisher(context, [Open(), Open(taken)], [dog])
+    assert error.value.errno == zmq.EADDRINUSE
+
+
+def test_closing_twice_does_nothing(publisher):
+    publisher.close()
+    publisher.close()
+    assert publisher.sockets == []
+
+
+def test_a_small_client_says_the_token_and_waits_to_be_let_in(open_publisher, context, raw, dog):
+    token = b"a-token-of-some-length"
+    door = Door("PLAIN", "tcp://127.0.0.1:*", "tcp://127.0.0.1:*", token=token)
+    guard = Guard(context, [door], max_clients=4)
+    publisher = open_publisher(dog, doors=[door])
+
+    def answer(client):
+        """The frame that a client gets while the guard is at work."""
+        client.socket.setblocking(False)
+        end = time.monotonic() + SECONDS
+        while time.monotonic() < end:
+            guard.handle()
+            with contextlib.suppress(BlockingIOError):
+                client.socket.recv(1, socket.MSG_PEEK)
+                client.socket.settimeout(SECONDS)
+                return client.frame()
+        raise AssertionError("it has not come")
+
+    client = raw(publisher, token=token)
+    assert client.greeting[12:32] == b"PLAIN".ljust(20, b"\0")
+    assert answer(client) == (4, b"\x07WELCOME")
+    client.command(b"INITIATE", Raw.METADATA)
+    assert answer(client)[1].startswith(b"\x05READY")
+    client.send(b"\1" + subscription("dog/scene/mine"))
+    serve(publisher, lambda: publisher.messages)
+    assert client.message()[1][:15] == b"dog/scene/mine\0"
+    flags, body = answer(raw(publisher, token=b"another-token-of-a-length"))
+    assert (flags, body[1:5]) == (4, b"RROR")
+    guard.close()
+
+
+@pytest.mark.parametrize("minor", [0, 1])
+@pytest.mark.parametrize("form", ["message", "command"])
+def test_a_small_client_of_its_own_gets_whole_messages_of_one_part(publisher, raw, dog, minor, form):
+    client = raw(publisher, minor)
+    assert client.greeting[:1] + client.greeting[9:12] == b"\xff\x7f\x03\x01"
+    assert client.greeting[12:32] == b"NULL".ljust(20, b"\0")
+    for text in ("dog/scene/mine", "dog/controls"):
+        if form == "message":
+            client.send(b"\1" + subscription(text))
+        else:
+            client.command(b"SUBSCRIBE", subscription(text))
+    wanted(publisher, "dog", Kind.CONTROLS)
+    flags, ready = client.frame()
+    assert flags == 4
+    assert ready.startswith(b"\x05READY\x0bSocket-Type\0\0\0\x04XPUB")
+    flags, body = client.message()
+    assert flags == 2  # one part, its length in eight bytes
+    assert body[:15] == b"dog/scene/mine\0"
+    (length,) = struct.unpack_from("<I", body, 64 + 12)
+    assert len(body) == 128 + length
+    scene = Scene.decode(body[128:])
+    assert json.loads(body[132 : 132 + struct.unpack_from("<I", body, 128)[0]]) == scene.facts
+    publisher.publish(frame_of(dog, 7))
+    flags, body = client.message()
+    assert body[:13] == b"dog/controls\0"
+    assert struct.unpack_from("<Q", body, 64 + 16) == (7,)
+    assert len(body) == 128 + 48 * scene.facts["fields"] * scene.facts["isolines"]
+
+
+def test_a_client_that_asks_whether_anybody_is_there_is_answered(publisher, raw):
+    client = raw(publisher)
+    client.send(b"\1" + subscription("dog/controls"))
+    flags, body = client.frame()
+    assert body.startswith(b"\x05READY")
+    client.command(b"PING", b"\0\x3c" + b"anybody")
+    flags, body = client.frame()
+    assert (flags, body) == (4, b"\x04PONGanybody")

@@ -1,0 +1,240 @@
+import contextlib
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine_bridge.export.live_basis import Projection
+from engine_bridge.service.protocol import payloads
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.protocol.header import FRAME_KINDS, Header, Kind, WireError, join, topic, topic_field
+from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.protocol.quantisation import STEPS
+from engine_bridge.service.protocol.scene import Scene
+from solver.motion.deformer import Deformer, to_file_units
+
+ROOT = np.array([0.25, 0.0, -1.5])
+
+
+class Basis:
+    """Three morph targets, whatever the pose."""
+
+    names = ("a", "b", "c")
+
+    def project(self, R):
+        return Projection(np.array([0.5, 0, 1], dtype=np.float32), 0.125, False)
+
+
+@pytest.fixture(scope="module")
+def character(blob_rig):
+    return StreamedCharacter("dog", blob_rig, 3, Basis())
+
+
+@pytest.fixture(scope="module")
+def frame(character):
+    """The figure, far from its rest pose."""
+    rig = character.rig
+    deformer = Deformer(rig.model, rig.mesh, rig.puppet.handle_positions)
+    moved = np.array([[0.3, 0.6, 0.2], [-0.1, 0.9, 0.5], [0.2, -0.2, 0.3], [0, 0.2, 0.4], [0, 0, 0]])
+    targets = deformer.handles + moved
+    return Frame(
+        character=character,
+        sequence=12,
+        time=1.25,
+        received=123,
+        state="performing",
+        user=4,
+        R=deformer.solve(targets),
+        root=ROOT,
+        targets=targets + ROOT,
+        joints=np.arange(60.0).reshape(20, 3),
+        confidence=np.linspace(0, 1, 20, dtype=np.float32),
+    )
+
+
+def message(frame, kind):
+    return encode(kind, frame, 456)
+
+
+def documented(scene, controls):
+    """Positions and normals as docs/protocol.md tells a client to make them, in NumPy."""
+    x, n = scene.arrays["positions"].astype(float), scene.arrays["normals"].astype(float)
+    t, slopes = scene.arrays["ladder"].astype(float), scene.arrays["slopes"].astype(float)
+    isolines = scene.facts["isolines"]
+    k = np.minimum(np.floor(t), isolines - 2).astype(int)
+    share = (t - k)[..., None, None]
+    row = np.arange(scene.facts["fields"]) * isolines + k
+    low, high = controls[row].astype(float), controls[row + 1].astype(float)
+    weights = np.array(scene.facts["weights"])
+    blend = np.einsum("i,vixy->vxy", weights, (1 - share) * low + share * high)
+    homogeneous = np.column_stack([x, np.ones(len(x))])
+    positions = np.einsum("vxy,vy->vx", blend, homogeneous)
+    axis = np.eye(3)[np.abs(n).argmin(axis=1)]
+    first = np.cross(axis, n)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    carried = []
+    for number, tangent in enumerate((first, np.cross(n, first))):
+        change = np.einsum("i,vi,vixy->vxy", weights, slopes[:, :, number], high - low)
+        carried.append(np.einsum("vxy,vy->vx", blend[:, :, :3], tangent) + np.einsum("vxy,vy->vx", change, homogeneous))
+    normals = np.cross(*carried)
+    return positions, normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def test_controls_and_the_scene_are_all_that_positions_and_normals_need(character, frame):
+    scene = Scene.decode(character.scene)
+    controls = decode(message(frame, Kind.CONTROLS)).body
+    positions, normals = documented(scene, controls)
+    expected, expected_normals = frame.vertices_and_normals
+    assert np.abs(positions - expected).max() <= 1e-5 * character.rig.mesh.diagonal
+    assert np.abs(normals - expected_normals).max() <= 1e-5
+
+
+def test_controls_are_the_solvers_with_the_root_added(character, frame):
+    body = decode(message(frame, Kind.CONTROLS)).body
+    alone = to_file_units(frame.R, character.rig.model)
+    np.testing.assert_array_equal(body[:, :, :3], alone[:, :, :3])
+    np.testing.assert_allclose(body[:, :, 3], alone[:, :, 3] + ROOT, rtol=1e-6)
+    unmoved = character.binding.vertices(alone)
+    np.testing.assert_allclose(character.binding.vertices(body), unmoved + ROOT, atol=1e-5)
+
+
+def test_the_header_says_which_frame_it_is(frame):
+    received = decode(message(frame, Kind.CONTROLS))
+    assert received.topic == "dog/controls"
+    assert received.header == Header(
+        kind=Kind.CONTROLS,
+        length=frame.controls.nbytes,
+        revision=3,
+        sequence=12,
+        state=2,
+        user=4,
+        time=1.25,
+        received=123,
+        published=456,
+        root=(0.25, 0.0, -1.5),
+    )
+
+
+def test_nobody_is_minus_one(frame):
+    nobody = replace(frame, user=None, state="waiting")
+    header = decode(encode(Kind.HANDLES, nobody, 0)).header
+    assert (header.user, header.state) == (-1, 0)
+
+
+def test_vertices_are_the_bindings(frame):
+    positions, normals = decode(message(frame, Kind.VERTICES)).body
+    np.testing.assert_array_equal(positions, frame.vertices_and_normals[0])
+    np.testing.assert_array_equal(normals, frame.vertices_and_normals[1])
+
+
+def test_quantised_vertices_are_off_by_half_a_step(frame):
+    expected, expected_normals = frame.vertices_and_normals
+    positions, normals = decode(message(frame, Kind.VERTICES16)).body
+    side = np.ptp(expected, axis=0)
+    assert (np.abs(positions - expected) <= 0.5 * side / STEPS + 1e-6).all()
+    assert np.abs(normals - expected_normals).max() < 1e-4
+
+
+@pytest.mark.parametrize("count", range(1, 6))
+def test_quantised_vertices_are_counted_by_the_length_whatever_the_padding(character, frame, count):
+    some = frame.vertices_and_normals[:, :count]
+    part = replace(frame)
+    part.__dict__["vertices_and_normals"] = some
+    positions, normals = decode(encode(Kind.VERTICES16, part, 0)).body
+    assert positions.shape == normals.shape == (count, 3)
+    np.testing.assert_allclose(positions, some[0], atol=1e-4)
+
+
+def test_joints_carry_their_confidence_and_handles_the_root(frame):
+    joints = decode(message(frame, Kind.JOINTS)).body
+    np.testing.assert_array_equal(joints[:, :3], frame.joints)
+    np.testing.assert_array_equal(joints[:, 3], frame.confidence)
+    np.testing.assert_allclose(decode(message(frame, Kind.HANDLES)).body, frame.targets, rtol=1e-6)
+
+
+def test_morphs_are_a_residual_and_weights(frame):
+    weights, residual = decode(message(frame, Kind.MORPHS)).body
+    np.testing.assert_array_equal(weights, [0.5, 0, 1])
+    assert residual == 0.125
+
+
+def test_what_a_frame_does_not_have_is_no_message(frame):
+    bare = replace(frame, character=replace(frame.character, basis=None), joints=None, confidence=None)
+    assert encode(Kind.JOINTS, bare, 0) is None
+    assert encode(Kind.MORPHS, bare, 0) is None
+
+
+def test_nothing_is_computed_that_is_not_asked_for(frame):
+    fresh = replace(frame)
+    encode(Kind.HANDLES, fresh, 0)
+    assert not {"controls", "vertices_and_normals", "morphs"} & set(vars(fresh))
+    encode(Kind.CONTROLS, fresh, 0)
+    assert "vertices_and_normals" not in vars(fresh)
+
+
+def test_a_kind_of_a_later_minor_version_has_no_body():
+    assert decode(join(topic_field("dog/new"), Header(kind=99, length=3, minor=1), b"abc")).body is None
+
+
+SIZES = {
+    Kind.CONTROLS: (4, 44, 52),
+    Kind.MORPHS: (0, 5),
+    Kind.VERTICES: (12, 36),
+    Kind.VERTICES16: (0, 23, 25, 33, 34, 37),
+    Kind.JOINTS: (0, 319, 321, 640),
+    Kind.HANDLES: (8, 13),
+    Kind.PERFORMER: (0, 3),
+    Kind.SCENE: (0, 3, 4, 20),
+}
+
+
+@pytest.mark.parametrize(("kind", "size"), [(kind, size) for kind, sizes in SIZES.items() for size in sizes])
+def test_payloads_of_impossible_lengths_are_refused(kind, size):
+    with pytest.raises(WireError):
+        decode(join(topic("dog", kind), Header(kind=kind, length=size), bytes(size)))
+
+
+def test_a_topic_of_another_kind_is_refused(frame):
+    moved = topic("dog", Kind.VERTICES) + message(frame, Kind.CONTROLS)[64:]
+    with pytest.raises(WireError, match="under the topic"):
+        decode(moved)
+
+
+def test_a_box_without_bounds_is_refused():
+    payload = struct.pack("<6f", 0, 0, 0, float("inf"), 1, 1)
+    with pytest.raises(WireError, match="bounds"):
+        decode(join(topic("dog", Kind.VERTICES16), Header(Kind.VERTICES16, len(payload)), payload))
+
+
+@settings(deadline=None)
+@given(kind=st.sampled_from(list(Kind)), payload=st.binary(max_size=200))
+def test_any_payload_is_understood_or_refused(kind, payload):
+    name = "service" if kind in (Kind.STATUS, Kind.CHARACTERS) else "dog"
+    try:
+        received = decode(join(topic(name, kind), Header(kind=kind, length=len(payload)), payload))
+    except WireError:
+        return
+    if kind in FRAME_KINDS and kind not in (Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16):
+        assert received.body.nbytes == len(payload)
+    if kind in (Kind.PERFORMER, Kind.STATUS, Kind.CHARACTERS):
+        assert json.loads(payload) == received.body
+
+
+@settings(deadline=None, max_examples=300)
+@given(data=st.data(), kind=st.sampled_from(FRAME_KINDS))
+def test_a_message_with_bytes_changed_is_understood_or_refused(frame, data, kind):
+    content = bytearray(message(frame, kind))
+    for _ in range(data.draw(st.integers(1, 5))):
+        content[data.draw(st.integers(0, min(200, len(content) - 1)))] = data.draw(st.integers(0, 255))
+    cut = data.draw(st.integers(0, len(content)))
+    with contextlib.suppress(WireError):
+        assert decode(bytes(content[:cut])).header.length <= cut
+
+
+def test_every_kind_has_an_encoder_and_a_decoder():
+    assert set(payloads._PARTS) == set(FRAME_KINDS)
+    assert set(payloads._BODIES) == set(Kind)

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from engine_bridge.service.protocol.quantisation import STEPS, normals_of, positions_of, quantised
+
+COORDINATES = st.floats(-1e6, 1e6, width=32)
+FLOAT = np.finfo(np.float32)
+
+
+def unit(vectors):
+    return (vectors / np.linalg.norm(vectors, axis=1, keepdims=True)).astype(np.float32)
+
+
+@settings(deadline=None)
+@given(arrays(np.float32, st.tuples(st.integers(1, 30), st.just(3)), elements=COORDINATES))
+def test_no_coordinate_is_off_by_more_than_half_a_step_and_rounding(positions):
+    box, places, _ = quantised(positions, np.zeros_like(positions))
+    np.testing.assert_array_equal(box, [positions.min(axis=0), positions.max(axis=0)])
+    off = np.abs(positions_of(box, places).astype(np.float64) - positions)
+    side = box[1].astype(np.float64) - box[0]
+    rounding = 4 * FLOAT.eps * (np.abs(positions).max(axis=0) + side) + FLOAT.tiny
+    assert (off <= 0.5 * side / STEPS + rounding).all()
+
+
+def test_the_corners_of_the_box_are_met():
+    positions = np.array([[0, -1, 5], [1, 2, 5]], dtype=np.float32)
+    box, places, _ = quantised(positions, np.zeros_like(positions))
+    np.testing.assert_array_equal(places, [[0, 0, 0], [STEPS, STEPS, 0]])
+    np.testing.assert_array_equal(positions_of(box, places), positions)
+
+
+def test_normals_are_off_by_no_more_than_some_thousandths_of_a_degree():
+    normals = unit(np.random.default_rng(1).normal(size=(100_000, 3)))
+    _, _, folded = quantised(normals, normals)
+    back = normals_of(folded)
+    np.testing.assert_allclose(np.linalg.norm(back, axis=1), 1, atol=1e-6)
+    angle = np.degrees(np.arcsin(np.minimum(np.linalg.norm(np.cross(normals.astype(float), back), axis=1), 1)))
+    assert angle.max() < 0.005
+    assert (np.einsum("vx,vx->v", normals, back) > 0).all()
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_axes_are_met_exactly(axis, sign):
+    normal = np.zeros((1, 3), dtype=np.float32)
+    normal[0, axis] = sign
+    _, _, folded = quantised(normal, normal)
+    np.testing.assert_array_equal(normals_of(folded), normal)
+
+
+def test_a_normal_without_direction_points_along_z():
+    zero = np.zeros((1, 3), dtype=np.float32)
+    np.testing.assert_array_equal(normals_of(quantised(zero, zero)[2]), [[0, 0, 1]])

@@ -1,0 +1,153 @@
+import json
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from engine_bridge.character.character import load_character
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.header import WireError
+from engine_bridge.service.protocol.scene import Scene, describe, parts, uv
+
+
+@pytest.fixture(scope="module")
+def character(blob_rig):
+    return StreamedCharacter("dog", blob_rig, 3)
+
+
+@pytest.fixture(scope="module")
+def scene(character):
+    return Scene.decode(character.scene)
+
+
+def with_facts(payload, change):
+    """The payload with another description."""
+    (length,) = struct.unpack_from("<I", payload)
+    facts = json.loads(payload[4 : 4 + length])
+    change(facts)
+    text = json.dumps(facts).encode()
+    text += b" " * (-len(text) % 8)
+    return struct.pack("<I", len(text)) + text + payload[4 + length :]
+
+
+def test_a_scene_holds_the_mesh_and_its_ladder(character, scene, blob_rig):
+    np.testing.assert_array_equal(scene.arrays["positions"], blob_rig.character.vertices.astype(np.float32))
+    np.testing.assert_array_equal(scene.arrays["triangles"], blob_rig.character.triangles)
+    np.testing.assert_array_equal(scene.arrays["ladder"], blob_rig.model.ladder[blob_rig.mesh.of_render])
+    np.testing.assert_array_equal(scene.arrays["normals"], character.normals)
+    assert scene.arrays["slopes"].shape == (len(character.rest), len(blob_rig.model.weights), 2)
+    assert scene.facts["weights"] == blob_rig.model.weights.tolist()
+
+
+def test_a_scene_says_how_the_character_stands_and_what_moves_it(scene, blob_rig):
+    facts = scene.facts
+    assert (facts["up"], facts["front"], facts["metres_a_unit"]) == ("y", "z", 1.0)
+    assert [handle["name"] for handle in facts["handles"]] == [handle.name for handle in blob_rig.puppet.handle]
+    assert facts["handles"][1]["joints"] == ["hand_right", "wrist_right"]
+    assert (facts["character"], facts["revision"], facts["morphs"]) == ("dog", 3, None)
+    np.testing.assert_allclose(facts["bounds"], [scene.arrays["positions"].min(0), scene.arrays["positions"].max(0)])
+    assert facts["diagonal"] == float(blob_rig.model.diagonal)
+
+
+def test_arrays_lie_at_multiples_of_four(character):
+    (length,) = struct.unpack_from("<I", character.scene)
+    assert (4 + length) % 4 == 0
+    facts = json.loads(character.scene[4 : 4 + length])
+    assert all(entry["offset"] % 4 == 0 for entry in facts["arrays"].values())
+
+
+def test_nothing_in_a_scene_names_a_file(character):
+    (length,) = struct.unpack_from("<I", character.scene)
+    assert b".glb" not in character.scene[4 : 4 + length]
+
+
+def test_parts_have_their_ranges_names_and_materials(glb, tmp_path, blob):
+    red = {"baseColorFactor": [1, 0, 0, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.75}
+    glb.file.materials.append({"name": "red", "pbrMetallicRoughness": red, "doubleSided": True, "alphaMode": "BLEND"})
+    faces = blob.faces.astype(np.uint32)
+    half = len(faces) // 2
+    mesh = glb.mesh(
+        glb.primitive(blob.vertices, faces[:half], material=0, TEXCOORD_0=blob.uv),
+        glb.primitive(blob.vertices, faces[half:]),
+    )
+    glb.node(mesh, name="figure")
+    character = load_character(glb.save(tmp_path / "figure.glb"))
+    n = len(blob.vertices)
+    first, second = parts(character)
+    assert (first["name"], first["vertices"], first["triangles"]) == ("figure", [0, n], [0, half])
+    assert (second["vertices"], second["triangles"]) == ([n, n], [half, len(faces) - half])
+    assert first["material"] == {
+        "name": "red",
+        "base_color": [1, 0, 0, 0.5],
+        "metallic": 0.25,
+        "roughness": 0.75,
+        "emissive": [0, 0, 0],
+        "alpha_mode": "BLEND",
+        "double_sided": True,
+    }
+    assert second["material"]["base_color"] == [1, 1, 1, 1]
+    assert not second["material"]["double_sided"]
+    np.testing.assert_array_equal(uv(character), np.concatenate([blob.uv, np.zeros_like(blob.uv)]))
+
+
+def test_what_no_part_has_is_left_out(scene):
+    assert not {"uv", "colors"} & scene.arrays.keys()
+
+
+def test_the_description_alone_is_json(character):
+    assert json.loads(json.dumps(describe(character), allow_nan=False))["vertices"] == len(character.rest)
+
+
+WRONG = {
+    "no description": lambda facts: facts.clear(),
+    "arrays that are no table": lambda facts: facts.update(arrays=[]),
+    "an array that is not there": lambda facts: facts["arrays"].pop("ladder"),
+    "an array beyond the end": lambda facts: facts["arrays"]["slopes"].update(offset=2**31 * 4),
+    "an array before the beginning": lambda facts: facts["arrays"]["slopes"].update(offset=-4),
+    "an odd place": lambda facts: facts["arrays"]["positions"].update(offset=2),
+    "a huge shape": lambda facts: facts["arrays"]["positions"].update(shape=[2**62, 3]),
+    "a shape that overflows": lambda facts: facts["arrays"]["positions"].update(shape=[2**20] * 3),
+    "too many dimensions": lambda facts: facts["arrays"]["positions"].update(shape=[1] * 40),
+    "a shape of no numbers": lambda facts: facts["arrays"]["positions"].update(shape=["a", True]),
+    "a negative shape": lambda facts: facts["arrays"]["positions"].update(shape=[-1, 3]),
+    "an unknown type": lambda facts: facts["arrays"]["positions"].update(type="f64"),
+    "a type that is no text": lambda facts: facts["arrays"]["positions"].update(type=["f32"]),
+    "positions as integers": lambda facts: facts["arrays"]["positions"].update(type="u32"),
+    "another number of vertices": lambda facts: facts.update(vertices=facts["vertices"] - 1),
+    "no vertices": lambda facts: facts.update(vertices=0),
+    "a number that is true": lambda facts: facts.update(fields=True),
+    "one isoline": lambda facts: facts.update(isolines=1),
+    "ladders beyond the isolines": lambda facts: facts.update(isolines=3),
+    "weights of fewer fields": lambda facts: facts["weights"].pop(),
+    "weights that are no numbers": lambda facts: facts.update(weights=["1"] * facts["fields"]),
+    "triangles of other vertices": lambda facts: facts["arrays"]["triangles"].update(
+        offset=facts["arrays"]["positions"]["offset"]
+    ),
+}
+
+
+@pytest.mark.parametrize("change", WRONG.values(), ids=WRONG)
+def test_a_scene_that_contradicts_itself_is_refused(character, change):
+    with pytest.raises(WireError):
+        Scene.decode(with_facts(character.scene, change))
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xff\xff\xff\xff{}", b"\2\0\0\0[]", b"\2\0\0\0{}", b"\4\0\0\0null"])
+def test_a_scene_cut_short_is_refused(payload):
+    with pytest.raises(WireError):
+        Scene.decode(payload)
+
+
+@settings(deadline=None)
+@given(
+    facts=st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+        lambda inner: st.lists(inner) | st.dictionaries(st.sampled_from(["arrays", "type", "shape", "offset"]), inner),
+    )
+)
+def test_any_description_is_refused(facts):
+    text = json.dumps({"arrays": facts, "vertices": 1}).encode()
+    with pytest.raises(WireError):
+        Scene.decode(struct.pack("<I", len(text)) + text + bytes(64))

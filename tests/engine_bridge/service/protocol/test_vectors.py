@@ -1,0 +1,141 @@
+"""The recorded messages, read by a client that knows docs/protocol.md and nothing of this project."""
+
+import importlib.util
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, join, split, topic_field
+
+VECTORS = Path(__file__).parents[3] / "vectors"
+EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
+
+
+def load(name):
+    return (VECTORS / f"{name}.bin").read_bytes()
+
+
+def payload(name):
+    message = load(name)
+    (length,) = struct.unpack_from("<I", message, 64 + 12)
+    return message[128 : 128 + length]
+
+
+def scene():
+    content = payload("scene")
+    (length,) = struct.unpack_from("<I", content)
+    facts = json.loads(content[4 : 4 + length])
+    types = {"f32": "<f4", "u32": "<u4"}
+    return facts, {
+        name: np.frombuffer(content, types[at["type"]], int(np.prod(at["shape"])), 4 + length + at["offset"]).reshape(
+            at["shape"]
+        )
+        for name, at in facts["arrays"].items()
+    }
+
+
+def followed(facts, arrays, controls):
+    """Positions and normals of a frame."""
+    isolines, weights = facts["isolines"], facts["weights"]
+    positions, normals = [], []
+    for x, n, t, slopes in zip(*(arrays[name] for name in ("positions", "normals", "ladder", "slopes")), strict=True):
+        blend, along = np.zeros((3, 4)), np.zeros((2, 3, 4))
+        for i, w in enumerate(weights):
+            k = min(int(t[i]), isolines - 2)
+            low, high = controls[i * isolines + k], controls[i * isolines + k + 1]
+            blend += w * ((1 - (t[i] - k)) * low + (t[i] - k) * high)
+            for axis in (0, 1):
+                along[axis] += w * slopes[i, axis] * (high - low)
+        a = np.cross(np.eye(3)[np.abs(n).argmin()], n)
+        a /= np.linalg.norm(a)
+        moved = [
+            blend[:, :3] @ tangent + change @ [*x, 1]
+            for tangent, change in zip((a, np.cross(n, a)), along, strict=True)
+        ]
+        normal = np.cross(*moved)
+        positions.append(blend @ [*x, 1])
+        normals.append(normal / np.linalg.norm(normal))
+    return np.array(positions), np.array(normals)
+
+
+def floats(name, *shape):
+    return np.frombuffer(payload(name), "<f4").reshape(shape)
+
+
+@pytest.fixture(scope="module")
+def record():
+    """The script that has recorded them."""
+    spec = importlib.util.spec_from_file_location("record", VECTORS / "record.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_there_is_one_of_every_kind_that_belongs_to_a_character():
+    kinds = {EXPECTED[path.stem]["header"]["kind"] for path in VECTORS.glob("*.bin")}
+    assert kinds == {*FRAME_KINDS, Kind.SCENE, Kind.PERFORMER, Kind.CHARACTERS}
+    assert {path.stem for path in VECTORS.glob("*.bin")} == set(EXPECTED)
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_they_still_mean_the_same(name, record):
+    found = json.loads(json.dumps(record.expected(load(name))))
+
+    def same(a, b):
+        if isinstance(b, dict):
+            return a.keys() == b.keys() and all(same(a[key], b[key]) for key in b)
+        if isinstance(b, list):
+            return len(a) == len(b) and all(map(same, a, b))
+        return a == (pytest.approx(b, rel=1e-6, abs=1e-6) if isinstance(b, float) else b)
+
+    assert same(found, EXPECTED[name])
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_they_would_be_written_so_today(name):
+    message = split(load(name))
+    assert join(topic_field(message.topic), message.header, message.payload) == load(name)
+
+
+def test_what_is_recorded_today_has_the_same_headers_and_sizes(record):
+    made = record.messages()
+    assert set(made) == set(EXPECTED)
+    for name, message in made.items():
+        if name != "scene":  # whose description holds numbers of any length
+            assert message[:128] == load(name)[:128]
+            assert len(message) == len(load(name))
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_controls_and_the_scene_give_the_vertices(number):
+    facts, arrays = scene()
+    positions, normals = followed(facts, arrays, floats(f"{number}.controls", -1, 3, 4))
+    expected, expected_normals = floats(f"{number}.vertices", 2, -1, 3)
+    assert np.abs(positions - expected).max() <= 1e-5 * facts["diagonal"]
+    assert np.abs(normals - expected_normals).max() <= 1e-5
+
+
+def test_the_first_frame_is_the_rest_pose():
+    _, arrays = scene()
+    np.testing.assert_allclose(floats("0.vertices", 2, -1, 3)[0], arrays["positions"], atol=1e-5)
+    np.testing.assert_allclose(floats("0.vertices", 2, -1, 3)[1], arrays["normals"], atol=1e-5)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_quantised_vertices_are_within_half_a_step(number):
+    content = payload(f"{number}.vertices16")
+    low, high = np.frombuffer(content, "<f4", 6).reshape(2, 3).astype(float)
+    n = (len(content) - 24) // 10
+    positions = low + np.frombuffer(content, "<u2", 3 * n, 24).reshape(n, 3) / 65535 * (high - low)
+    u, v = np.frombuffer(content, "<i2", 2 * n, 24 + (6 * n + 3) // 4 * 4).reshape(n, 2).T / 32767
+    z = 1 - abs(u) - abs(v)
+    x = np.where(z < 0, (1 - abs(v)) * np.where(u >= 0, 1, -1), u)
+    y = np.where(z < 0, (1 - abs(u)) * np.where(v >= 0, 1, -1), v)
+    normals = np.column_stack([x, y, z])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    expected, expected_normals = floats(f"{number}.vertices", 2, -1, 3)
+    assert (abs(positions - expected) <= 0.5 * (high - low) / 65535 + 1e-6).all()
+    assert abs(normals - expected_normals).max() < 1e-4

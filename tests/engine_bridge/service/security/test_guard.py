@@ -1,0 +1,583 @@
+import logging
+import socket as sockets
+import struct
+import threading
+import time
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import pairwise
+
+import pytest
+import zmq
+import zmq.auth
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from zmq.utils.monitor import recv_monitor_message
+
+from engine_bridge.service.control.control_socket import Control, request
+from engine_bridge.service.control.requests import Nothing
+from engine_bridge.service.security import endpoints as doors_module
+from engine_bridge.service.security import guard as guard_module
+from engine_bridge.service.security.endpoints import CurveTable, NetworkSettings, doors, make_curve_keys
+from engine_bridge.service.security.guard import ENDPOINT, SETTLED, Guard, _Crowd
+from puppetline.errors import ServiceError
+
+TOKEN = "Zp3-sYd_0123456789"
+DECIDED = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_DISCONNECTED
+PATIENCE = 20_000
+"""Milliseconds after which something that must happen has not."""
+
+
+ask = partial(request, timeout=PATIENCE / 1000)
+
+
+@pytest.fixture(autouse=True)
+def _no_token(monkeypatch):
+    monkeypatch.delenv("PUPPETLINE_TOKEN", raising=False)
+
+
+class House:
+    """A service with a stream that never ends, a control socket and a guard, in a thread of its own."""
+
+    def __init__(self, network):
+        self.doors = doors(network)
+        self.context = zmq.Context()
+        self.guard = Guard(self.context, self.doors, network.max_clients)
+        commands = {"ping": (Nothing, lambda _: "pong"), "clients": (Nothing, lambda _: self.guard.clients)}
+        self.control = Control(self.context, self.doors, commands)
+        self.streams = [self.context.socket(zmq.XPUB) for _ in self.doors]
+        for door, stream in zip(self.doors, self.streams, strict=True):
+            stream.linger = 0
+            door.prepare(stream)
+            stream.bind(door.stream)
+        self.monitors = [self.guard.watch(each) for each in [*self.streams, *self.control.sockets]]
+        self._open = True
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        poller = zmq.Poller()
+        for each in [self.guard.socket, *self.monitors, *self.streams, *self.control.sockets]:
+            poller.register(each, zmq.POLLIN)
+        while self._open:
+            ready = dict(poller.poll(5))
+            self.guard.handle()
+            for each in self.control.sockets:
+                self.control.handle(each)
+            for stream in self.streams:
+                if stream in ready:
+                    stream.recv()
+                stream.send(b"still here", zmq.NOBLOCK)
+
+    def close(self):
+        self._open = False
+        self._thread.join()
+        self.guard.close()
+        self.control.close()
+        for stream in self.streams:
+            stream.close()
+        self.context.term()
+
+    def clients(self):
+        """Return the guard's figures, as its own thread has them."""
+        return ask(self.control.endpoints[0], "clients", token=self.doors[0].token.decode() or None)
+
+    def address(self, mechanism):
+        """Return the stream's and the control socket's address of a door."""
+        index = [door.mechanism for door in self.doors].index(mechanism)
+        return self.streams[index].last_endpoint.decode(), self.control.endpoints[index]
+
+
+@pytest.fixture
+def keys(tmp_path):
+    """The keys of the service, of a client that it knows, and of a stranger, by name: public and secret."""
+    clients = tmp_path / "clients"
+    clients.mkdir(mode=0o700)
+    for name in ("service", "stranger", "clients/laptop"):
+        make_curve_keys(tmp_path / f"{name}.key_secret")
+    return {
+        name: zmq.auth.load_certificate(tmp_path / f"{path}.key_secret")
+        for name, path in (("service", "service"), ("stranger", "stranger"), ("laptop", "clients/laptop"))
+    }
+
+
+@pytest.fixture
+def network(tmp_path, keys, monkeypatch):
+    """Return settings with one of the three doors, or two."""
+
+    def settings_with(*mechanisms, **more):
+        if "PLAIN" in mechanisms:
+            monkeypatch.setenv("PUPPETLINE_TOKEN", TOKEN)
+        curve = CurveTable(port=0, key_file=tmp_path / "service.key_secret", clients_folder=tmp_path / "clients")
+        return NetworkSettings(port=0, curve=curve if "CURVE" in mechanisms else None, **more)
+
+    return settings_with
+
+
+@pytest.fixture
+def house(network):
+    """Open a service with some of the doors."""
+    opened = []
+
+    def open_house(*mechanisms, **more):
+        opened.append(House(network(*mechanisms, **more)))
+        return opened[-1]
+
+    yield open_house
+    for each in opened:
+        each.close()
+
+
+@pytest.fixture
+def context():
+    context = zmq.Context()
+    yield context
+    context.destroy(0)
+
+
+@pytest.fixture
+def visit(context, keys):
+    """Connect a subscriber; say whether it was let in, and give the subscriber."""
+    here = []
+
+    def come(address, mechanism="NULL", token=TOKEN, key="laptop", service="service", user=b"anybody"):
+        client = context.socket(zmq.SUB)
+        here.append(client)  # or it would leave when the test forgets it
+        client.subscribe(b"")
+        if mechanism == "PLAIN":
+            client.plain_username, client.plain_password = user, token if isinstance(token, bytes) else token.encode()
+        elif mechanism == "CURVE":
+            client.curve_publickey, client.curve_secretkey = keys[key]
+            client.curve_serverkey = keys[service][0]
+        monitor = client.get_monitor_socket(DECIDED)
+        client.connect(address)
+        assert monitor.poll(PATIENCE), "neither let in nor refused"
+        let_in = recv_monitor_message(monitor)["event"] == zmq.EVENT_HANDSHAKE_SUCCEEDED
+        client.disable_monitor()
+        monitor.close()
+        return let_in, client
+
+    return come
+
+
+@pytest.fixture
+def assert_served(visit):
+    """Fail unless a good client comes in by a door and hears the stream."""
+
+    def check(house, mechanism):
+        let_in, client = visit(house.address(mechanism)[0], mechanism)
+        assert let_in
+        assert client.poll(PATIENCE)
+        assert client.recv() == b"still here"
+        client.close(0)
+
+    return check
+
+
+@pytest.mark.parametrize("mechanism", ["NULL", "PLAIN", "CURVE"])
+def test_who_has_what_opens_the_door_is_served(house, assert_served, mechanism):
+    opened = house(mechanism)
+    for _ in range(3):
+        assert_served(opened, mechanism)
+    assert opened.guard.refused == 0
+
+
+@pytest.mark.parametrize(
+    ("door", "visitor"),
+    [
+        ("PLAIN", {"mechanism": "PLAIN", "token": b"another-token-of-that-length"}),
+        ("PLAIN", {"mechanism": "PLAIN", "token": TOKEN.encode() + b"x"}),
+        ("PLAIN", {"mechanism": "PLAIN", "token": TOKEN.encode()[:-1]}),
+        ("PLAIN", {"mechanism": "PLAIN", "token": b"x", "user": TOKEN.encode()}),
+        ("PLAIN", {"mechanism": "PLAIN", "token": b"\xff" * 255}),
+        ("PLAIN", {"mechanism": "NULL"}),
+        ("PLAIN", {"mechanism": "CURVE"}),
+        ("CURVE", {"mechanism": "CURVE", "key": "stranger"}),
+        ("CURVE", {"mechanism": "CURVE", "key": "service"}),
+        ("CURVE", {"mechanism": "CURVE", "service": "stranger"}),
+        ("CURVE", {"mechanism": "PLAIN"}),
+        ("CURVE", {"mechanism": "NULL"}),
+        ("NULL", {"mechanism": "PLAIN"}),
+        ("NULL", {"mechanism": "CURVE"}),
+    ],
+    ids=str,
+)
+def test_who_has_not_is_refused_and_the_next_is_served(house, visit, assert_served, door, visitor):
+    opened = house(door)
+    let_in, client = visit(opened.address(door)[0], **visitor)
+    assert not let_in
+    assert_served(opened, door)
+    assert not client.poll(0)
+
+
+def test_one_doors_credentials_do_not_open_the_other(house, visit, assert_served):
+    opened = house("PLAIN", "CURVE")
+    for mechanism, other in (("PLAIN", "CURVE"), ("CURVE", "PLAIN")):
+        assert not visit(opened.address(other)[0], mechanism)[0]
+        assert_served(opened, mechanism)
+
+
+def test_the_control_socket_has_the_same_lock(house):
+    control = house("PLAIN").address("PLAIN")[1]
+    for token in ("another-token-of-that-length", None):
+        with pytest.raises(ServiceError, match="does not let this client in") as told:
+            ask(control, "ping", token=token)
+        assert TOKEN not in str(told.value)
+    assert ask(control, "ping", token=TOKEN) == "pong"
+
+
+GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x01%b\x00" + bytes(31)
+
+
+def greeting(mechanism):
+    return GREETING % mechanism.encode().ljust(20, b"\0")
+
+
+@pytest.mark.parametrize("door", ["NULL", "PLAIN", "CURVE"])
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1:7400\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(64),
+        bytes(range(256)) * 300,
+        bytes(4096),
+        b"\xff" * 4096,
+        b"\xff" + bytes(7) + b"\x01\x7f\x01\x02\x00\x00",
+        b"\x01\x00\x02\x00\x01",
+        greeting("GSSAPI"),
+        greeting("NULL")[:-1] + b"\x01",
+        greeting("NULL") + b"\x06" + b"\xff" * 8,
+        greeting("NULL") + b"\x06\x00\x00\x00\x01\x00\x00\x00\x00",
+        greeting("NULL") + b"\x04\x05\x05HELLO",
+        greeting("NULL") + b"\x04\x0e\x05READY\xff\xff\xff\xff\xff\xff\xff\xff",
+        greeting("NULL") + b"\x04\x1a\x05READY\x0bSocket-Type\x00\x00\x00\x04PAIR",
+        greeting("PLAIN") + b"\x04\x06\x05READY",
+        greeting("PLAIN") + b"\x04\x08\x05HELLO\xff\xff",
+        greeting("PLAIN") + b"\x04\x08\x08INITIATE",
+        greeting("CURVE") + b"\x04\xc8\x05HELLO" + bytes(194),
+    ],
+    ids=range(18),
+)
+def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, door, data):
+    opened = house(door)
+    for address in opened.address(door):
+        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
+            raw.sendall(data)
+            assert_served(opened, door)
+    for address in opened.address(door):  # and a byte at a time
+        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
+            raw.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_NODELAY, 1)
+            try:
+                for byte in data[:80]:
+                    raw.sendall(bytes([byte]))
+            except ConnectionError:
+                pass
+            assert_served(opened, door)
+
+
+@pytest.mark.parametrize("hello", [b"\x00\x00", b"\x08anybody!\x00", b"\x00\x12" + TOKEN.encode()[::-1]], ids=str)
+def test_an_empty_token_opens_nothing(house, assert_served, hello, monkeypatch):
+    """libzmq's own client sends none; a small one might."""
+    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    opened = house("PLAIN")
+    for address in opened.address("PLAIN"):
+        with left_open(address, greeting("PLAIN") + b"\x04" + bytes([6 + len(hello)]) + b"\x05HELLO" + hello, 1) as (
+            raw,
+        ):
+            heard = b""
+            while part := raw.recv(4096):
+                heard += part
+        assert b"WELCOME" not in heard
+        assert len(heard) > 64, "it has been listened to"
+    assert_served(opened, "PLAIN")
+
+
+@contextmanager
+def left_open(address, data, number):
+    """Connections on each of which a client has said so much, and then nothing more."""
+    port = int(address.rsplit(":", 1)[1])
+    opened = [sockets.create_connection(("127.0.0.1", port), PATIENCE / 1000) for _ in range(number)]
+    try:
+        for each in opened:
+            each.sendall(data)
+        yield opened
+    finally:
+        for each in opened:
+            each.close()
+
+
+@pytest.mark.parametrize("door", ["NULL", "PLAIN", "CURVE"])
+@pytest.mark.parametrize("length", [0, 1, 10, 11, 63])
+def test_handshakes_left_half_way_take_nobodys_place(house, assert_served, door, length):
+    opened = house(door, max_clients=4)
+    address, _ = opened.address(door)
+    with left_open(address, greeting(door)[:length], 30):
+        assert_served(opened, door)
+
+
+@pytest.mark.parametrize("door", ["PLAIN", "CURVE"])
+def test_greetings_without_credentials_take_nobodys_place(house, assert_served, door):
+    opened = house(door, max_clients=4)
+    with left_open(opened.address(door)[0], greeting(door), 30):
+        assert_served(opened, door)
+
+
+def test_who_never_ends_the_handshake_is_cut_off_and_counted(house, monkeypatch, assert_served):
+    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    opened = house("PLAIN")
+    with left_open(opened.address("PLAIN")[0], greeting("PLAIN"), 3) as waiting:
+        for each in waiting:
+            while each.recv(4096):
+                pass
+    assert_served(opened, "PLAIN")
+    assert opened.clients()["refused"] == 3
+
+
+def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
+    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)  # what one that is turned away waits before it tries again
+    opened = house("NULL")
+    stream, control = opened.address("NULL")
+    clients = []
+    for _ in range(64):
+        let_in, client = visit(stream)
+        assert let_in
+        clients.append(client)
+    let_in, late = visit(stream)
+    assert not let_in
+    for client in clients:
+        assert client.poll(PATIENCE)
+        assert client.recv() == b"still here"
+    assert not late.poll(0)
+    assert opened.clients()["connected"] == opened.clients()["limit"] == 64
+    assert opened.clients()["refused"] >= 1
+    assert ask(control, "ping") == "pong", "the control socket has room of its own"
+    clients.pop().close(0)
+    assert late.poll(PATIENCE), "there is room again, and nobody told it to try again"
+
+
+def test_all_doors_share_the_room(house, visit, monkeypatch):
+    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    opened = house("PLAIN", "CURVE", max_clients=2)
+    assert visit(opened.address("PLAIN")[0], "PLAIN")[0]
+    assert visit(opened.address("CURVE")[0], "CURVE")[0]
+    assert not visit(opened.address("PLAIN")[0], "PLAIN")[0]
+    assert not visit(opened.address("CURVE")[0], "CURVE")[0]
+
+
+def test_a_stranger_does_not_learn_whether_there_is_room(house, visit, context):
+    opened = house("PLAIN", max_clients=1)
+    assert visit(opened.address("PLAIN")[0], "PLAIN")[0]
+    stranger = context.socket(zmq.SUB)
+    stranger.plain_username, stranger.plain_password = b"x", b"wrong"
+    monitor = stranger.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_AUTH)
+    stranger.connect(opened.address("PLAIN")[0])
+    assert monitor.poll(PATIENCE), "who has no room is cut off without a word, who has no token is told"
+
+
+def test_the_place_of_who_left_is_free_at_once(house, visit):
+    opened = house("NULL", max_clients=1)
+    for _ in range(20):
+        let_in, client = visit(opened.address("NULL")[0])
+        assert let_in
+        assert opened.clients() == {"connected": 1, "refused": 0, "limit": 1}
+        client.close(0)
+        while opened.clients()["connected"]:  # until its leaving has been noticed
+            time.sleep(0.001)
+
+
+def test_requests_come_and_go_as_often_as_they_like(house):
+    _, control = house("NULL", max_clients=2).address("NULL")
+    assert [ask(control, "ping") for _ in range(30)] == ["pong"] * 30
+
+
+def test_a_crowd_counts_those_let_in_who_are_still_there():
+    crowd = _Crowd()
+    crowd.opened = {("monitor", fd): 100.0 for fd in range(5)}
+    assert crowd.size(100.1) == 0, "nobody was let in"
+    crowd.admitted.extend([100.2, 100.2])
+    assert crowd.size(100.3) == 2, "and three shake hands yet"
+    crowd.opened = {("monitor", 0): 100.0}
+    assert crowd.size(100.4) == 1, "one that was let in has gone"
+    assert crowd.size(100.4, knocking=1) == 0, "both have, and another one is at the door"
+    assert crowd.size(100.0 + 2 * SETTLED) == 1, "who stays is one that was let in"
+    assert not crowd.admitted
+    crowd.opened.clear()
+    assert crowd.size(100.0 + 2 * SETTLED) == 0
+
+
+def test_refusals_are_logged_without_secrets(house, visit, caplog):
+    caplog.set_level(logging.WARNING)
+    opened = house("PLAIN")
+    for _ in range(5):
+        visit(opened.address("PLAIN")[0], "PLAIN", token=b"a-wrong-one-that-is-private")
+    mine = [each for each in caplog.records if each.name == guard_module.__name__]
+    assert mine[0].getMessage() == "client refused"
+    assert mine[0].fields == {"reason": "wrong credentials", "address": "127.0.0.1"}
+    assert opened.guard.refused == 5
+    assert "private" not in caplog.text
+    assert TOKEN not in caplog.text
+
+
+@pytest.fixture(scope="module")
+def asker():
+    """A guard of a door with a token, and a function that asks it as libzmq does, whatever the question."""
+    context = zmq.Context()
+    door = doors_module.Door("PLAIN", "", "", token=TOKEN.encode())
+    guard = Guard(context, [door], 1_000_000)
+    client = context.socket(zmq.DEALER)
+    client.connect(ENDPOINT)
+
+    def ask(*frames):
+        client.send_multipart([b"", *frames])
+        guard.handle()
+        return client.recv_multipart(zmq.NOBLOCK) if client.poll(0) else None
+
+    yield ask
+    guard.close()
+    context.destroy(0)
+
+
+GOOD = (b"1.0", b"7", b"stream", b"127.0.0.1", b"", b"PLAIN", b"somebody", TOKEN.encode())
+
+
+def answer(status, request_id=b"7"):
+    return [b"", b"1.0", request_id, status, b"", b"", b""]
+
+
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        ({}, b"200"),
+        ({2: b"control"}, b"200"),
+        ({4: b"\xff" * 255}, b"200"),
+        ({3: b"\xff\x00"}, b"200"),
+        ({0: b"2.0"}, b"500"),
+        ({0: b""}, b"500"),
+        ({2: b""}, b"400"),
+        ({2: b"global"}, b"400"),
+        ({5: b"NULL"}, b"400"),
+        ({5: b"CURVE"}, b"400"),
+        ({5: b"plain"}, b"400"),
+        ({5: b""}, b"400"),
+        ({7: b""}, b"400"),
+        ({7: TOKEN.encode() + b"\0"}, b"400"),
+        ({7: "ünïcode".encode()}, b"400"),
+        ({3: b"\xff\x00", 7: b""}, b"400"),
+    ],
+    ids=str,
+)
+def test_questions_of_libzmq_are_answered(asker, change, status):
+    assert asker(*(change.get(place, frame) for place, frame in enumerate(GOOD))) == answer(status)
+
+
+@pytest.mark.parametrize("length", range(len(GOOD)))
+def test_a_question_cut_short_is_a_no(asker, length):
+    reply = asker(*GOOD[:length])
+    assert reply == (None if length < 2 else answer(b"500" if length < 6 else b"400"))
+    assert asker(*GOOD) == answer(b"200")
+
+
+def test_a_question_with_more_is_a_no(asker):
+    assert asker(*GOOD, b"") == answer(b"400")
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.one_of(st.sampled_from(GOOD), st.binary(max_size=300)), max_size=12))
+def test_whatever_is_asked_only_the_token_opens(asker, frames):
+    reply = asker(*frames)
+    if len(frames) < 2:
+        assert reply is None
+    else:
+        good = len(frames) == 8 and (frames[0], *frames[2:3], frames[5], frames[7]) in {
+            (GOOD[0], domain, GOOD[5], GOOD[7]) for domain in (b"stream", b"control")
+        }
+        assert reply[2] == frames[1]
+        assert (reply[3] == b"200") == good
+    assert asker(*GOOD) == answer(b"200")
+
+
+def command(name, body=b""):
+    return b"\x04" + bytes([1 + len(name) + len(body)]) + bytes([len(name)]) + name + body
+
+
+SESSION = {
+    "NULL": greeting("NULL") + command(b"READY", b"\x0bSocket-Type\x00\x00\x00\x03SUB") + b"\x00\x02\x01a",
+    "PLAIN": greeting("PLAIN")
+    + command(b"HELLO", b"\x07anybody\x12" + TOKEN.encode())
+    + command(b"INITIATE", b"\x0bSocket-Type\x00\x00\x00\x06DEALER\x08Identity\x00\x00\x00\x01i")
+    + b'\x00\x0e{"do": "ping"}\x01\x01a\x03\x00\x00\x00\x00\x00\x00\x00\x01b',
+    "CURVE": greeting("CURVE") + command(b"HELLO", b"\x01\x00" + bytes(72 + 32 + 8 + 80)),
+}
+changes = st.lists(
+    st.tuples(st.floats(0, 1), st.sampled_from(["set", "insert", "remove", "cut", "wait"]), st.binary(max_size=9)),
+    max_size=5,
+)
+
+
+@pytest.mark.parametrize("mechanism", SESSION)
+def test_no_handshake_however_garbled_harms_the_next(house, assert_served, mechanism):
+    opened = house(mechanism)
+    ports = [int(address.rsplit(":", 1)[1]) for address in opened.address(mechanism)]
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.sampled_from(ports), changes, st.booleans())
+    def garbled(port, changes, abrupt):
+        data, pauses = SESSION[mechanism], set()
+        for place, change, with_what in changes:
+            at = round(place * len(data))
+            match change:
+                case "set":
+                    data = data[:at] + with_what + data[at + len(with_what) :]
+                case "insert":
+                    data = data[:at] + with_what + data[at:]
+                case "remove":
+                    data = data[:at] + data[at + len(with_what) :]
+                case "cut":
+                    data = data[:at]
+                case "wait":
+                    pauses.add(at)
+        with sockets.create_connection(("127.0.0.1", port), PATIENCE / 1000) as raw:
+            raw.settimeout(0.05)
+            with suppress(OSError):
+                for start, end in pairwise([0, *sorted(pauses), len(data)]):
+                    raw.sendall(data[start:end])
+                    raw.recv(4096)
+            if abrupt:
+                raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_LINGER, struct.pack("ii", 1, 0))
+        assert_served(opened, mechanism)
+
+    garbled()
+
+
+@pytest.mark.slow
+def test_the_real_service_opens_to_keys_and_to_nothing_else(serve, blob_puppet, tmp_path, keys, visit):
+    (tmp_path / "service.toml").write_text(
+        f"""
+        announce = false
+        [[stage]]
+        source = "demo:bark?loop"
+        [[stage.character]]
+        puppet = "{blob_puppet}"
+        [network]
+        host = "0.0.0.0"
+        [network.curve]
+        port = 0
+        key_file = "service.key_secret"
+        clients_folder = "clients"
+        """
+    )
+    service = serve("--config", tmp_path / "service.toml")
+    stream = service.stream.replace("0.0.0.0", "127.0.0.1")
+    strangers = [
+        visit(stream, "NULL"),
+        visit(stream, "PLAIN"),
+        visit(stream, "CURVE", key="stranger"),
+        visit(stream, "CURVE", service="stranger"),
+    ]
+    with left_open(stream, greeting("CURVE"), 70), left_open(stream, b"GET / HTTP/1.1\r\n\r\n", 10):
+        let_in, client = visit(stream, "CURVE")
+        assert let_in
+        assert client.poll(PATIENCE)
+        assert client.recv().startswith(b"blob/")
+    assert not any(let_in or stranger.poll(0) for let_in, stranger in strangers)
+    assert service.stop() == 0

@@ -1,0 +1,167 @@
+import logging
+import socket
+import sys
+import time
+from contextlib import closing
+from importlib.metadata import version
+
+import pytest
+import zeroconf
+from zeroconf import ServiceInfo
+
+from engine_bridge.service import discovery
+from engine_bridge.service.discovery import TYPE, Announcement, Found, find
+
+LOOPBACK = ["127.0.0.1"]
+
+
+pytestmark = pytest.mark.usefixtures("multicast")
+
+
+def wait_for(port, wanted=lambda found: True, tries=40):
+    """Look until a service at that port is as it is wanted."""
+    for _ in range(tries):
+        for found in find(0.25, LOOPBACK):
+            if found.port == port and wanted(found):
+                return found
+    raise AssertionError("it is not found")
+
+
+@pytest.fixture
+def port():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        yield free.getsockname()[1]
+
+
+@pytest.fixture
+def announced(port):
+    announcement = Announcement("127.0.0.1", port, port + 1, "CURVE", ["dog", "cat"])
+    yield announcement
+    announcement.close()
+    announcement._thread.join()
+
+
+def test_an_engine_finds_the_service_and_what_plays_there(announced, port):
+    found = wait_for(port)
+    assert found == Found(
+        name=found.name,
+        addresses=("127.0.0.1",),
+        port=port,
+        control=port + 1,
+        mechanism="CURVE",
+        characters=("dog", "cat"),
+        version=version("puppetline"),
+    )
+    assert found.name.startswith(f"Puppetline on {socket.gethostname().partition('.')[0]}")
+
+
+def test_the_end_is_announced(announced, port):
+    wait_for(port)
+    announced.close()
+    announced.close()
+    assert not announced._thread.is_alive()
+    assert [found for found in find(0.5, LOOPBACK) if found.port == port] == []
+
+
+def test_two_services_on_one_machine_have_two_names(announced, port):
+    first = wait_for(port)
+    second = Announcement("127.0.0.1", port + 2, port + 3, "NULL", [])
+    try:
+        assert wait_for(port + 2).name != first.name
+    finally:
+        second.close()
+
+
+def heard_at(address, host, port):
+    """Announce at a host; tell whether it was heard on the network of one of this machine's addresses."""
+    multicast_all = 49  # Linux: otherwise a socket hears what any other socket has joined
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        listener.setsockopt(socket.IPPROTO_IP, multicast_all, 0)
+        listener.bind(("224.0.0.251", 5353))
+        membership = socket.inet_aton("224.0.0.251") + socket.inet_aton(address)
+        listener.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        listener.settimeout(0.1)
+        announcement = Announcement(host, port, port + 1, "NULL", [f"only{port}"])
+        try:
+            wait_for(port)
+            while True:
+                if f"only{port}".encode() in listener.recv(9000):
+                    return True
+        except TimeoutError:
+            return False
+        finally:
+            announcement.close()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="which network a packet came from is Linux's to say")
+def test_what_listens_on_loopback_is_announced_nowhere_else(port):
+    elsewhere = discovery._own_addresses()[0]
+    if elsewhere == "127.0.0.1":
+        pytest.skip("this machine has no other address")
+    assert not heard_at(elsewhere, "127.0.0.1", port)
+    assert heard_at(elsewhere, "*", port)
+
+
+def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, monkeypatch):
+    tried = []
+
+    def no_network(interfaces):
+        tried.append(interfaces)
+        raise OSError(19, "No such device")
+
+    monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
+    monkeypatch.setattr(discovery, "RETRY", 0.01)
+    with caplog.at_level(logging.WARNING):
+        announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
+        while len(tried) < 3:
+            time.sleep(0.01)
+        announcement.close()
+    assert not announcement._thread.is_alive()
+    assert tried[:3] == [["192.0.2.77"]] * 3
+    assert [record.getMessage() for record in caplog.records] == [
+        "not announced in the network: [Errno 19] No such device"
+    ]
+
+
+def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
+    addresses = ["127.0.0.1"]
+    monkeypatch.setattr(discovery, "_own_addresses", lambda: list(addresses))
+    monkeypatch.setattr(discovery, "RETRY", 0.05)
+    with closing(Announcement("*", port, port + 1, "NULL", ["dog"])):
+        assert wait_for(port).addresses == ("127.0.0.1",)
+        addresses.insert(0, "127.0.0.2")
+        wait_for(port, lambda found: "127.0.0.2" in found.addresses)
+
+
+@pytest.mark.parametrize(
+    ("properties", "control", "characters"),
+    [
+        ({}, None, ()),
+        ({"control": "99999", "characters": ",,a,"}, None, ("a",)),
+        ({"control": "-1", "characters": b"a,\x00b"}, None, ("a", "\x00b")),
+        ({"control": "٣", "characters": None}, None, ()),
+        ({"control": "9" * 200}, None, ()),
+        ({"control": "7401"}, 7401, ()),
+    ],
+)
+def test_what_others_announce_under_our_type_is_a_hint_and_no_more(properties, control, characters):
+    info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties=properties, parsed_addresses=LOOPBACK)
+    found = discovery._found(info)
+    assert (found.control, found.port, found.addresses) == (control, 5, ("127.0.0.1",))
+    assert found.characters == characters
+
+
+def test_bytes_that_are_no_text_are_no_failure():
+    info = ServiceInfo(TYPE, f"x.{TYPE}", port=5, properties={"characters": b"\xff,b"}, parsed_addresses=LOOPBACK)
+    assert discovery._found(info).characters == ("\N{REPLACEMENT CHARACTER}", "b")
+
+
+def test_more_characters_than_a_record_holds_are_cut_between_names():
+    names = [f"character_{k:03}" for k in range(64)]
+    joined = discovery._as_many_as_fit(names)
+    kept = joined.split(",")
+    assert kept == names[: len(kept)]
+    assert len(f"characters={joined}") <= 255 < len(f"characters={joined},{names[len(kept)]}")

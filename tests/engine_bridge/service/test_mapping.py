@@ -1,0 +1,376 @@
+"""The mapping from joints to handles is edited while a character plays."""
+
+import itertools
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from capture.events import TICK, Cue, Tick
+from engine_bridge.performance.performance import Performance
+from engine_bridge.puppet.puppet import RootTable, with_handle
+from engine_bridge.service.character_player import Manner
+from engine_bridge.service.protocol.frame import StreamedCharacter
+from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.stage_runner import PREPARATION
+
+EASE = Manner().ease
+
+
+def play(stage, events):
+    """Step through events, calibrations begun as a line does it for a recording; return the frames."""
+    frames = []
+    for event in events:
+        for role in stage.roles:
+            if role.next_part is not None and event.time >= role.next_part.asked + PREPARATION:
+                frames += stage.step(Cue(event.time, "begin", {"character": role.character.name}), 0)
+        frames += stage.step(event, 0)
+    return frames
+
+
+def ticks(start, seconds):
+    return [Tick(start + k * TICK) for k in range(1, round(seconds / TICK) + 1)]
+
+
+def largest_step(frames, diagonal):
+    return max(np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)) / diagonal
+
+
+def crossed(puppet):
+    """The same puppet, but its left hand follows head and spine, the other way and never forwards; another root."""
+    index = [handle.name for handle in puppet.handle].index("left hand")
+    other = with_handle(puppet, index, ("head", "spine"), "xy", -0.5)
+    return other.model_copy(update={"root": RootTable(joint="spine", axes="x")})
+
+
+def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(make_stage, kung_fu, blob_rig):
+    stage = make_stage(manner=Manner(tilt=0.0, height=0.0))
+    [role] = stage.roles
+    puppet, edited_at = crossed(blob_rig.puppet), kung_fu[150].time
+    steady = largest_step(play(make_stage(), kung_fu), blob_rig.mesh.diagonal)
+    before = play(stage, kung_fu[:150])
+    role.remap(puppet, edited_at)
+    assert not role.settled
+    after = play(stage, kung_fu[150:])
+    assert role.settled
+    assert {(frame.state, frame.user) for frame in after} == {("performing", kung_fu[0].user)}
+    numbers = [frame.sequence for frame in (*before, *after)]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert largest_step([*before[-1:], *after], blob_rig.mesh.diagonal) <= 1.2 * steady
+    # once eased over, it is what the offline pipeline makes of the new puppet with the same calibration
+    rest = role.remembered()[kung_fu[0].user][0].rest
+    performance = Performance(puppet, blob_rig.mesh, blob_rig.model, rest)
+    eased = 0
+    for event, frame in zip(kung_fu[150:], after, strict=True):
+        if event.time < edited_at + PREPARATION:
+            continue
+        aim = performance.retargeting.step(event)
+        if event.time > edited_at + PREPARATION + 2 * TICK + EASE:
+            np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
+            np.testing.assert_array_equal(frame.root, aim.root)
+            eased += 1
+    assert eased > 30
+
+
+def test_the_last_of_many_edits_counts(make_stage, kung_fu, blob_rig):
+    once, often = (make_stage(manner=Manner(tilt=0.0, height=0.0)) for _ in range(2))
+    for stage in (once, often):
+        play(stage, kung_fu[:150])
+    for gain in np.linspace(0, 3, 30):
+        often.roles[0].remap(with_handle(blob_rig.puppet, 0, ("head",), "y", gain), kung_fu[150].time)
+    for stage in (once, often):
+        stage.roles[0].remap(crossed(blob_rig.puppet), kung_fu[150].time)
+    for one, other in zip(play(once, kung_fu[150:]), play(often, kung_fu[150:]), strict=True):
+        np.testing.assert_array_equal(one.R, other.R)
+
+
+def test_who_comes_after_an_edit_is_calibrated_for_it(make_stage, kung_fu, blob_rig):
+    edited, new = make_stage(), make_stage(rig=type(blob_rig)(**vars(blob_rig) | {"puppet": crossed(blob_rig.puppet)}))
+    edited.roles[0].remap(crossed(blob_rig.puppet), 0.0)
+    assert edited.roles[0].settled
+    for one, other in zip(play(edited, kung_fu), play(new, kung_fu), strict=True):
+        np.testing.assert_array_equal(one.R, other.R)
+
+
+def test_mirroring_after_an_edit_keeps_it(make_stage, kung_fu, blob_rig):
+    first, second = make_stage(), make_stage()
+    for stage in (first, second):
+        play(stage, kung_fu[:120])
+    first.step(Cue(kung_fu[120].time, "mirror", {"on": True}), 0)
+    for stage in (first, second):
+        stage.roles[0].remap(crossed(blob_rig.puppet), kung_fu[120].time)
+    second.step(Cue(kung_fu[120].time, "mirror", {"on": True}), 0)
+    ends = [play(stage, kung_fu[120:])[-1] for stage in (first, second)]
+    np.testing.assert_array_equal(ends[0].targets, ends[1].targets)
+
+
+def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stage, take, blob_rig):
+    stage, unedited = make_stage(idle=take), make_stage(idle=take)
+    [role] = stage.roles
+    before = play(stage, ticks(0.0, 1.0))
+    role.remap(crossed(blob_rig.puppet), 1.0)
+    assert not role.settled
+    still = play(stage, ticks(1.0, 0.5))
+    play(unedited, ticks(0.0, 1.0))
+    for one, other in zip(still, play(unedited, ticks(1.0, 0.5)), strict=True):
+        np.testing.assert_array_equal(one.targets, other.targets)  # as before, until it has been worked out
+    superseded = role.make_idle()
+    role.remap(crossed(crossed(blob_rig.puppet)), 1.5)
+    role.take_idle(superseded, 1.5)
+    assert not role.settled
+    role.take_idle(role.make_idle(), 1.5)
+    assert role.settled
+    after = play(stage, ticks(1.5, 3.0))
+    frames = [*before, *still, *after]
+    steady = largest_step([*before, *still], blob_rig.mesh.diagonal)
+    assert largest_step(frames, blob_rig.mesh.diagonal) <= 1.5 * steady
+    fresh = make_stage(idle=take, rig=role.character.rig).roles[0]
+    assert fresh.digest == role.digest
+    head = [handle.name for handle in blob_rig.puppet.handle].index("left hand")
+    went = [frame.targets[head] - frame.root for frame in after[round(EASE / TICK) + 2 :]]
+    assert np.ptp(went, axis=0)[2] < 1e-9 < np.ptp([frame.targets[head] - frame.root for frame in before], axis=0)[2]
+
+
+def test_quick_edits_are_worked_out_and_eased_over_to_once(make_stage, take, blob_rig):
+    stages = make_stage(idle=take), make_stage(idle=take)
+    puppet = crossed(blob_rig.puppet)
+    for stage in stages:
+        play(stage, ticks(0.0, 1.0))
+        stage.roles[0].remap(puppet, 1.0)
+    role = stages[0].roles[0]
+    jobs = role.make_idle(), role.make_idle()  # of two edits, the later one under way before the earlier one is taken
+    for stage in stages:
+        stage.roles[0].take_idle(jobs[0], 1.0)
+    play(stages[0], ticks(1.0, 0.2))
+    role.take_idle(jobs[1], 1.2)
+    assert role.make_idle() is jobs[0]
+    role.take_idle(role.make_idle(), 1.2)
+    play(stages[1], ticks(1.0, 0.2))
+    for one, other in zip(*(play(stage, ticks(1.2, 1.0)) for stage in stages), strict=True):
+        np.testing.assert_array_equal(one.targets, other.targets)
+
+
+def test_a_take_does_not_go_on_where_another_mapping_was(make_stage, blob_rig):
+    first, second = make_stage(), make_stage()
+    first.roles[0].remap(crossed(blob_rig.puppet), 0.0)
+    assert not second.recall(first.memory)
+    second.roles[0].remap(crossed(blob_rig.puppet), 0.0)
+    assert second.recall(first.memory)
+
+
+def test_a_scene_tells_the_new_joints_and_is_the_same_otherwise(blob_rig):
+    character = StreamedCharacter("dog", blob_rig, 7)
+    character.prepare()
+    edited = character.remapped(crossed(blob_rig.puppet))
+    fresh = StreamedCharacter("dog", edited.rig, 7)
+    assert edited.scene == fresh.scene
+    assert edited.revision == 7
+    before, after = Scene.decode(character.scene).facts["handles"], Scene.decode(edited.scene).facts["handles"]
+    assert [one["joints"] != other["joints"] for one, other in zip(before, after, strict=True)].count(True) == 1
+    assert edited.binding is character.binding
+
+
+# From here on it is the real service, a real performer, real requests.
+
+
+@pytest.fixture
+def dog(blob_puppet):
+    """A puppet file of the test's own."""
+    path = blob_puppet.with_name("dog.toml")
+    path.write_text("# my dog\n" + blob_puppet.read_text())
+    return path
+
+
+@contextmanager
+def performing(service, sender, kung_fu):
+    """Have somebody perform for the service who never stops, and is calibrated."""
+    stop = threading.Event()
+    performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
+    performer.start()
+    try:
+        while service.ask("describe")["characters"][0]["state"] != "performing":
+            time.sleep(0.05)
+        yield
+    finally:
+        stop.set()
+        performer.join()
+
+
+def start(serve, dog, sender):
+    return serve("--puppet", dog, "--source", sender.uri, "--calibrate", "at_once")
+
+
+def row(puppet, name):
+    [found] = [handle for handle in puppet["handles"] if handle["name"] == name]
+    return found
+
+
+def reach(service, handle, count):
+    """Return how far a handle goes within so many frames, (3,), without the root."""
+    client = service.client("dog/handles")
+    [first] = client.until(lambda _: True, "handles")
+    frames = client.until(lambda message: message.header.sequence > first.header.sequence + count, "handles")
+    assert {frame.header.state for frame in frames} == {2}
+    return np.ptp([frame.body[handle] - frame.header.root for frame in frames], axis=0)
+
+
+@pytest.mark.slow
+def test_a_mapping_is_edited_live_saved_and_found_again(serve, dog, sender, kung_fu):
+    service = start(serve, dog, sender)
+    text = dog.read_text()
+    puppet = service.ask("puppet", character="dog")
+    assert puppet["saved"]
+    assert puppet["root"] == {"joint": "hip_center", "axes": "xz", "turns": True, "feet": "lock"}
+    assert puppet["scale"] == 1.3
+    assert len(puppet["joints"]) == 20
+    assert row(puppet, "head") == {
+        "name": "head",
+        "position": [0.0, 2.1, 0.3],
+        "joints": ["head"],
+        "axes": "xz",
+        "gain": 0.8,
+    }
+    with performing(service, sender, kung_fu):
+        listening = service.client("dog/scene", "dog/controls", "service/characters")
+        [scene] = listening.until(lambda _: True, "scene")
+        hand = [handle["name"] for handle in puppet["handles"]].index("left hand")
+        went = reach(service, hand, len(kung_fu))
+        edited = service.ask("set_handle", character="dog", handle="left hand", gain=2, axes="xy")
+        assert row(edited, "left hand")["gain"] == 2.0
+        assert not edited["saved"]
+        time.sleep(PREPARATION + EASE + 0.5)
+        goes = reach(service, hand, len(kung_fu))
+        assert goes[2] < 1e-6 < went[2]
+        np.testing.assert_allclose(goes[:2], 2 * went[:2], rtol=0.1)
+        assert dog.read_text() == text
+        assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
+        lines = text.replace('joint = "hand_left"\n', 'joint = "hand_left"\naxes = "xy"\ngain = 2.0\n')
+        assert dog.read_text() == lines
+        later = listening.until(lambda message: message.header.sequence % 50 == 0, "controls")
+        assert {message.header.revision for message in later} == {scene.header.revision}
+        assert {message.header.state for message in later} == {2}
+    service.stop()
+    new = start(serve, dog, sender)
+    assert new.ask("puppet", character="dog") == edited | {"saved": True}
+
+
+@pytest.mark.slow
+def test_reverting_and_reloading_go_back_to_the_file(serve, dog, sender):
+    service = start(serve, dog, sender)
+    was = service.ask("puppet", character="dog")
+    service.ask("set_handle", character="dog", handle="head", joints=None)
+    service.ask("set_root", character="dog", joint=None)
+    service.ask("set_scale", character="dog", scale="auto")
+    edited = service.ask("set_handle", character="dog", handle="left foot", joints="foot_left knee_left", axes="y")
+    assert (row(edited, "head")["joints"], edited["root"], edited["scale"]) == ([], None, "auto")
+    assert row(edited, "left foot")["joints"] == ["foot_left", "knee_left"]
+    late = service.client("dog/scene")
+    [scene] = late.until(lambda _: True, "scene")
+    assert [handle["joints"] for handle in scene.body.facts["handles"]] == [
+        handle["joints"] for handle in edited["handles"]
+    ]
+    assert scene.header.revision == service.ask("describe")["characters"][0]["revision"]
+    assert service.ask("revert_puppet", character="dog") == was
+    root = service.ask("set_root", character="dog", joint="spine", turns=False)["root"]
+    assert root == {"joint": "spine", "axes": "xz", "turns": False, "feet": "lock"}
+    service.ask("reload")
+    assert service.ask("puppet", character="dog") == was
+
+
+@pytest.mark.slow
+def test_a_file_that_somebody_else_has_changed_is_left_alone(serve, dog, sender):
+    service = start(serve, dog, sender)
+    service.ask("set_handle", character="dog", handle="head", gain=3)
+    mine = dog.read_text() + "\n# and a remark of mine\n"
+    dog.write_text(mine)
+    refused = service.ask("save_puppet", character="dog")
+    assert refused["where"] == str(dog)
+    assert "somebody has changed" in refused["found"]
+    assert dog.read_text() == mine
+    service.ask("reload")
+    service.ask("set_handle", character="dog", handle="head", gain=3)
+    assert service.ask("save_puppet", character="dog")["saved"]
+    assert dog.read_text() == mine.replace("gain = 0.8", "gain = 3.0")
+
+
+@pytest.mark.slow
+def test_what_makes_no_mapping_changes_nothing(serve, dog, sender):
+    service = start(serve, dog, sender)
+    was = service.ask("puppet", character="dog")
+    for do, arguments, wrong in (
+        ("puppet", {"character": "cat"}, "character"),
+        ("set_handle", {"handle": "wing", "gain": 1}, "handle"),
+        ("set_handle", {"handle": "head", "joints": "head hand_lefft"}, "joints"),
+        ("set_handle", {"handle": "head", "gain": 1e10}, "gain"),
+        ("set_root", {"joint": "tail"}, "joint"),
+        ("set_scale", {"scale": 0}, "scale"),
+    ):
+        assert service.ask(do, **{"character": "dog"} | arguments)["where"] == f"the request, {wrong}"
+        assert service.ask("puppet", character="dog") == was
+
+
+@pytest.mark.slow
+def test_a_take_is_of_one_mapping_and_plays_again_bit_by_bit(serve, dog, sender, kung_fu, tmp_path):
+    service = start(serve, dog, sender)
+    with performing(service, sender, kung_fu):
+        live = service.client("dog/controls")
+        edited = service.ask("set_handle", character="dog", handle="left hand", joints="head", gain=-1.5)
+        while "take" not in (answer := service.ask("record_start", name="take")):
+            assert "just changing" in answer["found"]  # for a moment
+        for do, more in (
+            ("set_handle", {"handle": "head", "gain": 1}),
+            ("set_root", {"joint": None}),
+            ("set_scale", {"scale": 2}),
+            ("revert_puppet", {}),
+        ):
+            refused = service.ask(do, character="dog", **more)
+            assert refused["found"] == "that the take 'take' is being recorded"
+            assert "record_stop" in refused["fix"]
+        assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
+        begun = time.monotonic()
+        recorded = live.until(lambda _: time.monotonic() > begun + 2.0, "controls")
+        service.ask("record_stop")
+        service.ask("set_handle", character="dog", handle="left hand", gain=9)
+    replaying = serve("--puppet", dog, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}?loop")
+    before = {message.header.time: message for message in recorded}
+    again = replaying.client("dog/controls").until(lambda m: m.header.time > max(before) - 0.5, "controls")
+    same = [message for message in again if message.header.time in before]
+    assert len(same) > 40
+    for message in same:
+        np.testing.assert_array_equal(message.body, before[message.header.time].body)
+
+
+@pytest.mark.slow
+def test_a_take_that_plays_can_be_remapped(serve, dog, sender, kung_fu, tmp_path):
+    service = start(serve, dog, sender)
+    with performing(service, sender, kung_fu):
+        service.ask("record_start", name="take")
+        time.sleep(3.0)
+        service.ask("record_stop")
+    service.stop()
+    replaying = serve("--puppet", dog, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}")
+    names = [handle["name"] for handle in replaying.ask("puppet", character="dog")["handles"]]
+    replaying.ask("set_handle", character="dog", handle="left foot", joints="head", gain=2)
+    foot = names.index("left foot")
+    moves = lambda message: np.linalg.norm(message.body[foot] - message.header.root - [0.55, -1.65, 0.1]) > 0.05  # noqa: E731
+    replaying.client("dog/handles").until(moves, "handles")
+
+
+@pytest.mark.slow
+def test_an_idle_performance_is_worked_out_anew_beside_the_stream(serve, dog, sender, take, tmp_path):
+    config = tmp_path / "stage.toml"
+    config.write_text(
+        f'takes = "{tmp_path / "takes"}"\nannounce = false\n[network]\nport = 0\n[[stage]]\nsource = "{sender.uri}"\n'
+        f'[[stage.character]]\npuppet = "{dog}"\nidle = "{take}"\n'
+    )
+    service = serve("--config", config)
+    names = [handle["name"] for handle in service.ask("puppet", character="dog")["handles"]]
+    foot = names.index("left foot")
+    rests = np.array([0.55, -1.65, 0.1])
+    client = service.client("dog/handles")
+    [frame] = client.until(lambda _: True, "handles")
+    np.testing.assert_allclose(frame.body[foot] - frame.header.root, rests, atol=0.05)
+    service.ask("set_handle", character="dog", handle="left foot", joints="hand_left", gain=3)
+    client.until(lambda m: np.linalg.norm(m.body[foot] - m.header.root - rests) > 0.3, "handles")

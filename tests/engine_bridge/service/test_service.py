@@ -1,0 +1,394 @@
+"""The real command as a process, real skeletons by UDP, real clients."""
+
+import itertools
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from select import select
+
+import numpy as np
+import pytest
+from pythonosc.osc_message import OscMessage
+
+from capture import body
+from capture.events import Cue
+from capture.recording import Recorder
+from capture.skeleton import JOINT_INDEX
+from engine_bridge.service.discovery import find
+from engine_bridge.service.protocol.scene import Scene
+from solver.model.binding import Binding
+
+pytestmark = pytest.mark.slow
+
+SERVE = (sys.executable, "-m", "puppetline", "serve", "--port", "0", "--no-announce")
+
+
+@pytest.fixture
+def playing(serve, blob_puppet, sender, kung_fu):
+    """A service with one character, and a performer who never stops."""
+    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
+    stop = threading.Event()
+    performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
+    performer.start()
+    yield service
+    stop.set()
+    performer.join()
+
+
+def performing(message):
+    return message.header.state == 2
+
+
+def test_a_late_subscriber_gets_the_scene_at_once_and_then_controls_that_move_it(playing, blob_rig):
+    playing.client("blob/controls").until(performing)
+    late = playing.client("blob/scene", "blob/controls")
+    [scene] = late.until(lambda _: True, "scene")
+    assert isinstance(scene.body, Scene)
+    frames = late.until(lambda message: performing(message) and message.header.sequence % 50 == 0, "controls")
+    assert {frame.header.revision for frame in frames} == {scene.header.revision}
+    assert frames[-1].body.shape == (30, 3, 4)
+    numbers = [frame.header.sequence for frame in frames]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    vertices = Binding.of_solver_mesh(blob_rig.model, blob_rig.mesh).vertices(frames[-1].body)
+    assert np.isfinite(vertices).all()
+    moved = np.linalg.norm(vertices - blob_rig.mesh.vertices, axis=1).max()
+    assert 1e-3 < moved / blob_rig.mesh.diagonal < 1.5
+
+
+def test_every_kind_of_frame_comes_to_whoever_wants_it(playing, blob_rig):
+    kinds = ("controls", "vertices", "vertices16", "joints", "handles")
+    client = playing.client(*(f"blob/{kind}" for kind in kinds))
+    at_one_moment = {}
+    for message in client.until(lambda message: performing(message) and message.header.sequence > 60):
+        at_one_moment.setdefault(message.header.sequence, {})[message.topic.removeprefix("blob/")] = message.body
+    whole = [bodies for bodies in at_one_moment.values() if len(bodies) == len(kinds)]
+    assert whole
+    diagonal = blob_rig.mesh.diagonal
+    for bodies in whole:
+        positions = bodies["vertices"].positions
+        box = np.ptp(positions, axis=0).max()
+        np.testing.assert_allclose(bodies["vertices16"].positions, positions, atol=box / 65535)
+        assert bodies["joints"].shape == (20, 4)
+        reached = Binding.of_solver_mesh(blob_rig.model, blob_rig.mesh).vertices(bodies["controls"])
+        nearest = [np.linalg.norm(reached - handle, axis=1).min() for handle in bodies["handles"]]
+        assert max(nearest) < 0.1 * diagonal
+
+
+def test_a_take_plays_again_to_the_same_controls_bit_by_bit(playing, serve, blob_puppet, tmp_path):
+    live = playing.client("blob/controls")
+    live.until(performing)
+    assert playing.ask("record_start", name="take")["take"] == "take"
+    start = time.monotonic()
+    recorded = live.until(lambda _: time.monotonic() > start + 2.0, "controls")
+    playing.ask("record_stop")
+    assert [take["name"] for take in playing.ask("list")["takes"]] == ["take"]
+    replaying = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}?loop")
+    replay = replaying.client("blob/controls")
+    before = {message.header.time: message for message in recorded}
+    last = max(before)
+    again = [
+        m for m in replay.until(lambda message: message.header.time > last - 0.5, "controls") if m.header.time in before
+    ]
+    assert len(again) > 40
+    for message in again:
+        was = before[message.header.time]
+        np.testing.assert_array_equal(message.body, was.body)
+        assert (message.header.state, message.header.user, message.header.root) == (
+            was.header.state,
+            was.header.user,
+            was.header.root,
+        )
+
+
+def test_a_stalled_service_goes_on_with_the_newest_frame(playing, sender):
+    client = playing.client("blob/controls")
+    client.until(performing)
+    playing.process.send_signal(signal.SIGSTOP)
+    time.sleep(1.0)
+    client.pending()
+    playing.process.send_signal(signal.SIGCONT)
+    woken = client.until(lambda message: performing(message) and message.header.sequence % 30 == 0, "controls")
+    # what came in meanwhile was overtaken: no frame is older than the moment it was shown by more than a turn takes
+    assert all(message.header.published - message.header.received < 0.5e9 for message in woken)
+    give_up = time.monotonic() + 10
+    while playing.ask("describe")["status"]["stages"][0]["dropped"] < 20:
+        assert time.monotonic() < give_up
+        time.sleep(0.2)
+
+
+def test_reloading_keeps_clients_and_performers(playing, blob_puppet):
+    client = playing.client("blob/scene", "blob/controls", "service/characters")
+    [first] = client.until(lambda _: True, "scene")
+    client.until(performing, "controls")
+    text = blob_puppet.read_text()
+    try:
+        blob_puppet.write_text(text.replace('name = "head"', 'name = "nose"'))
+        playing.process.send_signal(signal.SIGHUP)
+        [scene] = client.until(lambda message: message.header.revision != first.header.revision, "scene")
+        assert [handle["name"] for handle in scene.body.facts["handles"]].count("nose") == 1
+        frames = client.until(lambda m: performing(m) and m.header.revision == scene.header.revision, "controls")
+        assert frames[-1].header.user == 1
+        blob_puppet.write_text(text.replace("position = ", "position =" + " 7 #"))
+        error = playing.ask("reload")
+        assert str(blob_puppet) in error["where"]
+        client.until(performing, "controls")
+    finally:
+        blob_puppet.write_text(text)
+    assert playing.ask("reload") == {"characters": ["blob"]}
+
+
+def test_a_silent_source_leaves_the_character_to_itself_and_its_return_moves_it_again(
+    serve, blob_puppet, sender, kung_fu
+):
+    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
+    client = service.client("blob/controls")
+    sender.play(kung_fu[:90], until=lambda: False)
+    client.until(performing)
+    client.until(lambda message: message.header.state == 3)
+    client.until(lambda message: message.header.state == 0)
+    sender.play(kung_fu[90:], interval=1 / 30)
+    states = [state for state, _ in itertools.groupby(message.header.state for message in client.pending())]
+    assert states[states.index(1) :][:2] == [1, 2]
+
+
+def test_a_killed_service_is_back_for_the_same_clients_and_performer(
+    serve, blob_puppet, sender, kung_fu, tmp_path, free_port
+):
+    arguments = ("--puppet", blob_puppet, "--source", sender.uri, "--port", free_port())
+    service = serve(*arguments)
+    client = service.client("blob/controls")
+    sender.play(kung_fu[:60] + kung_fu[:60], interval=1 / 30)  # still for long enough, whatever comes between
+    seen = client.until(performing)
+    for _ in range(200):  # until the calibration is kept
+        if (tmp_path / "state" / "puppetline" / "performers.json").exists():
+            break
+        sender.play(kung_fu[-8:], interval=1 / 30)
+    service.process.kill()
+    service.process.wait()
+    last = max(message.header.sequence for message in [*seen, *client.pending()])
+    serve(*arguments)
+    moving = kung_fu[100:]  # never still for a second: only what was kept can make this one perform
+    stop = threading.Event()
+    performer = threading.Thread(
+        target=sender.play, args=(itertools.cycle(moving),), kwargs={"interval": 1 / 30, "until": stop.is_set}
+    )
+    performer.start()
+    try:
+        restarted = client.until(lambda message: message.header.sequence < last, "controls")
+        frames = client.until(performing, "controls")
+    finally:
+        stop.set()
+        performer.join()
+    assert restarted[-1].header.revision == frames[-1].header.revision
+    assert frames[-1].header.state == 2
+
+
+def test_garbage_is_counted_and_costs_nothing(playing, sender):
+    client = playing.client("blob/controls")
+    client.until(performing)
+    for datagram in (b"", b"\0", b"#bundle\0" + bytes(12), bytes(65000), b"/joint\0\0,sifff\0\0", b"{}" * 500):
+        sender.raw(datagram)
+    give_up = time.monotonic() + 10
+    while sum(playing.ask("describe")["status"]["stages"][0]["refused"].values()) < 5:
+        assert time.monotonic() < give_up
+        time.sleep(0.2)
+    client.until(lambda message: performing(message) and message.header.sequence % 20 == 0, "controls")
+    assert playing.ask("describe")["status"]["stages"][0]["faults"] == 0
+
+
+def test_two_people_play_two_characters(serve, blob_puppet, sender, kung_fu, tmp_path):
+    other = blob_puppet.with_name("cat.toml")
+    other.write_text(blob_puppet.read_text())
+    service = serve("--puppet", blob_puppet, "--puppet", other, "--source", sender.uri, "--calibrate", "at_once")
+    client = service.client("blob/controls", "cat/controls")
+    for frame in kung_fu[:120]:
+        sender.send(frame, user=4)
+        sender.send(frame, user=8)
+        time.sleep(1 / 60)
+    users = {(message.topic, message.header.user) for message in client.pending() if performing(message)}
+    assert users == {("blob/controls", 4), ("cat/controls", 8)}
+
+
+def test_osc_goes_out_at_no_more_than_its_rate(serve, blob_puppet, sender, kung_fu):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(0.5)
+        target = f"127.0.0.1:{receiver.getsockname()[1]}"
+        serve(
+            "--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once", "--osc", target, "--osc-rate", 10
+        )
+        thread = threading.Thread(target=sender.play, args=(kung_fu[:180],))
+        start = time.monotonic()
+        thread.start()
+        handles = []
+        while time.monotonic() < start + 3.0:
+            datagram = receiver.recv(65536)
+            if b"/handle" in datagram[:120]:
+                handles.append(datagram)
+        took = time.monotonic() - start
+        thread.join()
+    assert 5 < len(handles) <= 10 * took * len({datagram[:60] for datagram in handles}) + 10
+    [first, *_] = handles
+    if not first.startswith(b"#bundle"):
+        assert OscMessage(first).address.startswith("/puppetline/blob/")
+
+
+def test_it_refuses_to_be_reached_from_outside_without_credentials(serve, blob_puppet, sender):
+    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--host", "0.0.0.0")
+    assert service.process.wait() == 1
+    service._read.join()
+    [line] = [line for line in service.log if line.startswith("puppetline:")]
+    assert "no credentials" in line
+
+
+def test_with_a_token_only_who_knows_it_comes_in(serve, blob_puppet, sender, kung_fu, tmp_path):
+    token = b"correct-horse-battery-staple"
+    file = tmp_path / "token"
+    file.write_bytes(token)
+    file.chmod(0o600)
+    service = serve("--puppet", blob_puppet, "--source", sender.uri, "--host", "0.0.0.0", "--token-file", file)
+    service.stream = service.stream.replace("0.0.0.0", "127.0.0.1")
+    service.control = service.control.replace("0.0.0.0", "127.0.0.1")
+    strangers = [service.client("blob/controls"), service.client("blob/controls", token=b"wrong-horse-battery-staple")]
+    service.client("blob/controls", token=token).until(lambda _: True)
+    time.sleep(0.5)  # in which anybody who is let in would have got fifteen frames
+    assert [stranger.pending() for stranger in strangers] == [[], []]
+    assert service.ask("ping", token=token) == "pong"
+
+
+def test_it_ends_cleanly_at_once_and_leaves_a_whole_take(playing, tmp_path):
+    client = playing.client("blob/controls")
+    client.until(performing)
+    playing.ask("record_start", name="last")
+    client.until(lambda message: message.header.sequence % 40 == 0)
+    assert playing.stop() == 0
+    assert (tmp_path / "takes" / "last.log").read_bytes().endswith(b"}\n")
+    assert not [line for line in playing.log if "Traceback" in line]
+
+
+def test_the_watchdog_hears_of_frames_and_of_nothing_else(serve, blob_puppet, tmp_path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        path = tmp_path / "notify"
+        systemd.bind(str(path))
+        systemd.settimeout(60)
+        service = serve(
+            "--puppet",
+            blob_puppet,
+            "--source",
+            "demo:walk?loop",
+            env={"NOTIFY_SOCKET": str(path), "WATCHDOG_USEC": "400000"},
+        )
+        told = []
+        while told.count("WATCHDOG=1") < 3:
+            told.append(systemd.recv(4096).decode())
+        assert told[0] == "READY=1"
+        assert any(line.startswith(("STATUS=1 of 1 characters", "STATUS=0 of 1")) for line in told)
+        service.stop()
+        rest = []
+        while select([systemd], [], [], 0)[0]:
+            rest.append(systemd.recv(4096).decode())
+        assert rest[-1] == "STOPPING=1"
+
+
+def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
+    playing.client("blob/controls").until(performing)
+    playing.ask("record_start", name="short")
+    answers = []
+    asking = [threading.Thread(target=lambda: answers.append(playing.ask("reload"))) for _ in range(3)]
+    for thread in asking:
+        thread.start()
+    for thread in asking:
+        thread.join()
+    assert answers == [{"characters": ["blob"]}] * 3
+    assert playing.ask("describe")["status"]["stages"][0]["recording"] is None
+    assert playing.logged("the take ends with the reload")
+    assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
+
+
+@pytest.mark.parametrize("loaded", ["engine_bridge.service.signals", "numpy", "zmq", "engine_bridge.service.service"])
+def test_a_stop_while_it_starts_is_a_stop(blob_puppet, sender, loaded):
+    command = [*SERVE, "--puppet", blob_puppet, "--source", sender.uri]
+    told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=told)
+    next(line for line in process.stderr if line.rpartition("|")[2].strip() == loaded)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode in (0, 1)
+    assert "Traceback" not in said
+    assert "a fault in Puppetline" not in said
+
+
+def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
+    command = [*SERVE, "--puppet", blob_puppet, "--source", "demo:walk?loop", "--log-format", "json"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE)
+    try:
+        served = json.loads(process.stderr.readline())["fields"]
+        client = listen(served["stream"][0], "blob/controls")
+        for _ in range(600):  # each reload says a line: more than a pipe holds
+            process.send_signal(signal.SIGHUP)
+            time.sleep(0.002)
+        after = client.until(lambda _: True)[-1].header.sequence
+        client.until(lambda message: message.header.sequence > after + 60)
+    finally:
+        process.terminate()
+        assert process.wait(60) == 0
+        process.stderr.close()
+
+
+def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(blob_puppet, tmp_path, free_port):
+    metrics = free_port()
+    command = [
+        *SERVE[:-1],
+        "--puppet",
+        blob_puppet,
+        "--source",
+        "demo:walk?loop",
+        "--status",
+        "--metrics",
+        str(metrics),
+    ]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        service, stage = process.stdout.readline(), process.stdout.readline()
+        assert re.match(r"Puppetline \S+  up 0:0\d:\d\d  \d+ MB .* of 64 clients", service)
+        assert stage.strip().startswith("stage (demo:walk?loop): ")
+        with urllib.request.urlopen(f"http://127.0.0.1:{metrics}/metrics", timeout=10) as answer:
+            text = answer.read().decode()
+        assert re.search(r'^puppetline_stage_frames_total\{stage="stage"\} [1-9]', text, re.MULTILINE)
+        assert 'puppetline_character_state{character="blob",state="performing"}' in text
+        found = [each for each in find(2.0, ["127.0.0.1"]) if each.characters == ("blob",)]
+        assert [each.mechanism for each in found] == ["NULL"]
+    finally:
+        process.terminate()
+        assert process.wait(60) == 0
+        process.stdout.close()
+
+
+def test_the_status_says_how_tall_the_performer_is_and_how_the_sensor_stands(serve, blob_puppet, tmp_path, kung_fu):
+    stands = {"tilt": 12.0, "height": 1.3, "roll": -2.0}
+    with Recorder(tmp_path / "take.log") as recorder:
+        recorder.write(Cue(kung_fu[0].time, "level", stands))
+        for frame in kung_fu:
+            recorder.write(frame)
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'take.log'}?loop")
+
+    def stage():
+        return service.ask("describe")["status"]["stages"][0]
+
+    while not (users := stage()["users"]) or users[0]["state"] == "waiting":
+        time.sleep(0.02)
+    assert users[0]["state"] == "performing" or (users[0]["height"], users[0]["reach"]) == (None, None)
+    while not (users := stage()["users"]) or users[0]["state"] != "performing":
+        time.sleep(0.02)
+    rest = body.resting_pose(np.stack([f.positions for f in kung_fu]), np.stack([f.confidence for f in kung_fu]), 0, 30)
+    hands = [JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]
+    assert users[0]["height"] == pytest.approx(body.height(rest), abs=0.01)
+    assert users[0]["reach"] == pytest.approx(body.reach(rest)[hands].mean(), abs=0.01)
+    assert stage()["sensor"] == stands

@@ -1,0 +1,193 @@
+import socket
+import time
+from pathlib import Path
+from select import select
+
+import numpy as np
+import pytest
+
+from capture.events import Tick
+from capture.formats import read_log
+from capture.recording import Recorder
+from capture.source import Silence
+from engine_bridge.service.character_player import Manner
+from engine_bridge.service.stage_runner import Line
+from puppetline.errors import ServiceError, SourceError
+
+
+def run(line, seconds=None, until=lambda: False):
+    """Take in as the service does; return the frames."""
+    frames = []
+    give_up = time.monotonic() + (20.0 if seconds is None else seconds)
+    while not until():
+        if time.monotonic() >= give_up:
+            assert seconds is not None
+            break
+        number = line.source.fileno()
+        select([] if number is None else [number], [], [], max(0.0, min(line.due() - time.monotonic(), 0.2)))
+        frames += line.take_in()
+    return frames
+
+
+@pytest.fixture
+def short(tmp_path, kung_fu):
+    with Recorder(tmp_path / "short.log") as recorder:
+        for frame in kung_fu[:10]:
+            recorder.write(frame)
+    return "replay:short.log"
+
+
+def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, make_stage, tmp_path, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    run(line, until=lambda: isinstance(line.source.inner, Silence))
+    assert line.skeletons == 10
+    frames = run(line, seconds=1.0)
+    assert frames[0].time >= kung_fu[9].time
+    assert frames[-1].state == "waiting"
+    assert line.source.name == short
+    line.close()
+
+
+def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_fu):
+    line = Line(sender.uri, make_stage(), tmp_path)
+
+    def fail():
+        raise SourceError("osc", found="a fault", expected="none", fix="None.")
+
+    line.source.inner.receive = fail
+    line.take_in()
+    assert isinstance(line.source.inner, Silence)
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    sender.send(kung_fu[0])
+    run(line, until=lambda: line.skeletons == 1)
+    line.close()
+
+
+def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
+    line = Line(sender.uri, make_stage(), tmp_path)
+    line.source.inner.close()
+    line.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
+    line.take_in()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", sender.port))
+        frames = run(line, seconds=1.5)
+        assert isinstance(line.source.inner, Silence)
+    assert len(frames) > 20  # the character goes on
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    line.close()
+
+
+def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_path, sender, kung_fu, caplog):
+    caplog.set_level("INFO")
+    line = Line(sender.uri, make_stage(), tmp_path)
+    trouble = SourceError("osc", found="x", expected="y", fix="z")
+    for _ in range(3):
+        line.source.inner.receive = lambda: (_ for _ in ()).throw(trouble)
+        line.take_in()
+        run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    assert caplog.messages == [f"the source is silent: {trouble}"]
+    sender.send(kung_fu[0])
+    run(line, until=lambda: line.skeletons == 1)
+    assert caplog.messages[1:] == ["the source is back"]
+    line.close()
+
+
+def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting(make_stage, tmp_path, sender):
+    line = Line(sender.uri, make_stage(), tmp_path)
+    sender.raw(b"garbage!")
+    run(line, until=lambda: sum(line.source.counts.refused.values()) == 1)
+
+    def fail():
+        raise RuntimeError("the cable")
+
+    line.source.inner.receive = fail
+    run(line, until=lambda: isinstance(line.source.inner, Silence))
+    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    sender.raw(b"garbage!")
+    run(line, until=lambda: sum(line.source.counts.refused.values()) == 2)
+    line.close()
+
+
+def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp_path, sender, kung_fu, moved):
+    line = Line(sender.uri, make_stage(manner=Manner(calibrate="at_once")), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    start = time.monotonic()
+    given = []
+
+    def receive():
+        events, given[:] = given[:], []
+        return events
+
+    line.source.inner.receive = receive
+    live = []
+    for k, frame in enumerate(kung_fu[:60]):
+        given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # parts of bodies come as they may
+        live += line.take_in()
+        if k % 20 == 10:
+            live += line.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
+    line.stop_recording().close()
+    again = Line("replay:take.log", make_stage(), tmp_path)
+    replayed = run(again, until=lambda: isinstance(again.source.inner, Silence))
+    replayed = [frame for frame in replayed if frame.time <= live[-1].time]
+    assert len(live) == len(replayed)
+    for a, b in zip(live, replayed, strict=True):
+        np.testing.assert_array_equal(a.controls, b.controls)
+    for each in (line, again):
+        each.close()
+
+
+def test_a_damaged_beginning_is_told(make_stage, tmp_path, short, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons == 3)
+    line.start_recording(tmp_path / "take.log")
+    run(line, until=lambda: line.skeletons == 10)
+    line.close()
+    text = (tmp_path / "take.log").read_text()
+    (tmp_path / "take.log").write_text(text.replace('"cast": [1]', '"cast": [1, 2]'))
+    with pytest.raises(SourceError, match="a damaged beginning"):
+        Line("replay:take.log", make_stage(), tmp_path)
+
+
+def test_a_fault_costs_one_event(short, make_stage, tmp_path):
+    stage = make_stage()
+    line = Line(short, stage, tmp_path)
+    step, calls = stage.step, []
+
+    def stumbling(event, received):
+        calls.append(event)
+        if len(calls) == 3:
+            raise ZeroDivisionError
+        return step(event, received)
+
+    stage.step = stumbling
+    run(line, until=lambda: line.skeletons == 10)
+    assert (line.faults, len(calls)) == (1, line.events)
+    line.close()
+
+
+def test_a_take_ends_where_the_disk_is_full_and_the_stage_goes_on(short, make_stage, tmp_path):
+    line = Line(short, make_stage(), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    line._recorder._file.close()
+    line._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the line closes it
+    run(line, until=lambda: line.skeletons == 10)
+    assert line.recording is None
+    assert line.faults == 0
+    line.close()
+
+
+def test_a_take_of_a_line_is_a_skeleton_log(short, make_stage, tmp_path, kung_fu):
+    line = Line(short, make_stage(), tmp_path)
+    line.start_recording(tmp_path / "take.log")
+    assert line.recording == "take"
+    run(line, until=lambda: line.skeletons == 10)
+    with pytest.raises(ServiceError):
+        line.cue("calibrate", character="horse")
+    line.cue("mirror", character="dog", on=True)
+    line.stop_recording().close()
+    assert line.stop_recording() is None
+    [clip] = read_log(tmp_path / "take.log")
+    assert clip.times.tolist() == [frame.time for frame in kung_fu[:10]]
+    assert b'"do": "mirror"' in (tmp_path / "take.log").read_bytes()
+    assert b"horse" not in (tmp_path / "take.log").read_bytes()
+    line.close()

@@ -1,0 +1,90 @@
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+from engine_bridge.service.user_assignment import FOR_A_WHILE, NEARER, Casting
+
+USERS = st.integers(1, 6)
+POLICIES = ("each", "nearest", "queue")
+
+
+class People(RuleBasedStateMachine):
+    """People come, move, go and are chosen, in any order, before two characters."""
+
+    def __init__(self):
+        super().__init__()
+        self.time = 0.0
+        self.castings = {policy: Casting(policy, 5.0, [None, None]) for policy in POLICIES}
+
+    @rule(user=USERS, distance=st.floats(0.5, 5.0), seconds=st.floats(0.0, 3.0))
+    def see(self, user, distance, seconds):
+        self.time += seconds
+        for casting in self.castings.values():
+            casting.see(user, self.time, distance)
+            casting.recast(self.time)
+
+    @rule(user=USERS)
+    def go(self, user):
+        for casting in self.castings.values():
+            casting.gone(user)
+            casting.recast(self.time)
+
+    @precondition(lambda self: self.castings["each"].present)
+    @rule(data=st.data(), character=st.integers(0, 1))
+    def choose(self, data, character):
+        user = data.draw(st.sampled_from(sorted(self.castings["each"].present)))
+        for casting in self.castings.values():
+            casting.choose(character, user, self.time)
+            assert casting.cast[character] == user
+            casting.recast(self.time)
+
+    @invariant()
+    def who_plays_is_there_and_plays_one_character(self):
+        for casting in self.castings.values():
+            playing = [user for user in casting.cast if user is not None]
+            assert set(playing) <= casting.present.keys()
+            assert len(set(playing)) == len(playing)
+
+    @invariant()
+    def no_character_is_free_while_somebody_waits(self):
+        for casting in self.castings.values():
+            assert (casting.cast.count(None) == 0) or set(casting.cast) >= casting.present.keys()
+
+
+TestPeople = People.TestCase
+TestPeople.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
+
+
+def test_turns_go_round():
+    casting = Casting("queue", 10.0, [None])
+    played = []
+    for second in range(60):
+        for user in (1, 2, 3):
+            casting.see(user, float(second), 2.0)
+        casting.recast(float(second))
+        played.append(casting.cast[0])
+    assert played == [1] * 10 + [2] * 10 + [3] * 10 + [1] * 10 + [2] * 10 + [3] * 10
+
+
+def test_somebody_alone_plays_as_long_as_they_like():
+    casting = Casting("queue", 10.0, [None])
+    for second in range(60):
+        casting.see(1, float(second), 2.0)
+        casting.recast(float(second))
+        assert casting.cast == [1]
+
+
+def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():
+    casting = Casting("nearest", 0.0, [None])
+    changes = []
+    for k in range(400):
+        time = k / 10
+        casting.see(1, time, 3.0)
+        passing = 10 <= time < 10 + 0.6 * FOR_A_WHILE
+        if time >= 5:
+            casting.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER)
+        casting.recast(time)
+        if casting.cast[0] == 2 and not changes:
+            changes.append(time)
+    [change] = changes
+    assert 20 + FOR_A_WHILE <= change < 22

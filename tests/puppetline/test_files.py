@@ -1,0 +1,131 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from puppetline.errors import OutputError
+from puppetline.files import check_writable, written_whole
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):
+    path = tmp_path / "out.glb"
+    path.write_text("old")
+    with written_whole(path) as beside:
+        beside.write_text("new")
+        assert path.read_text() == "old"
+        assert (beside.parent, beside.suffix) == (tmp_path, ".glb")
+    assert (path.read_text(), names(tmp_path)) == ("new", ["out.glb"])
+
+
+@pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_a_fault_in_the_block_leaves_the_old_file_and_nothing_else(tmp_path, fault):
+    path = tmp_path / "out.glb"
+    path.write_text("old")
+
+    def write():
+        with written_whole(path) as beside:
+            beside.write_text("half of the n")
+            raise fault
+
+    with pytest.raises(fault):
+        write()
+    assert (path.read_text(), names(tmp_path)) == ("old", ["out.glb"])
+
+
+def test_a_block_that_writes_nothing_is_an_error_and_leaves_the_old_file(tmp_path):
+    path = tmp_path / "out.glb"
+    path.write_text("old")
+    with pytest.raises(OutputError), written_whole(path):
+        pass
+    assert path.read_text() == "old"
+
+
+def test_what_the_operating_system_refuses_is_an_output_error(tmp_path):
+    with pytest.raises(OutputError) as error, written_whole(tmp_path / "gone" / "out.glb") as beside:
+        beside.write_text("new")
+    assert error.value.found == "that it cannot be written (No such file or directory)"
+    with pytest.raises(OutputError), written_whole(tmp_path) as beside:
+        beside.write_text("a file cannot replace a folder")
+    assert names(tmp_path) == []
+
+
+def test_two_processes_that_write_one_file_do_not_meet_halfway(tmp_path):
+    path = tmp_path / "out"
+    script = (
+        "import sys; from pathlib import Path; from puppetline.files import written_whole\n"
+        "with written_whole(Path(sys.argv[1])) as beside: print(beside)"
+    )
+    other = subprocess.run([sys.executable, "-c", script, path], capture_output=True, text=True, check=False)
+    with written_whole(path) as beside:
+        assert Path(other.stdout.strip()) != beside
+        beside.write_text("mine")
+
+
+def test_a_good_place_is_left_as_it_was(tmp_path):
+    path = tmp_path / "out.glb"
+    check_writable(path, ".glb")
+    assert names(tmp_path) == []
+    path.write_text("old")
+    check_writable(path, ".glb")
+    assert (path.read_text(), names(tmp_path)) == ("old", ["out.glb"])
+
+
+def test_each_bad_place_says_what_to_do(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("")
+    folder = tmp_path / "no" / "such"
+    taken = tmp_path / "folder.glb"
+    taken.mkdir()
+    for path, found, fix in (
+        (tmp_path, "a folder or device", "Add a file name to the path."),
+        (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
+        (taken, "a folder or device", "Add a file name to the path."),
+        (folder / "out.glb", f"no folder {folder}", f"Make it: mkdir -p {folder}"),
+        (file / "out.glb", f"no folder {file}", "Choose another."),
+    ):
+        with pytest.raises(OutputError) as error:
+            check_writable(path, ".glb")
+        assert (error.value.where, error.value.found, error.value.fix) == (str(path), found, fix)
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses files to everyone")
+def test_a_folder_that_takes_no_files_is_found_out_before_the_work():
+    with pytest.raises(OutputError, match="that it cannot be written") as error:
+        check_writable(Path("/proc/out.glb"), ".glb")
+    assert error.value.where == "/proc/out.glb"
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permission bits do not bind the superuser")
+def test_a_folder_without_permission_is_found_out_before_the_work(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        check_writable(tmp_path / "out.glb", ".glb")
+
+
+def test_a_name_that_is_too_long_for_the_file_system_is_an_output_error(tmp_path):
+    with pytest.raises(OutputError, match="that it cannot be written"):
+        check_writable(tmp_path / ("a" * 300 + ".glb"), ".glb")
+
+
+def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_path):
+    source = tmp_path / "dog.glb"
+    source.write_text("the only copy")
+    other_name = tmp_path / "link.glb"
+    other_name.symlink_to(source)
+    for output in (source, other_name, tmp_path / ".." / tmp_path.name / "dog.glb"):
+        with pytest.raises(OutputError, match="a file that is read from"):
+            check_writable(output, ".glb", inputs=(tmp_path / "take.log", source))
+    assert source.read_text() == "the only copy"
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="no device files here")
+def test_a_device_is_not_replaced(tmp_path):
+    (tmp_path / "device.glb").symlink_to("/dev/null")
+    with pytest.raises(OutputError, match="a folder or device"):
+        check_writable(tmp_path / "device.glb", ".glb")

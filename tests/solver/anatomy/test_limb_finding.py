@@ -1,0 +1,222 @@
+import numpy as np
+import pytest
+from puppetline.examples.characters import biped
+
+from solver.anatomy.limb_chain import evenly
+from solver.anatomy.limb_finding import find_limbs
+from solver.surface.mesh import SolverMesh, weld
+
+IMAGE = np.array([-1.0, 1.0, 1.0])
+PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
+FOUR_LEGGED = ["left hind leg", "right hind leg", "left front leg", "right front leg"]
+
+SHOULDER, ELBOW, HAND = (0.25, 1.45, 0.0), (0.55, 1.15, 0.0), (0.8, 0.85, 0.25)
+HIP, KNEE, ANKLE, TOES = (0.15, 0.85, 0.0), (0.17, 0.45, 0.05), (0.18, 0.08, 0.0), (0.18, 0.06, 0.22)
+
+
+def both(*limbs):
+    return [*limbs, *((tuple(IMAGE * start), tuple(IMAGE * end), radius) for start, end, radius in limbs)]
+
+
+BODY = [((0.0, 0.9, 0.0), (0.0, 1.35, 0.0), 0.18), ((0.0, 1.4, 0.0), (0.0, 1.6, 0.0), 0.07)]
+SKULL = ((0.0, 1.72, 0.0), (0.0, 1.76, 0.02), 0.13)
+ARM = [((0.1, 1.42, 0.0), SHOULDER, 0.09), (SHOULDER, ELBOW, 0.055), (ELBOW, HAND, 0.05)]
+LEG = [(HIP, KNEE, 0.08), (KNEE, ANKLE, 0.06), (ANKLE, TOES, 0.05)]
+FIGURE = [*BODY, SKULL, *both(*ARM, *LEG)]
+DOG = [
+    ((0.0, 1.0, -1.0), (0.0, 1.0, 1.0), 0.30),
+    ((0.0, 1.0, 1.0), (0.0, 1.7, 1.5), 0.16),
+    ((0.0, 1.7, 1.5), (0.0, 1.65, 1.9), 0.19),
+    *both(((0.2, 1.0, 0.9), (0.25, -0.2, 0.9), 0.12), ((0.2, 1.0, -0.9), (0.25, -0.2, -0.9), 0.12)),
+    ((0.0, 1.0, -1.0), (0.0, 1.5, -1.9), 0.09),
+]
+
+
+@pytest.fixture(scope="module")
+def solver_mesh(march_capsules):
+    def make(limbs, step=0.035):
+        ends = np.array([end for limb in limbs for end in limb[:2]])
+        reach = max(limb[2] for limb in limbs) + 2 * step + 0.0013  # no vertex of the grid on a limb's axis
+        return weld(*march_capsules(limbs, ends.min(axis=0) - reach, ends.max(axis=0) + reach, step))
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def figure(solver_mesh):
+    return solver_mesh(FIGURE)
+
+
+def found(mesh, basis=None, ends=None):
+    return find_limbs(mesh, np.eye(3) if basis is None else basis, ends or {}).points
+
+
+def assert_same(one, other, tolerance):
+    assert list(one) == list(other)
+    for name, points in one.items():
+        np.testing.assert_allclose(points, other[name], atol=tolerance, err_msg=name)
+
+
+def test_joints_of_a_figure_are_where_it_was_made(figure):
+    limbs = found(figure)
+    assert list(limbs) == PERSON
+    height = np.ptp(figure.vertices[:, 1])
+    wanted = {"arm": [SHOULDER, ELBOW], "leg": [HIP, KNEE, ANKLE, TOES]}
+    for limb, joints in wanted.items():
+        for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
+            away = np.linalg.norm(limbs[f"{side} {limb}"][: len(joints)] - sign * joints, axis=1) / height
+            assert away.max() < 0.06, (side, limb, away)
+    np.testing.assert_allclose(limbs["left arm"][-1], HAND, atol=0.06 * height)
+    np.testing.assert_allclose(limbs["trunk"][0], (limbs["left leg"][0] + limbs["right leg"][0]) / 2)
+    np.testing.assert_allclose(limbs["trunk"][-1], limbs["head"][0])
+    np.testing.assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.03 * height)
+
+
+def test_joints_of_an_example_are_where_its_code_puts_them():
+    made = biped.build()
+    mesh = weld(np.asarray(made.vertices, float), np.asarray(made.faces))
+    limbs, height = found(mesh), np.ptp(mesh.vertices[:, 1])
+    for limb, joints in (
+        ("arm", [biped.SHOULDER, biped.ELBOW, biped.WRIST]),
+        ("leg", [biped.HIP, biped.KNEE, biped.ANKLE]),
+    ):
+        for side, sign in (("left", np.ones(3)), ("right", IMAGE)):
+            away = np.linalg.norm(limbs[f"{side} {limb}"][:3] - sign * joints, axis=1) / height
+            assert away.max() < 0.05
+
+
+def test_a_dog_has_front_and_hind_legs_a_neck_and_a_tail(solver_mesh):
+    limbs = found(solver_mesh(DOG, 0.05))
+    assert list(limbs) == ["trunk", "neck", "head", *FOUR_LEGGED, "tail"]
+    for name, foot in (("hind", (0.25, -0.2, -0.9)), ("front", (0.25, -0.2, 0.9))):
+        np.testing.assert_allclose(limbs[f"left {name} leg"][-1], foot, atol=0.15)
+        np.testing.assert_allclose(limbs[f"right {name} leg"][-1], IMAGE * foot, atol=0.15)
+    np.testing.assert_allclose(limbs["tail"][-1], (0, 1.5, -1.9), atol=0.12)
+    np.testing.assert_allclose(limbs["neck"][-1], limbs["head"][0])
+    assert limbs["head"][-1][2] > 1.9
+
+
+def test_wings_are_beside_four_legs(solver_mesh):
+    wings = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
+    limbs = found(solver_mesh([*DOG, *wings], 0.05))
+    np.testing.assert_allclose(limbs["left wing"][-1], (1.5, 2.4, -0.1), atol=0.15)
+    np.testing.assert_allclose(limbs["right wing"][-1], (-1.5, 2.4, -0.1), atol=0.15)
+    assert {*FOUR_LEGGED, "tail"} < limbs.keys()
+
+
+def test_ears_and_horns_are_neither_arms_nor_wings(solver_mesh, figure):
+    ears = both(((0.08, 1.8, 0.0), (0.35, 2.2, 0.0), 0.06))
+    assert_same(
+        {name: points for name, points in found(solver_mesh([*FIGURE, *ears])).items() if name != "head"},
+        {name: points for name, points in found(figure).items() if name != "head"},
+        0.06,
+    )
+    horns = both(((0.1, 1.75, 1.6), (0.5, 2.3, 1.7), 0.06))
+    assert not {"left wing", "left arm"} & found(solver_mesh([*DOG, *horns], 0.05)).keys()
+
+
+def test_a_raised_hand_is_no_head(solver_mesh):
+    raised = [(tuple(IMAGE * SHOULDER), (-0.3, 1.85, 0.0), 0.055), ((-0.3, 1.85, 0.0), (-0.12, 2.2, 0.05), 0.05)]
+    right_arm = [limb for limb in both(*ARM)[3:] if limb[0][0] >= 0 or limb[0] != tuple(IMAGE * SHOULDER)]
+    others = [*BODY, SKULL, *both(*LEG), *ARM, right_arm[0], *raised]
+    limbs = found(solver_mesh(others))
+    assert list(limbs) == PERSON
+    np.testing.assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.1)
+    np.testing.assert_allclose(limbs["right arm"][-1], (-0.12, 2.2, 0.05), atol=0.1)
+    np.testing.assert_allclose(limbs["left arm"][-1], HAND, atol=0.12)
+
+
+def test_a_tail_on_the_ground_is_no_foot_and_no_head(solver_mesh):
+    tail = [((0.0, 0.9, -0.1), (0.0, 0.35, -0.7), 0.09), ((0.0, 0.35, -0.7), (0.0, 0.12, -1.5), 0.06)]
+    limbs = found(solver_mesh([*FIGURE, *tail]))
+    assert list(limbs) == [*PERSON, "tail"]
+    np.testing.assert_allclose(limbs["tail"][-1], (0, 0.12, -1.5), atol=0.1)
+    np.testing.assert_allclose(limbs["left leg"][-1], TOES, atol=0.1)
+
+
+def test_a_sword_is_left_out_of_the_arm_and_said(solver_mesh, figure):
+    point = np.add(HAND, (0.1, -0.1, 1.3))
+    armed = find_limbs(solver_mesh([*FIGURE, (HAND, tuple(point), 0.02)], 0.02), np.eye(3))
+    assert len(armed.notes) == 1
+    assert armed.notes[0].startswith("Something long and thin at the end of the left arm is not part of it.")
+    assert "--limb 'left arm=" in armed.notes[0]
+    np.testing.assert_allclose(armed.points["left arm"][-1], found(figure)["left arm"][-1], atol=0.12)
+    assert find_limbs(figure, np.eye(3)).notes == ()
+
+
+def test_what_the_user_knows_comes_first(solver_mesh):
+    wings = both(((0.1, 1.2, 0.2), (1.5, 2.4, -0.1), 0.1))
+    mesh = solver_mesh([*FIGURE, *both(((0.1, 1.2, -0.05), (1.0, 1.9, -0.5), 0.05))])
+    tips = {"left arm": np.array([1.0, 1.9, -0.5]), "right arm": np.array([-1.0, 1.9, -0.5])}
+    np.testing.assert_allclose(found(mesh, ends=tips)["left arm"][-1], tips["left arm"], atol=0.1)
+    nose = np.array([0.0, 1.7, 1.9])
+    limbs = found(solver_mesh([*DOG, *wings], 0.05), ends={"head": nose})
+    np.testing.assert_allclose(limbs["head"][-1], nose, atol=0.2)
+
+
+def test_what_is_not_found_is_said(solver_mesh):
+    limbs = find_limbs(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.1), np.eye(3))
+    assert list(limbs.points) == ["trunk", "head"]
+    assert limbs.notes == (
+        "No legs were found. If there are any, give where they end: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'",
+        "No arms were found. If there are any, give where they end: --limb 'left arm=X,Y,Z' --limb 'right arm=X,Y,Z'",
+    )
+
+
+def test_the_order_of_vertices_does_not_matter(figure):
+    order = np.random.default_rng(1).permutation(len(figure.vertices))
+    place = np.argsort(order)
+    shuffled = SolverMesh(figure.vertices[order], place[figure.faces], np.arange(len(order)))
+    assert_same(found(shuffled), found(figure), 1e-9)
+
+
+@pytest.mark.parametrize(
+    "basis",
+    [
+        [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+        [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+        [[-1, 0, 0], [0, 1, 0], [0, 0, -1]],
+    ],
+)
+def test_a_character_that_is_turned_has_its_joints_turned(figure, basis):
+    turn = np.array(basis, dtype=np.float64)
+    turned = SolverMesh(figure.vertices @ turn, figure.faces, figure.of_render)
+    expected = {name: points @ turn for name, points in found(figure).items()}
+    assert_same(found(turned, turn), expected, 1e-9)
+
+
+def test_size_and_place_do_not_matter(figure):
+    larger = SolverMesh(64.0 * figure.vertices + [3.0, -7.0, 11.0], figure.faces, figure.of_render)
+    expected = {name: 64.0 * points + [3.0, -7.0, 11.0] for name, points in found(figure).items()}
+    assert_same(found(larger), expected, 64 * 0.02)
+
+
+def test_in_the_mirror_image_left_and_right_are_swapped(figure):
+    image = SolverMesh(figure.vertices * IMAGE, figure.faces[:, ::-1], figure.of_render)
+    swapped = {"left": "right", "right": "left"}
+    mirrored = {
+        " ".join(swapped.get(word, word) for word in name.split()): points * IMAGE
+        for name, points in found(image).items()
+    }
+    expected = found(figure)
+    assert mirrored.keys() == expected.keys()
+    for name, points in expected.items():
+        np.testing.assert_allclose(mirrored[name], points, atol=0.02, err_msg=name)
+
+
+def test_parts_that_overlap_are_one_body(solver_mesh, figure):
+    pieces = [solver_mesh([limb], 0.03) for limb in FIGURE]
+    starts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    vertices = np.concatenate([piece.vertices for piece in pieces])
+    faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
+    mesh = weld(vertices, faces)
+    assert mesh.parts == len(FIGURE)
+    limbs, expected = found(mesh), found(figure)
+    assert list(limbs) == PERSON
+    for name in ("left leg", "right leg", "left arm", "right arm"):
+        np.testing.assert_allclose(limbs[name], expected[name], atol=0.12, err_msg=name)
+
+
+def test_points_along_a_polyline_are_at_equal_ways():
+    line = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]])
+    np.testing.assert_allclose(evenly(line, 4), [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0]])

@@ -1,0 +1,160 @@
+from functools import cache
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from solver.anatomy import orientation
+from solver.surface.mesh import SolverMesh
+
+TURNS = [
+    turned
+    for order in permutations(range(3))
+    for signs in product((1, -1), repeat=3)
+    if np.linalg.det(turned := np.eye(3)[list(order)] * np.array(signs)) > 0
+]
+"""The 24 rotations by right angles, for row vectors."""
+
+STANDS = {
+    "armadillo.obj": ("y", "z"),
+    "beast_32k_quads.obj": ("y", "z"),
+    "cat_7k.obj": ("y", "z"),
+    "dinosaur_14k.obj": ("y", "-x"),
+    "homer_6k.obj": ("y", "z"),
+    "human_crane_10k.obj": ("y", "-x"),
+    "spot_cow_uv.obj": ("y", "-z"),
+}
+"""Up and front as seen in pictures of them."""
+
+
+def vector(direction):
+    return np.eye(3)["xyz".index(direction[-1])] * (-1 if direction[0] == "-" else 1)
+
+
+def name(direction):
+    axis = int(np.abs(direction).argmax())
+    return ("-" if direction[axis] < 0 else "") + "xyz"[axis]
+
+
+def changed(mesh, vertices):
+    return SolverMesh(vertices, mesh.faces, mesh.of_render)
+
+
+def assert_turns_with_the_mesh(mesh, up, front):
+    for turned in TURNS:
+        found = orientation.propose(changed(mesh, mesh.vertices @ turned))
+        assert (found.up, found.front) == (name(vector(up) @ turned), name(vector(front) @ turned))
+
+
+@pytest.fixture(scope="module")
+def example(example_character):
+    @cache
+    def make(name):
+        character = example_character(name)
+        return SolverMesh(character.vertices, character.faces, np.arange(len(character.vertices)))
+
+    return make
+
+
+@pytest.mark.parametrize("character", ["dog", "human", pytest.param("dinosaur", marks=pytest.mark.slow)])
+def test_a_character_that_is_turned_gets_the_same_answer_turned(example, character):
+    mesh = example(character)
+    assert_turns_with_the_mesh(mesh, "y", "z")
+    confidence = orientation.propose(mesh).confidence
+    turned = orientation.propose(changed(mesh, mesh.vertices @ TURNS[7]))
+    assert confidence > 0.7
+    assert turned.confidence == pytest.approx(confidence, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", STANDS)
+def test_real_characters_stand_on_their_feet_and_face_forwards_however_they_lie(real_mesh, file):
+    assert_turns_with_the_mesh(real_mesh(file), *STANDS[file])
+
+
+def test_the_mirror_image_stands_as_the_original_does(example):
+    mesh = example("dog")
+    image = orientation.propose(changed(mesh, mesh.vertices * [-1, 1, 1]))
+    original = orientation.propose(mesh)
+    assert (image.up, image.front) == (original.up, original.front)
+    assert image.confidence == pytest.approx(original.confidence, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("up", "front", "posture"),
+    [
+        ("y", "z", "it stands"),
+        ("-y", "z", "it is upside down"),
+        ("z", "y", "it lies on its back"),
+        ("z", "-y", "it lies on its face"),
+        ("x", "z", "it lies on its side"),
+    ],
+)
+def test_it_says_how_a_character_lies(example, up, front, posture):
+    mesh = example("dog")
+    basis = np.array([np.cross(vector(up), vector(front)), vector(up), vector(front)])
+    found = orientation.propose(changed(mesh, mesh.vertices @ basis))
+    assert found.reasons[:2] == (f"{up} looks like up: {posture}", f"{front} looks like the front")
+
+
+def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf():
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    heights = np.linspace(-0.9, 0.9, 13)
+    sphere = np.concatenate([np.insert(ring * np.sqrt(1 - z * z), 1, z, axis=1) for z in heights])
+    i, j = (each.ravel() for each in np.meshgrid(np.arange(12), np.arange(24), indexing="ij"))
+    a, b, c, d = 24 * i + j, 24 * i + (j + 1) % 24, 24 * (i + 1) + j, 24 * (i + 1) + (j + 1) % 24
+    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([b, d, c])])
+    found = orientation.propose(SolverMesh(sphere, faces, np.arange(len(sphere))))
+    assert (found.up, found.front, found.scale) == ("y", "z", 1.0)
+    assert found.confidence < 0.5
+    assert found.reasons == (
+        "up is not clear from the shape: taken as y",
+        "the front is not clear from the shape: taken as z",
+        "1.8 units tall: metres",
+    )
+
+
+def test_a_flat_figure_is_no_division_by_nothing():
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0, 2, 0], [0.5, 1, 0]], float)
+    faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    with np.errstate(all="raise"):
+        found = orientation.propose(SolverMesh(square, faces, np.arange(5)))
+    assert (found.up, found.front) == ("y", "z")
+
+
+def test_what_is_known_already_is_kept_and_the_rest_fits_to_it(example):
+    mesh = example("dog")
+    for up, front in (("y", None), (None, "z"), ("y", "z"), ("-z", "x"), ("x", None)):
+        found = orientation.propose(mesh, up, front)
+        assert found.up == (up or "y")
+        assert front in (None, found.front)
+        assert found.up[-1] != found.front[-1]
+    assert orientation.propose(mesh, "y").front == "z"
+
+
+@pytest.mark.parametrize(
+    ("height", "metres", "unit"),
+    [
+        (0.2, 1.0, "metres"),
+        (1.8, 1.0, "metres"),
+        (10.0, 1.0, "metres"),
+        (20.5, 0.01, "centimetres"),
+        (180.0, 0.01, "centimetres"),
+        (1800.0, 0.001, "millimetres"),
+    ],
+)
+def test_the_height_tells_the_unit(example, height, metres, unit):
+    mesh = example("human")
+    vertices = mesh.vertices - mesh.vertices.min(axis=0)
+    found = orientation.propose(changed(mesh, vertices * (height / vertices[:, 1].max())))
+    assert found.scale == metres
+    assert found.reasons[2] == f"{height:.3g} units tall: {unit}"
+
+
+@pytest.mark.parametrize("height", [0.1, 15.0, 20_000.0])
+def test_a_height_that_fits_no_unit_is_taken_as_metres_and_said_so(example, height):
+    mesh = example("human")
+    found = orientation.propose(changed(mesh, mesh.vertices * (height / np.ptp(mesh.vertices[:, 1]))))
+    assert found.scale == 1.0
+    assert found.reasons[2].endswith("the unit is not clear, taken as metres")

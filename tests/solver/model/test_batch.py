@@ -1,0 +1,108 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solver.model import batch
+from solver.model.batch import BatchBinding
+from solver.model.reduced_model import build
+from solver.surface.mesh import SolverMesh
+
+
+@pytest.fixture(scope="module")
+def frames(creature_model):
+    """Control variables of seven wild poses: nothing of them is smooth or small."""
+    return creature_model.rest_controls + np.random.default_rng(0).normal(
+        scale=0.2, size=(7, *creature_model.rest_controls.shape)
+    )
+
+
+@pytest.fixture(scope="module")
+def binding(creature, creature_model):
+    return BatchBinding.of_solver_mesh(creature_model, creature)
+
+
+def expected(surface, model, mesh, frames):
+    return np.stack([surface(model, mesh, R) for R in frames], axis=2)
+
+
+def test_vertices_are_the_blend(binding, creature, creature_model, frames, surface):
+    found = binding.vertices(frames)
+    assert (found.shape, found.dtype) == ((len(creature.vertices), 3, 7), np.float32)
+    true = expected(surface, creature_model, creature, frames)
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+def test_displacements_are_how_far_vertices_go(binding, creature, creature_model, frames, surface):
+    differences = frames - creature_model.rest_controls
+    true = expected(surface, creature_model, creature, frames) - creature.vertices[:, :, None]
+    np.testing.assert_allclose(binding.displacements(differences), true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_frames_do_not_depend_on_those_beside_them(binding, frames, count):
+    np.testing.assert_allclose(binding.vertices(frames[:count]), binding.vertices(frames)[:, :, :count], atol=1e-6)
+
+
+def test_no_frames_give_no_columns(binding, creature, frames):
+    assert binding.vertices(frames[:0]).shape == (len(creature.vertices), 3, 0)
+
+
+def test_the_rest_pose_is_where_the_vertices_are(binding, creature, creature_model):
+    found = binding.vertices(creature_model.rest_controls[None])[:, :, 0]
+    np.testing.assert_allclose(found, creature.vertices, rtol=0, atol=5e-7 * creature.diagonal)
+
+
+def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, frames):
+    differences = frames - creature_model.rest_controls
+    lengths = np.linalg.norm(binding.displacements(differences), axis=1)
+    distance, vertex = binding.farthest(differences)
+    np.testing.assert_array_equal(vertex, lengths.argmax(axis=0))
+    np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
+
+
+def test_what_stands_still_is_at_distance_zero(binding, creature_model):
+    distance, vertex = binding.farthest(np.zeros((2, *creature_model.rest_controls.shape)))
+    assert (distance.tolist(), len(vertex)) == ([0, 0], 2)
+
+
+def test_vertices_of_another_mesh_follow_those_that_they_are_told_to(creature, creature_model, frames, surface):
+    follows = np.random.default_rng(1).integers(0, len(creature.vertices), 400)
+    found = BatchBinding(creature_model, creature.vertices[follows], follows).vertices(frames)
+    true = expected(surface, creature_model, creature, frames)[follows]
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+def test_some_of_the_vertices_move_as_all_do(binding, frames):
+    chosen = np.array([7, 3, 200, 3])
+    assert len(binding.only(chosen)) == 4
+    np.testing.assert_allclose(binding.only(chosen).vertices(frames), binding.vertices(frames)[chosen], atol=1e-6)
+
+
+def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be(creature, creature_model, surface):
+    far = SolverMesh(creature.vertices + np.array([5000, 0, -300]), creature.faces, creature.of_render)
+    model = build(far)
+    R = model.rest_controls + np.random.default_rng(2).normal(scale=0.05, size=model.rest_controls.shape)
+    found = BatchBinding.of_solver_mesh(model, far).vertices(R[None])[:, :, 0]
+    np.testing.assert_allclose(found, surface(model, far, R), rtol=1e-6, atol=1e-6)
+
+
+def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
+    assert binding.at_a_time == batch.FRAMES
+    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding) * 20)
+    assert binding.at_a_time == 20
+    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding))
+    assert binding.at_a_time == batch.FEWEST
+
+
+def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
+    binding = BatchBinding(creature_model, np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+    assert binding.vertices(frames).shape == (0, 3, 7)
+
+
+def test_places_from_the_middle_are_precise_far_from_the_origin(creature, creature_model, creature_handles, frames):
+    """Model units do not know where the mesh is: only its center does."""
+    far = replace(creature_model, center=creature_model.center + 3000 * creature.diagonal)
+    moved = BatchBinding(far, creature.vertices + 3000 * creature.diagonal, np.arange(len(creature.vertices)))
+    here = BatchBinding.of_solver_mesh(creature_model, creature)
+    np.testing.assert_allclose(moved.displacements(frames), here.displacements(frames), atol=1e-6 * creature.diagonal)

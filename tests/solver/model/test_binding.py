@@ -1,0 +1,123 @@
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from solver.model.binding import Binding, ShadedBinding
+from solver.model.reduced_model import build
+from solver.motion.deformer import Deformer, to_file_units
+from solver.surface.mesh import weld
+
+
+@pytest.fixture(scope="module")
+def pose(creature, creature_model, creature_handles):
+    deformer = Deformer(creature_model, creature, creature_handles, iterations=10)
+    return deformer.solve(deformer.handles + np.random.default_rng(0).normal(scale=0.2, size=creature_handles.shape))
+
+
+def any_normals(count):
+    normals = np.random.default_rng(1).normal(size=(count, 3))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def test_solver_vertices_are_the_blend(creature, creature_model, pose, surface):
+    binding = Binding.of_solver_mesh(creature_model, creature)
+    found = binding.vertices(to_file_units(pose, creature_model))
+    assert found.dtype == np.float32
+    expected = surface(creature_model, creature, pose)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * creature.diagonal)
+
+
+def test_rest_controls_leave_vertices_and_normals(creature, creature_model):
+    n = len(creature.vertices)
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+    controls = to_file_units(creature_model.rest_controls, creature_model)
+    positions, normals = binding.vertices_and_normals(controls)
+    np.testing.assert_allclose(positions, creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
+    np.testing.assert_allclose(binding.vertices(controls), creature.vertices, rtol=0, atol=1e-6 * creature.diagonal)
+    np.testing.assert_allclose(normals, any_normals(n), atol=1e-5)
+
+
+def test_split_render_vertices_stay_together(creature, surface):
+    """Every triangle with vertices of its own: the render mesh moves as the welded one does, without a crack."""
+    positions = creature.vertices[creature.faces].reshape(-1, 3)
+    mesh = weld(positions, np.arange(len(positions)).reshape(-1, 3))
+    model = build(mesh)
+    deformer = Deformer(model, mesh, mesh.vertices[[0, 200, 400]])
+    R = deformer.solve(deformer.handles + np.array([[0.4, 0, 0], [0, 0.3, 0], [0, 0, -0.2]]))
+    found = Binding(model, positions, mesh.of_render).vertices(to_file_units(R, model))
+    expected = surface(model, mesh, R)[mesh.of_render]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * mesh.diagonal)
+    for vertex in (0, 100, 300):
+        assert len(np.unique(found[mesh.of_render == vertex], axis=0)) == 1
+
+
+def test_normals_are_those_of_the_deformed_surface(figure, figure_model):
+    """Close to the area-weighted normals of the deformed triangles, for normals that were so at rest."""
+
+    def of_triangles(points):
+        p = points[figure.faces]
+        normals = np.zeros_like(points)
+        for corner in range(3):
+            np.add.at(normals, figure.faces[:, corner], np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    handles = np.array([[1.55, 1.3, 0.0], [-1.55, 1.3, 0.0], [0.0, 0.0, 0.35]])
+    deformer = Deformer(figure_model, figure, handles, iterations=20)
+    controls = deformer.step(deformer.handles + np.array([[-0.3, 0.5, 0.2], [0, 0, 0], [0, 0, 0]]))
+    count = len(figure.vertices)
+    rest = figure.vertices
+    binding = ShadedBinding(figure_model, rest, np.arange(count), of_triangles(rest), figure.faces)
+    positions, found = binding.vertices_and_normals(controls)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
+    expected = of_triangles(positions.astype(np.float64))
+    angles = np.degrees(np.arccos(np.clip(np.einsum("ij,ij->i", found, expected), -1, 1)))
+    assert np.median(angles) < 0.1
+    assert np.percentile(angles, 99) < 2
+
+
+def test_a_part_moves_as_it_does_in_the_whole(creature, creature_model, pose):
+    n = len(creature.vertices)
+    controls = to_file_units(pose, creature_model)
+    chosen = np.array([5, 3, 300, 41])
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+    part = binding.only(chosen)
+    np.testing.assert_array_equal(part.vertices(controls), binding.vertices(controls)[chosen])
+    for found, whole in zip(part.vertices_and_normals(controls), binding.vertices_and_normals(controls), strict=True):
+        np.testing.assert_array_equal(found, whole[chosen])
+    assert len(binding.rest) == n
+
+
+def test_results_are_written_where_they_are_wanted(creature, creature_model, pose):
+    n = len(creature.vertices)
+    binding = ShadedBinding(creature_model, creature.vertices, np.arange(n), any_normals(n), creature.faces)
+    controls = to_file_units(pose, creature_model)
+    expected = binding.vertices_and_normals(controls)
+    own = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    found = binding.vertices_and_normals(controls, *own)
+    assert found[0] is own[0]
+    assert found[1] is own[1]
+    np.testing.assert_array_equal(own, expected)
+    assert binding.vertices(controls, own[0]) is own[0]
+    np.testing.assert_array_equal(own[0], binding.vertices(controls))
+
+
+def test_arrays_of_other_shapes_are_refused(creature, creature_model):
+    binding = Binding.of_solver_mesh(creature_model, creature)
+    controls = to_file_units(creature_model.rest_controls, creature_model)
+    with pytest.raises(ValueError, match="expected"):
+        binding.vertices(controls[:40])
+    with pytest.raises(ValueError, match="expected"):
+        binding.vertices(controls, np.empty((7, 3), dtype=np.float32))
+
+
+def test_one_binding_serves_several_threads(creature, creature_model, pose):
+    binding = Binding.of_solver_mesh(creature_model, creature)
+    poses = [to_file_units(R, creature_model) for R in (creature_model.rest_controls, pose)]
+    expected = [binding.vertices(controls) for controls in poses]
+
+    def play(index):
+        return all(np.array_equal(binding.vertices(poses[index]), expected[index]) for _ in range(1500))
+
+    with ThreadPoolExecutor(2) as pool:
+        assert all(pool.map(play, range(2)))

@@ -1,0 +1,157 @@
+"""Rotation clusters: which vertices, and the energy that they are turned by."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.model import clusters, fields
+from solver.model.clusters import CLUSTERS, EDGES, rotation_clusters
+from solver.model.reduced_model import ModelParameters, build
+from solver.surface.mesh import SolverMesh
+
+
+def same_groups(a, b):
+    """Whether two labellings differ by nothing but names."""
+    pairs = np.unique(np.column_stack([a, b]), axis=0)
+    return len(pairs) == len(np.unique(a)) == len(np.unique(b))
+
+
+@pytest.fixture
+def two(monkeypatch):
+    monkeypatch.setattr(clusters, "CLUSTERS", 2)
+
+
+# --- which vertices
+
+
+def test_groups_of_vertices_on_other_isolines_are_clusters(two):
+    ladder = np.concatenate([np.linspace(0, 2, 10), np.linspace(5, 9, 10)])[:, None] * [1.0, 0.5]
+    found = rotation_clusters(ladder, np.array([0.7, 0.3]), np.ones(20))
+    assert same_groups(found, np.repeat([0, 1], 10))
+
+
+def test_a_field_of_little_weight_divides_nothing(two):
+    ladder = np.array([[0.0, 0], [0, 9], [1, 0], [1, 9]]).repeat(3, axis=0)
+    found = rotation_clusters(ladder, np.array([0.99, 0.01]), np.ones(12))
+    assert same_groups(found, np.repeat([0, 0, 1, 1], 3))
+
+
+def test_vertices_count_by_their_area(two):
+    """Halving every triangle on one side leaves the clusters where they were."""
+    ladder, area = np.linspace(0, 9, 40)[:, None], np.ones(40)
+    found = rotation_clusters(ladder, np.ones(1), area)
+    dense = np.concatenate([ladder, ladder[20:], ladder[20:]])
+    weighed = rotation_clusters(dense, np.ones(1), np.concatenate([np.ones(20), np.full(60, 1 / 3)]))
+    np.testing.assert_array_equal(weighed[:40], found)
+
+
+def test_the_order_of_vertices_does_not_matter(creature_model):
+    ladder = creature_model.ladder.astype(np.float64)
+    mass = np.random.default_rng(0).uniform(0.5, 1.5, len(ladder))
+    order = np.random.default_rng(1).permutation(len(ladder))
+    found = rotation_clusters(ladder, creature_model.weights, mass)
+    assert same_groups(rotation_clusters(ladder[order], creature_model.weights, mass[order]), found[order])
+
+
+def test_there_are_as_many_as_wanted_each_with_a_vertex(creature_model):
+    np.testing.assert_array_equal(np.unique(creature_model.cluster), np.arange(CLUSTERS))
+
+
+def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
+    ladder = np.tile(np.eye(3), (100, 1))
+    found = rotation_clusters(ladder, np.ones(3), np.ones(300))
+    assert same_groups(found, np.tile([0, 1, 2], 100))
+    assert len(np.unique(rotation_clusters(np.arange(41.0)[:, None], np.ones(1), np.ones(41)))) == 10
+
+
+def test_every_vertex_is_nearest_to_the_mean_of_its_own(creature_model):
+    """k-means has settled but for a few vertices."""
+    points = creature_model.ladder * creature_model.weights
+    means = np.array([points[creature_model.cluster == c].mean(axis=0) for c in range(CLUSTERS)])
+    nearest = np.linalg.norm(points[:, None] - means, axis=2).argmin(axis=1)
+    assert np.mean(nearest == creature_model.cluster) > 0.9
+
+
+# --- the energy
+
+
+@pytest.fixture(scope="module")
+def operator(creature, creature_model):
+    unit = SolverMesh(creature_model.to_model(creature.vertices), creature.faces, creature.of_render)
+    L, mass = fields.laplacian(unit)
+    return L.toarray(), mass, unit.vertices
+
+
+def edges_of(L):
+    i, j = np.nonzero(np.triu(L, 1))
+    return np.concatenate([i, j]), np.concatenate([j, i])
+
+
+def test_covariance_is_the_plain_sum_over_edges(creature_model, operator, surface, creature):
+    model, (L, _, rest) = creature_model, operator
+    R = np.random.default_rng(0).normal(size=(320, 3))
+    moved = model.to_model(surface(model, creature, R))
+    expected = np.zeros((CLUSTERS, 3, 3))
+    for i, j in zip(*edges_of(L), strict=True):
+        expected[model.cluster[i]] += L[i, j] * np.outer(rest[i] - rest[j], moved[i] - moved[j])
+    sparse = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))[0]
+    C = clusters.covariance_map(sparse, rest, model.ladder.astype(np.float64), model.weights, 10, model.cluster)
+    np.testing.assert_allclose((C @ R).reshape(-1, 3, 3), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creature_model, operator, surface, creature):
+    """Written out for all vertices and edges, at two surfaces with two sets of rotations."""
+    model, (L, mass, rest) = creature_model, operator
+    i, j = edges_of(L)
+    identity = np.tile(np.eye(4, 3), (80, 1))
+    stretch = 2 * sum(_dirichlet(model, L, rest))
+    gamma = EDGES * np.trace(model.A) / stretch
+
+    def plain(R, turns):
+        moved, each = model.to_model(surface(model, creature, R)), turns[model.cluster]
+        bending = np.sum((L @ moved - np.einsum("vi,vij->vj", L @ rest, each)) ** 2 / mass[:, None])
+        edges = (moved[i] - moved[j]) - np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
+        return bending + gamma * np.sum(L[i, j][:, None] * edges**2)
+
+    def reduced(R, turns):
+        stacked = turns.reshape(-1, 3)
+        return np.sum(R * (model.A_clusters @ R)) - 2 * np.sum(R * (model.B_clusters @ stacked))
+
+    rng = np.random.default_rng(1)
+    cases = [
+        (identity + 0.1 * rng.normal(size=identity.shape), Rotation.random(CLUSTERS, random_state=seed).as_matrix())
+        for seed in range(3)
+    ]
+    constant = [plain(*case) - reduced(*case) for case in cases]
+    np.testing.assert_allclose(constant, constant[0], rtol=1e-9)
+
+
+def _dirichlet(model, L, rest):
+    """The trace of −WᵀLW, column by column."""
+    for field, weight in enumerate(model.weights):
+        for k in range(10):
+            phi = weight * np.maximum(0, 1 - np.abs(model.ladder[:, field].astype(np.float64) - k))
+            for column in (*rest.T, np.ones(len(rest))):
+                yield -(phi * column) @ L @ (phi * column)
+
+
+def test_a_rigid_motion_costs_nothing_and_is_read_off_as_it_is(creature_model, turn):
+    rotation = turn(0, 100)
+    R = creature_model.rest_controls @ rotation + np.tile([[0.0] * 3] * 3 + [[0.3, -0.2, 0.5]], (80, 1))
+    gradient = creature_model.A_clusters @ R - creature_model.B_clusters @ np.tile(rotation, (CLUSTERS, 1))
+    assert np.abs(gradient).max() < 1e-9 * np.abs(creature_model.B_clusters).max()
+    rest = (creature_model.B_clusters.T @ creature_model.rest_controls).reshape(-1, 3, 3)
+    np.testing.assert_allclose(
+        (creature_model.B_clusters.T @ R).reshape(-1, 3, 3), rest @ rotation, rtol=0, atol=1e-9 * np.abs(rest).max()
+    )
+    np.testing.assert_allclose(rest, rest.transpose(0, 2, 1), rtol=0, atol=1e-9 * np.abs(rest).max())
+    assert np.linalg.eigvalsh(rest).min() > 0
+
+
+def test_two_parts_and_few_fields_have_clusters_too(two_parts):
+    model = build(two_parts, ModelParameters(3, 4))
+    assert model.B_clusters.shape == (48, 3 * (model.cluster.max() + 1))
+    gradient = model.A_clusters @ model.rest_controls - model.B_clusters @ np.tile(
+        np.eye(3), (model.cluster.max() + 1, 1)
+    )
+    assert np.abs(gradient).max() < 1e-9 * np.abs(model.B_clusters).max()

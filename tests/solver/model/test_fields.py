@@ -1,0 +1,324 @@
+import igl
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse.csgraph import connected_components
+
+from solver.model import fields, reduced_model
+from solver.motion.deformer import Deformer
+from solver.surface.contacts import contacts
+from solver.surface.mesh import SolverMesh
+
+
+def modes_of(mesh, count=8):
+    L, mass = fields.laplacian(mesh)
+    return fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, count)
+
+
+def aligned(modes, reference):
+    """Modes with the signs of a reference."""
+    return modes * np.sign((modes * reference).sum(axis=0))
+
+
+def deformed(mesh, handles, targets):
+    model = reduced_model.build(mesh)
+    R = Deformer(model, mesh, handles, iterations=20).solve(targets)
+    W = reduced_model.position_matrix(
+        model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
+    )
+    return (W @ R) * model.diagonal + model.center
+
+
+def motion(handles, size=0.3):
+    return handles + np.random.default_rng(7).normal(scale=size, size=handles.shape)
+
+
+# --- the operator
+
+
+def test_operator_of_a_good_mesh_is_the_intrinsic_delaunay_one_of_libigl(creature):
+    L, mass = fields.laplacian(creature)
+    reference = igl.intrinsic_delaunay_cotmatrix(creature.vertices, creature.faces)[0]
+    assert abs(L - reference).max() <= 1e-9 * abs(reference).max()
+    assert mass.sum() == pytest.approx(igl.doublearea(creature.vertices, creature.faces).sum() / 2)
+
+
+def test_no_weight_between_two_vertices_is_negative(creature):
+    stretched = SolverMesh(creature.vertices * [5.0, 1.0, 0.2], creature.faces, creature.of_render)
+    assert igl.cotmatrix(stretched.vertices, stretched.faces).tocoo().data.min() < -1
+    L = fields.laplacian(stretched)[0].tocoo()
+    assert L.data[L.row != L.col].min() > -1e-9 * np.abs(L.data).max()
+
+
+def test_a_fin_with_a_needle_at_its_root_leaves_the_operator_bounded(figure):
+    """Three faces meet at the edge, which no flip can take away; one of them is flat on it."""
+    a, b = figure.edges[100]
+    middle = figure.vertices[[a, b]].mean(axis=0)
+    for height in (1e-3, 1e-6, 1e-9):
+        vertices = np.concatenate([figure.vertices, [middle * (1 + height)]])
+        faces = np.concatenate([figure.faces, [[a, b, len(figure.vertices)]]])
+        L, mass = fields.laplacian(SolverMesh(vertices, faces, np.arange(len(vertices))))
+        assert np.abs(L.data).max() < 2e3
+        assert mass.min() > 0
+
+
+# --- ties
+
+
+@pytest.fixture(scope="module")
+def tied(two_parts):
+    """The operators of a character of two parts: of the surface, of the fields, of the energy."""
+    L, mass = fields.laplacian(two_parts)
+    ties = contacts(two_parts)
+    return L, fields.for_fields(L, ties, two_parts.diagonal), fields.for_energy(L, ties, mass, two_parts.diagonal)
+
+
+def test_operators_are_negative_semidefinite_and_their_rows_sum_to_zero(two_parts, tied):
+    assert fields.laplacian(two_parts)[1].min() > 0
+    for L in tied:
+        spectrum = eigh(-L.toarray(), eigvals_only=True)
+        assert np.abs(L.sum(axis=1)).max() < 1e-10 * np.abs(L.diagonal()).max()
+        np.testing.assert_allclose(L.toarray(), L.toarray().T, atol=1e-9)
+        assert spectrum[0] > -1e-10 * spectrum[-1]
+
+
+def test_ties_make_one_part_of_several_and_leave_one_constant_in_the_kernel(two_parts, tied):
+    assert two_parts.parts == 2
+    kernels = [np.count_nonzero(eigh(-L.toarray(), eigvals_only=True) < 1e-10) for L in tied]
+    assert kernels == [2, 1, 1]
+    assert [connected_components(L, directed=False)[0] for L in tied] == [2, 1, 1]
+
+
+def test_ties_add_the_weighted_squares_of_the_jumps(two_parts, tied):
+    L, of_fields, of_energy = tied
+    ties, mass = contacts(two_parts), fields.laplacian(two_parts)[1]
+    f = np.random.default_rng(3).normal(size=len(two_parts.vertices))
+    by_field = by_energy = 0.0
+    for v, corners, blend, gap in zip(ties.vertices, ties.corners, ties.blend, ties.gap, strict=True):
+        square = (f[v] - blend @ f[corners]) ** 2
+        least = 0.005 * two_parts.diagonal
+        by_field += 100.0 * (least / max(least, gap)) ** 2 * square
+        by_energy += min(mass[v], blend @ mass[corners]) / max(least, gap) ** 2 * square
+    assert f @ (L - of_fields) @ f == pytest.approx(by_field)
+    assert f @ (L - of_energy) @ f == pytest.approx(by_energy)
+
+
+def test_a_character_of_one_part_has_the_surface_operator_itself(creature):
+    L, mass = fields.laplacian(creature)
+    ties = contacts(creature)
+    assert fields.for_fields(L, ties, creature.diagonal) is L
+    assert fields.for_energy(L, ties, mass, creature.diagonal) is L
+
+
+def test_fields_of_a_character_that_is_cut_in_two_are_nearly_those_of_the_whole(creature, monkeypatch):
+    """Without ties one of them would be constant on each half, and the others would see one half only."""
+    middle = creature.vertices[creature.faces].mean(axis=1)[:, 0]
+    faces = creature.faces[np.abs(middle + 0.4) > 0.12]
+    used, compact = np.unique(faces, return_inverse=True)
+    halves = SolverMesh(creature.vertices[used], compact.reshape(-1, 3), np.arange(len(used)))
+    assert halves.components.max() == 1
+    whole = np.linalg.qr(modes_of(creature, 4)[used])[0]
+
+    def likeness():
+        """Cosine of the largest angle between the two spaces that four fields span."""
+        return np.linalg.svd(np.linalg.qr(modes_of(halves, 4))[0].T @ whole)[1].min()
+
+    assert likeness() > 0.98
+    monkeypatch.setattr(fields, "FIELD_TIE", 0.0)
+    assert likeness() < 0.9  # how far below depends on which mixture of the two constants is left out
+
+
+# --- fields
+
+
+def test_fields_are_the_lowest_eigenvectors_of_a_dense_solver(creature):
+    L, mass = fields.laplacian(creature)
+    _, vectors = eigh(-L.toarray(), np.diag(mass), subset_by_index=(0, 8))
+    modes = modes_of(creature)
+    np.testing.assert_allclose(modes, aligned(vectors[:, 1:], modes), atol=1e-7 * np.abs(modes).max())
+
+
+def test_fields_are_orthonormal_in_the_mass_inner_product_and_to_the_constant(two_parts):
+    _, mass = fields.laplacian(two_parts)
+    modes = modes_of(two_parts)
+    np.testing.assert_allclose(modes.T @ (mass[:, None] * modes), np.eye(8), atol=1e-9)
+    np.testing.assert_allclose(mass @ modes, 0.0, atol=1e-9)
+
+
+def test_fields_are_reproducible_and_positive_where_they_are_largest():
+    v, f = igl.icosahedron()  # a sphere: threefold and fivefold eigenvalues, in which any basis would do
+    for _ in range(2):
+        v, f = igl.upsample(v, f)
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    sphere = SolverMesh(v, f, np.arange(len(v)))
+    modes = modes_of(sphere)
+    np.testing.assert_array_equal(modes, modes_of(sphere))
+    assert np.all(modes.max(axis=0) >= -modes.min(axis=0))
+
+
+def test_fields_do_not_depend_on_the_order_of_vertices(creature):
+    order = np.random.default_rng(0).permutation(len(creature.vertices))
+    shuffled = SolverMesh(creature.vertices[order], np.argsort(order)[creature.faces[::-1]], creature.of_render)
+    modes = modes_of(creature)
+    np.testing.assert_allclose(modes_of(shuffled), modes[order], atol=1e-8 * np.abs(modes).max())
+
+
+def test_fields_hardly_change_when_every_triangle_is_split_in_four(creature):
+    v, f = igl.upsample(creature.vertices, creature.faces)
+    fine, coarse = modes_of(SolverMesh(v, f, np.arange(len(v)))), modes_of(creature)
+    fine = aligned(fine[: len(coarse)], coarse)
+    assert np.abs(fine - coarse).max() < 0.05 * np.abs(coarse).max()
+
+
+def test_fields_do_not_follow_the_density_of_triangles(creature):
+    """One half is split five times as fine. The mass matrix is what keeps the fields in place."""
+    vertices, faces = creature.vertices, creature.faces
+    for _ in range(2):
+        dense = vertices[faces].mean(axis=1)[:, 0] > 0.2
+        centers = vertices[faces[dense]].mean(axis=1)
+        new = len(vertices) + np.arange(len(centers))
+        a, b, c = faces[dense].T
+        split = np.concatenate([np.column_stack(t) for t in ((a, b, new), (b, c, new), (c, a, new))])
+        vertices, faces = np.concatenate([vertices, centers]), np.concatenate([faces[~dense], split])
+    uneven = SolverMesh(vertices, faces, np.arange(len(vertices)))
+    reference = modes_of(creature)
+    n = len(reference)
+
+    def change(mass):
+        modes = fields.propagation_fields(fields.laplacian(uneven)[0], mass, uneven.vertices, 8)[:n]
+        modes = aligned(modes, reference)
+        modes = modes / np.linalg.norm(modes, axis=0) * np.linalg.norm(reference, axis=0)
+        return np.abs(modes - reference).max() / np.abs(reference).max()
+
+    weighted, unweighted = change(fields.laplacian(uneven)[1]), change(np.ones(len(vertices)))
+    assert weighted < 0.1
+    assert unweighted > 5 * weighted
+
+
+# --- ladders
+
+
+def test_ladder_of_a_linear_field_by_hand():
+    field = np.array([[0.0], [0.04], [0.05], [0.5], [0.72], [0.95], [1.0]])
+    expected = [[0.0], [0.0], [0.0], [4.5], [6.7], [9.0], [9.0]]
+    np.testing.assert_allclose(fields.ladder_coordinates(field, 10), expected, atol=1e-12)
+    np.testing.assert_allclose(fields.ladder_coordinates(3 * field - 7, 10), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("isolines", [2, 3, 10, 20])
+def test_ladders_run_from_the_first_isoline_to_the_last(creature, isolines):
+    ladder = fields.ladder_coordinates(modes_of(creature), isolines)
+    np.testing.assert_array_equal(ladder.min(axis=0), 0.0)
+    np.testing.assert_array_equal(ladder.max(axis=0), isolines - 1.0)
+
+
+def test_the_sign_of_a_field_turns_its_ladder_round(creature):
+    modes = modes_of(creature)
+    np.testing.assert_allclose(
+        fields.ladder_coordinates(-modes, 10), 9.0 - fields.ladder_coordinates(modes, 10), atol=1e-12
+    )
+
+
+def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
+    ladder = fields.ladder_coordinates(modes_of(creature), 10)
+    phi = fields.interpolation(ladder, 10).toarray()
+    hats = np.maximum(0, 1 - np.abs(ladder[:, :, None] - np.arange(10))).reshape(len(ladder), -1)
+    np.testing.assert_allclose(phi, hats, atol=1e-12)
+
+
+def test_the_blends_of_each_field_sum_to_one(creature):
+    phi = fields.interpolation(fields.ladder_coordinates(modes_of(creature), 10), 10).toarray()
+    np.testing.assert_allclose(phi.reshape(-1, 8, 10).sum(axis=2), 1.0, atol=1e-12)
+    assert phi.min() >= 0
+
+
+# --- weights
+
+
+def test_weights_are_those_of_equations_2_and_3(creature):
+    _, mass = fields.laplacian(creature)
+    modes = modes_of(creature)
+    w = np.zeros(8)
+    for i in range(8):
+        xi = np.zeros(3)
+        for v in range(len(mass)):
+            xi += creature.vertices[v] * mass[v] * modes[v, i]
+        w[i] = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
+    found = fields.field_weights(creature.vertices, mass, modes)
+    np.testing.assert_allclose(found, w / w.sum(), rtol=1e-9)
+    assert found.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("change", [lambda x: x + 3.0, lambda x: 7 * x, lambda x: x[:, [2, 0, 1]]])
+def test_weights_do_not_depend_on_place_scale_or_direction(creature, change):
+    _, mass = fields.laplacian(creature)
+    modes = modes_of(creature)
+    np.testing.assert_allclose(
+        fields.field_weights(change(creature.vertices), mass, modes),
+        fields.field_weights(creature.vertices, mass, modes),
+        rtol=1e-9,
+    )
+
+
+# --- what must not show in the result
+
+
+@pytest.fixture(scope="module")
+def expected(creature, creature_handles):
+    return deformed(creature, creature_handles, motion(creature_handles))
+
+
+def test_the_sign_of_fields_does_not_show_in_the_deformation(creature, creature_handles, expected, monkeypatch):
+    solve = fields.propagation_fields
+    for signs in ([-1] * 8, [-1, 1, 1, 1, -1, -1, 1, -1]):
+        monkeypatch.setattr(fields, "propagation_fields", lambda *given, signs=signs: solve(*given) * np.array(signs))
+        found = deformed(creature, creature_handles, motion(creature_handles))
+        # Ladders are kept in float32, which rounds t and 9 − t differently.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=5e-6 * creature.diagonal)
+
+
+def test_the_order_of_vertices_does_not_show_in_the_deformation(creature, creature_handles, expected):
+    order = np.random.default_rng(1).permutation(len(creature.vertices))
+    shuffled = SolverMesh(creature.vertices[order], np.argsort(order)[creature.faces], creature.of_render)
+    found = deformed(shuffled, creature_handles, motion(creature_handles))
+    np.testing.assert_allclose(found, expected[order], rtol=0, atol=1e-5 * creature.diagonal)
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1000.0, 0.0), (0.01, -3.0)])
+def test_scale_and_place_of_the_mesh_do_not_show_in_the_deformation(
+    creature, creature_handles, expected, scale, offset
+):
+    def moved(points):
+        return scale * points + offset * np.array([1.0, -2.0, 0.5])
+
+    there = SolverMesh(moved(creature.vertices), creature.faces, creature.of_render)
+    found = deformed(there, moved(creature_handles), moved(motion(creature_handles)))
+    np.testing.assert_allclose(found, moved(expected), rtol=0, atol=1e-5 * there.diagonal)
+
+
+@pytest.mark.slow
+def test_fields_of_the_armadillo_do_not_depend_on_the_order_of_its_vertices(real_mesh):
+    mesh = real_mesh("armadillo.obj")
+    order = np.random.default_rng(2).permutation(len(mesh.vertices))
+    shuffled = SolverMesh(mesh.vertices[order], np.argsort(order)[mesh.faces], mesh.of_render)
+    modes = modes_of(mesh)
+    np.testing.assert_allclose(modes_of(shuffled), modes[order], atol=1e-6 * np.abs(modes).max())
+
+
+@pytest.mark.parametrize("height", [1e-3, 1e-5, 1e-7])
+def test_needles_hardly_change_what_the_mesh_does(figure, height):
+    """Split triangles at a point just off the middle of an edge: three for one, of which one is a needle."""
+    vertices, faces = list(figure.vertices), []
+    for number, (a, b, c) in enumerate(figure.faces):
+        if number % 50:
+            faces.append((a, b, c))
+            continue
+        middle = (figure.vertices[a] + figure.vertices[b]) / 2
+        vertices.append(middle + height * (figure.vertices[c] - middle))
+        tip = len(vertices) - 1
+        faces += [(a, b, tip), (b, c, tip), (c, a, tip)]
+    needles = SolverMesh(np.array(vertices), np.array(faces), np.arange(len(vertices)))
+    handles = figure.vertices[[0, len(figure.vertices) // 2, len(figure.vertices) - 1]]
+    targets = handles + np.array([[0.05, 0, 0], [0, 0, 0], [0, 0.05, 0]]) * figure.diagonal
+    there = deformed(needles, handles, targets)[: len(figure.vertices)]
+    assert np.linalg.norm(there - deformed(figure, handles, targets), axis=1).max() < 0.01

@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.model import kernels
+from solver.model.row import WIDTH
+
+FIELDS, ISOLINES, COUNT = 8, 10, 500
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Rest positions, tangents, slopes, ladders that reach both ends, field weights, controls."""
+    rng = np.random.default_rng(0)
+    rest = rng.normal(size=(COUNT, 3)).astype(np.float32)
+    tangents = rng.normal(size=(COUNT, 2, 3)).astype(np.float32)
+    slopes = rng.normal(size=(COUNT, FIELDS, 2)).astype(np.float32)
+    ladder = np.clip(rng.uniform(-1, ISOLINES, (COUNT, FIELDS)), 0, ISOLINES - 1).astype(np.float32)
+    ladder[0], ladder[1] = 0, ISOLINES - 1
+    ladder[2] = np.arange(FIELDS)
+    weights = rng.dirichlet(np.ones(FIELDS))
+    controls = (np.eye(3, 4) + 0.4 * rng.normal(size=(FIELDS * ISOLINES, 3, 4))).astype(np.float32)
+    return rest, tangents, slopes, ladder, weights, controls
+
+
+def hats(ladder):
+    """(n, n_e, n_iso): max(0, 1 − |t_i − k|)."""
+    return np.maximum(0, 1 - np.abs(ladder[:, :, None].astype(np.float64) - np.arange(ISOLINES)))
+
+
+def blended(ladder, weights, controls):
+    """(n, 3, 4) float64: Σ_i w_i Σ_k max(0, 1 − |t_i − k|) T_ik."""
+    shares = (hats(ladder) * weights[:, None]).reshape(len(ladder), -1)
+    return np.einsum("nm,mrc->nrc", shares, controls.astype(np.float64))
+
+
+def applied(transforms, points):
+    return np.einsum("nrc,nc->nr", transforms[:, :, :3], points) + transforms[:, :, 3]
+
+
+def table(rows):
+    return np.zeros((rows, WIDTH), dtype=np.float32)
+
+
+def positions(scene, controls=None):
+    rest, _, _, ladder, weights, own = scene
+    out = np.empty_like(rest)
+    kernels.blend_positions(rest, ladder, own if controls is None else controls, weights, table(80), out)
+    return out
+
+
+def positions_and_normals(scene, controls=None):
+    rest, tangents, slopes, ladder, weights, own = scene
+    out, normals = np.empty_like(rest), np.empty_like(rest)
+    controls = own if controls is None else controls
+    kernels.blend_normals(rest, tangents, slopes, ladder, controls, weights, table(80), out, normals)
+    return out, normals
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def rigid(turn, offset=(0.0, 0.0, 0.0)):
+    transform = np.column_stack([turn, offset])
+    return np.tile(transform, (FIELDS * ISOLINES, 1, 1)).astype(np.float32)
+
+
+def test_vertices_are_the_weighted_blend_applied_to_rest(scene):
+    rest, _, _, ladder, weights, controls = scene
+    expected = applied(blended(ladder, weights, controls), rest)
+    np.testing.assert_allclose(positions(scene), expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_positions_are_the_same_with_normals_and_without(scene):
+    found = positions(scene)
+    np.testing.assert_allclose(positions_and_normals(scene)[0], found, rtol=0, atol=1e-6 * np.abs(found).max())
+
+
+def test_a_normal_is_across_the_tangents_that_the_surface_carries(scene):
+    """By difference quotients: a vertex that goes along a tangent takes its ladder coordinates with it."""
+    rest, tangents, slopes, ladder, weights, controls = scene
+    size = 1e-4
+    inside = ((ladder % 1 > 0.01) & (ladder % 1 < 0.99)).all(axis=1)
+    carried = []
+    for k in range(2):
+        ends = [
+            applied(
+                blended(ladder + sign * size * slopes[:, :, k].astype(np.float64), weights, controls),
+                rest + sign * size * tangents[:, k].astype(np.float64),
+            )
+            for sign in (-1, 1)
+        ]
+        carried.append(ends[1] - ends[0])
+    expected = unit(np.cross(*carried))
+    assert np.count_nonzero(inside) > 50
+    np.testing.assert_allclose(positions_and_normals(scene)[1][inside], expected[inside], rtol=0, atol=2e-4)
+
+
+def test_with_equal_transforms_slopes_do_not_matter_and_normals_turn_by_the_cofactor(scene):
+    tangents = scene[1].astype(np.float64)
+    linear = np.eye(3) + 0.3 * np.random.default_rng(1).normal(size=(3, 3))
+    cofactor = np.linalg.det(linear) * np.linalg.inv(linear).T
+    expected = unit(np.cross(tangents[:, 0], tangents[:, 1]) @ cofactor.T)
+    found = positions_and_normals(scene, rigid(linear))[1]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-5)
+
+
+def test_rigid_motion_moves_vertices_and_turns_normals(scene):
+    rest, tangents = scene[:2]
+    turn = Rotation.from_rotvec([0.5, -1.2, 0.8]).as_matrix()
+    found, normals = positions_and_normals(scene, rigid(turn, [1.0, 2.0, -3.0]))
+    np.testing.assert_allclose(found, rest @ turn.T + [1.0, 2.0, -3.0], atol=1e-5)
+    np.testing.assert_allclose(normals, unit(np.cross(tangents[:, 0], tangents[:, 1])) @ turn.T, atol=2e-5)
+
+
+def test_a_normal_of_a_surface_squashed_to_a_line_is_zero_and_not_nan(scene):
+    np.testing.assert_array_equal(positions_and_normals(scene, rigid(np.diag([1.0, 0.0, 0.0])))[1], 0.0)
+
+
+@pytest.mark.parametrize("fields", [1, 3, 16])
+def test_any_number_of_fields_is_blended(scene, fields):
+    rng = np.random.default_rng(2)
+    rest, controls = scene[0], rng.normal(size=(fields * ISOLINES, 3, 4)).astype(np.float32)
+    ladder = rng.uniform(0, ISOLINES - 1, (COUNT, fields)).astype(np.float32)
+    weights = rng.dirichlet(np.ones(fields))
+    out = np.empty_like(rest)
+    kernels.blend_positions(rest, ladder, controls, weights, table(len(controls)), out)
+    expected = applied(blended(ladder, weights, controls), rest)
+    np.testing.assert_allclose(out, expected, rtol=0, atol=1e-6 * np.abs(expected).max())

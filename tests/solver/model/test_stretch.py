@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+from solver.model.stretch import BIN_WIDTH, HIGHEST, EdgeStretch
+from solver.surface.mesh import SolverMesh
+
+
+def stretches(mesh, positions):
+    a, b = mesh.edges.T
+    rest = np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1)
+    return np.linalg.norm(positions[a].astype(np.float64) - positions[b], axis=1) / rest
+
+
+def test_percentiles_are_those_of_all_edges_in_all_frames(creature):
+    rng = np.random.default_rng(0)
+    frames = [creature.vertices * rng.uniform(0.7, 1.3, 3) + 0.2 * np.sin(2 * creature.vertices) for _ in range(8)]
+    measure = EdgeStretch(creature)
+    for some in (frames[:3], frames[3:]):
+        measure.add(np.stack(some, axis=2).astype(np.float32))
+    everything = np.concatenate([stretches(creature, frame) for frame in frames])
+    shares = (1, 5, 50, 95, 99, 100)
+    found = measure.percentiles(*shares)
+    # The nearest rank below or above: one of the two edges around, to half a bin and float32.
+    for share, value in zip(shares, found, strict=True):
+        low = np.percentile(everything, share, method="lower") - BIN_WIDTH
+        high = np.percentile(everything, share, method="higher") + BIN_WIDTH
+        assert low <= value <= min(high, HIGHEST)
+
+
+def test_the_rest_pose_is_stretched_by_one(creature):
+    measure = EdgeStretch(creature)
+    measure.add(creature.vertices.astype(np.float32)[:, :, None])
+    assert measure.percentiles(1, 50, 99) == pytest.approx((1, 1, 1), abs=BIN_WIDTH)
+
+
+def test_stretch_is_relative_to_the_size_of_the_mesh(creature):
+    measure = EdgeStretch(creature)
+    measure.add((2.5 * creature.vertices + 7).astype(np.float32)[:, :, None])
+    assert measure.percentiles(50) == pytest.approx((2.5,), abs=BIN_WIDTH)
+
+
+def test_what_is_stretched_beyond_the_scale_is_counted_at_its_end(creature):
+    measure = EdgeStretch(creature)
+    measure.add((9 * creature.vertices).astype(np.float32)[:, :, None])
+    assert measure.percentiles(1, 100) == pytest.approx((HIGHEST, HIGHEST), abs=BIN_WIDTH)
+
+
+def test_each_edge_counts_once_and_not_once_a_face():
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    mesh = SolverMesh(vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]), np.arange(4))
+    measure = EdgeStretch(mesh)
+    moved = vertices.copy()
+    moved[3] = [0, 0, 2]  # one edge of six twice as long, two √5 / √2
+    measure.add(moved.astype(np.float32)[:, :, None])
+    found = measure.percentiles(49, 51, 80, 100)
+    assert found == pytest.approx((1, np.sqrt(2.5), np.sqrt(2.5), 2), abs=BIN_WIDTH)
+
+
+def test_what_is_no_number_or_without_end_is_counted_as_the_highest(creature):
+    measure = EdgeStretch(creature)
+    moved = np.stack([creature.vertices, creature.vertices], axis=2).astype(np.float32)
+    moved[:, 0, 0], moved[0, 1, 1] = np.nan, np.inf
+    measure.add(moved)
+    assert measure.percentiles(25, 75, 100) == pytest.approx((1, HIGHEST, HIGHEST), abs=BIN_WIDTH)

@@ -1,0 +1,226 @@
+"""Bones and the surface that belongs to each."""
+
+from itertools import pairwise
+
+import igl
+import numpy as np
+import pytest
+
+from solver.motion import bones as module
+from solver.motion.bones import Bones, bone_regions
+from solver.surface.mesh import SolverMesh, weld
+
+ARM = (np.array([0.0, 1.1, 0.0]), np.array([1.4, 1.3, 0.0]))
+"""The axis of the figure's left arm, see conftest.LIMBS."""
+
+
+def chains(*limbs):
+    """Bones of limbs: (parent, points) each, parent a number of a bone."""
+    heads, tails, parents = [], [], []
+    for parent, points in limbs:
+        for k, (head, tail) in enumerate(pairwise(points)):
+            parents.append(parent if k == 0 else len(heads) - 1)
+            heads.append(head)
+            tails.append(tail)
+    return Bones(np.array(heads, dtype=float), np.array(tails, dtype=float), np.array(parents))
+
+
+def along(points, head, tail):
+    return (points - head) @ (tail - head) / ((tail - head) @ (tail - head))
+
+
+@pytest.fixture(scope="module")
+def skeleton():
+    """The figure's: pelvis, chest and head, then upper arm, forearm and hand, thigh and shin of both sides."""
+    shoulder, tip = ARM[0] + 0.25 * (ARM[1] - ARM[0]), ARM[1]
+    arm = [shoulder + share * (tip - shoulder) for share in (0.0, 0.4, 0.8, 1.0)]
+    leg = [np.array([0.0, 0.0, 0.0]) + share * np.array([0.6, -1.5, 0.1]) for share in (0.25, 0.6, 1.0)]
+    mirror = np.array([-1.0, 1.0, 1.0])
+    return chains(
+        (-1, [[0, 0, 0], [0, 0.6, 0], [0, 1.2, 0]]),
+        (1, [[0, 1.2, 0], [0, 1.9, 0.2]]),
+        (1, arm),
+        (1, [point * mirror for point in arm]),
+        (0, leg),
+        (0, [point * mirror for point in leg]),
+    )
+
+
+@pytest.fixture(scope="module")
+def regions(figure, skeleton):
+    return bone_regions(figure, skeleton)
+
+
+# --- what a skeleton says of itself
+
+
+def test_ends_and_roots_of_limbs(skeleton):
+    assert np.flatnonzero(skeleton.terminal).tolist() == [2, 5, 8, 10, 12]
+    assert np.flatnonzero(skeleton.roots).tolist() == [0, 1, 2, 3, 6, 9, 11]
+    np.testing.assert_allclose(skeleton.lengths[:3], [0.6, 0.6, np.hypot(0.7, 0.2)])
+    assert len(skeleton) == 13
+
+
+# --- what belongs to whom
+
+
+def test_the_middle_of_an_arm_belongs_to_its_bones_and_the_hand_is_whole(figure, skeleton, regions):
+    v = figure.vertices
+    for bone, low, high in ((3, 0.2, 0.8), (4, 0.2, 0.8), (5, 0.0, np.inf)):
+        place = along(v, skeleton.heads[bone], skeleton.tails[bone])
+        on_the_arm = v[:, 0] > 0.36  # outside the trunk and above the legs
+        expected = np.flatnonzero(on_the_arm & (v[:, 1] > 0.6) & (place >= low) & (place <= high))
+        assert set(regions.of(bone)) == set(expected)
+        assert len(expected) > 5
+
+
+def test_the_two_sides_are_each_others_mirror_image(figure, regions):
+    image = np.array([np.argmin(np.linalg.norm(figure.vertices - v, axis=1)) for v in figure.vertices * [-1, 1, 1]])
+    other = np.array([0, 1, 2, 6, 7, 8, 3, 4, 5, 11, 12, 9, 10, -1])
+    off_the_middle = np.abs(figure.vertices[:, 0]) > 0.35
+    np.testing.assert_array_equal(regions.owner[image][off_the_middle], other[regions.owner][off_the_middle])
+    held = np.bincount(regions.owner[regions.held], minlength=13)
+    np.testing.assert_array_equal(held, held[other[:-1]])
+
+
+def test_nothing_behind_the_root_of_a_limb_belongs_to_it(figure, skeleton, regions):
+    for root in np.flatnonzero(skeleton.roots):
+        place = along(figure.vertices, skeleton.heads[root], skeleton.tails[root])
+        assert place[regions.owner == root].min() >= 0
+
+
+def test_without_a_trunk_nobody_owns_it(figure, skeleton):
+    arms = Bones(skeleton.heads[3:6], skeleton.tails[3:6], np.array([-1, 0, 1]))
+    found = bone_regions(figure, arms)
+    assert np.all(found.owner[figure.vertices[:, 0] < 0.2] == -1)
+    assert not found.held[figure.vertices[:, 0] < 0.4].any()
+    assert found.held[figure.vertices[:, 0] > 1.3].all()
+
+
+def test_joints_are_left_to_bend(figure, skeleton, regions):
+    for bone in (3, 9):
+        elbow = np.abs(along(figure.vertices, skeleton.heads[bone], skeleton.tails[bone]) - 0.95) < 0.1
+        near = np.linalg.norm(figure.vertices - skeleton.tails[bone], axis=1) < 0.3
+        assert not regions.held[elbow & near & (regions.owner == bone)].any()
+
+
+def test_the_areas_are_those_of_the_surface(figure, regions):
+    assert regions.area.sum() == pytest.approx(igl.doublearea(figure.vertices, figure.faces).sum() / 2)
+
+
+@pytest.fixture(scope="module")
+def skirted(march_capsules):
+    """A trunk with a skirt, and an arm whose hand hangs beside the hem."""
+    capsules = [
+        ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), 0.25),
+        ((0.0, 0.5, 0.0), (0.45, 0.3, 0.0), 0.13),
+        ((0.0, 2.0, 0.0), (0.8, 2.0, 0.0), 0.12),
+        ((0.8, 2.0, 0.0), (0.8, 0.2, 0.0), 0.12),
+    ]
+    return weld(*march_capsules(capsules, (-0.4, -0.4, -0.4), (1.1, 2.4, 0.4), 0.04))
+
+
+def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
+    """The trap: most of the hem is nearer to the hand's bone than to the trunk's, in space."""
+    bones = chains((-1, [[0, 0, 0], [0, 2, 0]]), (0, [[0.8, 1.9, 0], [0.8, 1.1, 0], [0.8, 0.5, 0], [0.8, 0.2, 0]]))
+    v = skirted.vertices
+    hem = (v[:, 0] > 0.45) & (v[:, 0] < 0.62) & (v[:, 1] < 0.6)
+    to_hand = np.linalg.norm((v - [0.8, 0, 0])[:, [0, 2]], axis=1)
+    to_trunk = np.linalg.norm(v[:, [0, 2]], axis=1)
+    assert hem.sum() > 20
+    assert (to_hand < to_trunk)[hem].all()
+    regions = bone_regions(skirted, bones)
+    assert np.all(regions.owner[hem] == 0)
+    assert np.all(regions.owner[(v[:, 0] > 0.7) & (v[:, 1] < 1.8)] > 0)
+
+
+def test_a_ray_that_leaves_by_a_hole_takes_nothing_of_what_it_meets(skirted):
+    """The trunk's side is open towards the arm, which is then in sight of the trunk's bone."""
+    centre = skirted.vertices[skirted.faces].mean(axis=1)
+    hole = (np.abs(centre[:, 2]) < 0.1) & (centre[:, 0] > 0) & (centre[:, 0] < 0.3) & (np.abs(centre[:, 1] - 1.2) < 0.2)
+    faces = skirted.faces[~hole]
+    assert hole.sum() > 10
+    mesh = SolverMesh(skirted.vertices, faces, skirted.of_render)
+    trunk = chains((-1, [[0, 0, 0], [0, 2, 0]]))
+    start, _ = module._where_rays_meet(mesh, trunk, np.array([[0.0, 1.0, 0.0]]), mesh.vertices[:, 1:2] / 2)
+    opposite = (mesh.vertices[:, 0] > 0.6) & (np.abs(mesh.vertices[:, 1] - 1.2) < 0.4)
+    assert np.all(np.isinf(start[opposite]))
+
+
+# --- rays
+
+
+def test_rays_meet_what_is_nearest_round_the_bone():
+    """A square tube inside another one: half-widths 1 and 2, rays from the middle."""
+    tubes = []
+    for size in (1.0, 2.0):
+        ring = size * np.array([[1, 0, 1], [1, 0, -1], [-1, 0, -1], [-1, 0, 1.0]])
+        tubes.append(np.concatenate([ring, ring + np.array([0, 4, 0])]))
+    quads = [[a, (a + 1) % 4, (a + 1) % 4 + 4, a + 4] for a in range(4)]
+    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
+    v, f = np.concatenate(tubes), np.concatenate([faces, faces + 8])
+    length, face, point = module._cast(f, v[:, 1] / 4, np.ascontiguousarray(v[:, [0, 2]]), np.array([0.5]))
+    angle = 2 * np.pi * np.arange(module.RAYS) / module.RAYS
+    expected = 1 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
+    np.testing.assert_allclose(length, expected, rtol=1e-12)
+    assert np.all(face < 8)
+    np.testing.assert_allclose(point[:, 0], 0.5)
+    np.testing.assert_allclose(np.abs(point[:, 1:]).max(axis=1), 1.0, rtol=1e-12)
+
+
+def test_a_bone_beside_the_mesh_takes_the_nearest_vertex(figure):
+    regions = bone_regions(figure, chains((-1, [[5.0, 1.0, 0.0], [5.0, 1.5, 0.0]])))
+    nearest = np.argmin(np.linalg.norm(figure.vertices - [5.0, 1.25, 0.0], axis=1))
+    assert regions.owner[nearest] == 0
+    assert regions.held[nearest]
+
+
+# --- invariance
+
+
+def test_scale_and_place_do_not_matter(figure, skeleton, regions):
+    moved = SolverMesh(4 * figure.vertices + [8.0, -16.0, 2.0], figure.faces, figure.of_render)
+    bones = Bones(4 * skeleton.heads + [8.0, -16.0, 2.0], 4 * skeleton.tails + [8.0, -16.0, 2.0], skeleton.parents)
+    found = bone_regions(moved, bones)
+    assert np.mean(found.owner == regions.owner) > 0.995  # but for ties
+    np.testing.assert_allclose(found.area, 16 * regions.area)
+
+
+def test_the_order_of_vertices_does_not_matter(figure, skeleton, regions):
+    order = np.random.default_rng(0).permutation(len(figure.vertices))
+    place = np.argsort(order)
+    shuffled = SolverMesh(figure.vertices[order], place[figure.faces], np.arange(len(order)))
+    found = bone_regions(shuffled, skeleton)
+    assert np.mean(found.owner == regions.owner[order]) > 0.995  # but for ties
+    assert np.mean(found.held == regions.held[order]) > 0.995
+
+
+# --- several parts, and few vertices
+
+
+def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
+    """The cube beside the right hand is tied to it across a gap and belongs to its bone all the same."""
+    arm = [ARM[0] + share * (ARM[1] - ARM[0]) for share in (0.25, 0.6, 1.0)]
+    regions = bone_regions(two_parts, chains((-1, [[0, 0, 0], [0, 1.2, 0]]), (0, arm)))
+    cube = np.arange(len(two_parts.vertices) - 8, len(two_parts.vertices))
+    assert np.all(regions.owner[cube] == 2)
+    assert regions.held[cube].all()
+
+
+def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():
+    """A long box whose vertices are all at its ends and its elbow."""
+    ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
+    v = np.concatenate([ring, ring + np.array([10, 0, 0]), ring + np.array([20, 0, 0])])
+    quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in (0, 4) for a in range(4)]
+    quads += [[3, 2, 1, 0], [8, 9, 10, 11]]
+    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
+    box = SolverMesh(v, faces, np.arange(12))
+    regions = bone_regions(box, chains((-1, [[0, 0, 0], [10, 0, 0], [20, 0, 0]])))
+    np.testing.assert_array_equal(regions.owner[[0, 1, 2, 3, 8, 9, 10, 11]], [0] * 4 + [1] * 4)
+    assert regions.held.all()
+
+
+def test_no_bones_own_nothing(figure):
+    regions = bone_regions(figure, Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64)))
+    assert np.all(regions.owner == -1)
+    assert not regions.held.any()

@@ -1,0 +1,425 @@
+import itertools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.motion.limb_motion import LimbMotion
+from solver.motion.limbs import Limb, Performer, bones_of, parents_first
+
+NAMES = (
+    *("hip_center", "spine", "shoulder_center", "head"),
+    *(f"{joint}_{side}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist", "hand")),
+    *(f"{joint}_{side}" for side in ("left", "right") for joint in ("hip", "knee", "ankle", "foot")),
+)
+AT = {name: index for index, name in enumerate(NAMES)}
+OPPOSITE = np.array([AT[n.replace("left", "R").replace("right", "left").replace("R", "right")] for n in NAMES])
+SIDES = Performer(
+    (AT["hip_left"], AT["hip_right"]), (AT["shoulder_left"], AT["shoulder_right"]), OPPOSITE.astype(np.int64)
+)
+TRACKED = np.ones(len(NAMES), dtype=np.float32)
+TICK = 1 / 30
+REST = np.vstack([np.eye(3), np.zeros(3)])
+
+
+def body(trunk, shoulders, hips, upper, lower, hand, arms):
+    """A symmetric body (20, 3): sizes, and the direction (3,) of the left arm."""
+    arms = np.array(arms) / np.linalg.norm(arms)
+    p = {"hip_center": [0, 0, 0], "spine": [0, trunk / 2, 0], "shoulder_center": [0, trunk, 0]}
+    p["head"] = [0, 1.3 * trunk, 0.02]
+    for side, sign in (("left", 1), ("right", -1)):
+        flip = np.array([sign, 1, 1])
+        chain = np.array([shoulders, trunk - 0.02, 0]) + np.cumsum([0, upper, lower, hand])[:, None] * arms
+        legs = np.array([[hips, -0.05, 0], [hips + 0.02, -0.5, 0.02], [hips + 0.03, -0.95, 0], [hips + 0.05, -1, 0.15]])
+        for joint, point in zip(("shoulder", "elbow", "wrist", "hand"), chain * flip, strict=True):
+            p[f"{joint}_{side}"] = point
+        for joint, point in zip(("hip", "knee", "ankle", "foot"), legs * flip, strict=True):
+            p[f"{joint}_{side}"] = point
+    return np.array([p[name] for name in NAMES], dtype=np.float64)
+
+
+HANGING = body(0.5, 0.19, 0.09, 0.28, 0.26, 0.09, [0.1, -1, 0.03])
+T_POSE = body(0.4, 0.3, 0.2, 0.2, 0.35, 0.1, [1, 0, 0])
+
+
+def limb(pose, name, *joints, **more):
+    more = {"parent": None if name == "trunk" else "trunk"} | more
+    return Limb(name, pose[[AT[joint] for joint in joints]], tuple((AT[joint],) for joint in joints), **more)
+
+
+def character(pose, follow="direction"):
+    limbs = [
+        limb(pose, "trunk", "hip_center", "spine", "shoulder_center", follow=follow),
+        limb(pose, "head", "shoulder_center", "head", follow=follow),
+    ]
+    for side in ("left", "right"):
+        arm, leg = (
+            [f"{joint}_{side}" for joint in chain]
+            for chain in (("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot"))
+        )
+        limbs += [limb(pose, f"{side} arm", *arm, follow=follow), limb(pose, f"{side} leg", *leg, follow=follow)]
+    return limbs
+
+
+def moved(points, motions):
+    return np.einsum("bi,bij->bj", np.column_stack([points, np.ones(len(points))]), motions)
+
+
+def directions(motion, motions):
+    """Where the bones point (b, 3), and how long they are (b,)."""
+    along = moved(motion.bones.tails, motions) - moved(motion.bones.heads, motions)
+    length = np.linalg.norm(along, axis=1)
+    return along / length[:, None], length
+
+
+def wanted(motion, pose):
+    """Where the performer's bones point (b, 3), in the order of the motion's; both bodies have the same feet."""
+    ends = np.array([pair for each in motion.limbs for pair in itertools.pairwise([j[0] for j in each.joints])])
+    along = pose[ends[:, 1]] - pose[ends[:, 0]]
+    return along / np.linalg.norm(along, axis=1)[:, None]
+
+
+def play(motion, poses, confidence=None, start=0.0):
+    confidence = itertools.repeat(TRACKED) if confidence is None else confidence
+    return np.array(
+        [motion.step(start + k * TICK, p, c) for k, (p, c) in enumerate(zip(poses, confidence, strict=False))]
+    )
+
+
+def turns(motions):
+    """Rotations (T, b, 3, 3) for column vectors."""
+    return np.swapaxes(motions[..., :3, :], -1, -2)
+
+
+def largest_step(motions):
+    """Largest angle between two frames, radians, over all bones."""
+    R = turns(motions)
+    steps = Rotation.from_matrix(np.einsum("tbij,tbkj->tbik", R[1:], R[:-1]).reshape(-1, 3, 3))
+    return steps.magnitude().max()
+
+
+def with_arms(pose, left, right):
+    """A pose whose arms are chains of directions: for each arm (3, 3), upper arm, forearm, hand."""
+    pose = pose.copy()
+    for side, chain in (("left", left), ("right", right)):
+        joints = [AT[f"{joint}_{side}"] for joint in ("shoulder", "elbow", "wrist", "hand")]
+        lengths = np.linalg.norm(np.diff(pose[joints], axis=0), axis=1)
+        chain = np.array(chain, dtype=np.float64)
+        chain /= np.linalg.norm(chain, axis=1)[:, None]
+        pose[joints[1:]] = pose[joints[0]] + np.cumsum(lengths[:, None] * chain, axis=0)
+    return pose
+
+
+LEFT, RIGHT = (
+    np.array([[0.2, -1, 0.2], [-1, 0.1, 0.35], [-1, 0.2, 0]]),
+    np.array([[-0.2, -1, 0.2], [1, 0.2, 0.45], [1, 0.3, 0]]),
+)
+CROSSED = with_arms(HANGING, LEFT, RIGHT)
+
+
+def test_a_performer_in_the_characters_pose_leaves_it_as_it_is():
+    motion = LimbMotion(character(HANGING), SIDES, HANGING)
+    np.testing.assert_allclose(
+        play(motion, [2.5 * HANGING + [0.3, 1, -2]] * 3), np.broadcast_to(REST, (3, 15, 4, 3)), atol=1e-14
+    )
+
+
+def test_a_character_in_a_t_pose_crosses_its_arms_as_the_performer_does():
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    first = motion.step(0.0, CROSSED, TRACKED)
+    found, length = directions(motion, first)
+    np.testing.assert_allclose(found, wanted(motion, CROSSED), atol=1e-12)
+    np.testing.assert_allclose(length, np.linalg.norm(motion.bones.tails - motion.bones.heads, axis=1), atol=1e-12)
+
+
+def test_directions_are_the_performers_in_every_frame_of_a_motion():
+    rng = np.random.default_rng(3)
+    swing = np.cumsum(rng.normal(0, 0.03, (120, 2, 3, 3)), axis=0)
+    poses = [with_arms(HANGING, LEFT + s[0], RIGHT + s[1]) for s in swing]
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    for pose, motions in zip(poses, play(motion, poses), strict=True):
+        np.testing.assert_allclose(directions(motion, motions)[0], wanted(motion, pose), atol=1e-12)
+
+
+def test_bones_stay_joined_where_they_hang_on_each_other():
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    motions = motion.step(0.0, CROSSED, TRACKED)
+    bones = motion.bones
+    child = np.flatnonzero(bones.parents >= 0)
+    np.testing.assert_allclose(
+        moved(bones.heads[child], motions[child]), moved(bones.heads[child], motions[bones.parents[child]]), atol=1e-14
+    )
+    np.testing.assert_allclose(moved(bones.heads, motions)[0], bones.heads[0], atol=1e-14)
+
+
+def test_limbs_hang_on_the_nearest_bone_of_their_parent():
+    bones = bones_of(character(T_POSE))
+    names = [each.name for each in parents_first(character(T_POSE)) for _ in each.points[1:]]
+    on = {name: bones.parents[names.index(name)] for name in names}
+    assert on == {"trunk": -1, "head": 1, "left arm": 1, "left leg": 0, "right arm": 1, "right leg": 0}
+
+
+def test_an_arm_that_is_lowered_from_a_t_pose_bends_forwards_without_roll():
+    """Hand-computed: down is a quarter turn about −z, and the palm that faced down faces the thigh."""
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    lowered = with_arms(HANGING, [[0, -1, 0], [0, 0, 1], [0, 0, 1]], [[0, -1, 0], [0, 0, 1], [0, 0, 1]])
+    R = turns(motion.step(0.0, lowered, TRACKED))
+    first = [each.name for each in motion.limbs for _ in each.points[1:]].index("left arm")
+    np.testing.assert_allclose(R[first] @ np.eye(3), [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
+    # the forearm bends about the axis that pointed down, and now points to the right
+    np.testing.assert_allclose(R[first + 1] @ [1, 0, 0], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(R[first + 1] @ [0, -1, 0], [-1, 0, 0], atol=1e-12)
+
+
+def test_a_bent_arm_rolls_with_the_plane_of_its_elbow_and_a_straight_one_keeps_its_roll():
+    bent = with_arms(HANGING, [[0, -1, 0], [-1, 0, 0], [-1, 0, 0]], [[0, -1, 0], [1, 0, 0], [1, 0, 0]])
+    straight = with_arms(HANGING, [[0, -1, 0]] * 3, [[0, -1, 0]] * 3)
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    first = [each.name for each in motion.limbs for _ in each.points[1:]].index("left arm")
+    R = turns(play(motion, [bent] * 2 + [straight] * 6))
+    # the elbow's axis was −y; the forearm across the belly turns it to −z, by a roll of a quarter turn
+    np.testing.assert_allclose(R[0, first] @ [0, -1, 0], [0, 0, -1], atol=0.05)
+    held = R[-1, first] @ [0, -1, 0]
+    assert np.degrees(np.arccos(held @ [0, 0, -1])) < 12
+
+
+def test_a_performer_who_turns_once_round_turns_the_character_once_round():
+    angles = np.linspace(0, 2 * np.pi, 61)
+    poses = [CROSSED @ Rotation.from_rotvec([0, a, 0]).as_matrix().T for a in angles]
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    motions = play(motion, poses)
+    R = turns(motions)
+    for bone in (0, 1):
+        heading = np.unwrap(np.arctan2(R[:, bone, 0, 2], R[:, bone, 2, 2]))
+        np.testing.assert_allclose(heading - heading[0], angles, atol=1e-9)
+    assert largest_step(motions) < 1.001 * (angles[1] - angles[0])
+    np.testing.assert_allclose(motions[-1], motions[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("axis", [[0, 1, 0], [1, 0, 0], [0.3, -0.5, 0.8]])
+def test_a_rigid_motion_of_the_performer_is_one_of_the_character(axis):
+    turn = Rotation.from_rotvec(axis).as_matrix()
+    there = LimbMotion(character(T_POSE), SIDES, HANGING).step(0.0, CROSSED @ turn.T + [3, 1, -2], TRACKED)
+    here = LimbMotion(character(T_POSE), SIDES, HANGING).step(0.0, CROSSED, TRACKED)
+    np.testing.assert_allclose(turns(there), turn @ turns(here), atol=1e-12)
+    tails, hips = LimbMotion(character(T_POSE), SIDES, HANGING).bones.tails, T_POSE[0]
+    np.testing.assert_allclose(moved(tails, there), (moved(tails, here) - hips) @ turn.T + hips, atol=1e-12)
+
+
+@pytest.mark.parametrize("follow", ["direction", "turn"])
+def test_a_mirrored_performer_moves_a_symmetric_character_as_its_mirror_image(follow):
+    rng = np.random.default_rng(5)
+    poses = HANGING + np.cumsum(rng.normal(0, 0.004, (40, len(NAMES), 3)), axis=0)
+    flip = np.array([-1.0, 1, 1])
+    ours = play(LimbMotion(character(T_POSE, follow), SIDES, HANGING), poses)
+    theirs = play(LimbMotion(character(T_POSE, follow), SIDES, (HANGING * flip)[OPPOSITE]), (poses * flip)[:, OPPOSITE])
+    names = [each.name for each in LimbMotion(character(T_POSE), SIDES, HANGING).limbs for _ in each.points[1:]]
+    swapped = np.concatenate(
+        [
+            np.flatnonzero(
+                [n == name.replace("left", "R").replace("right", "left").replace("R", "right") for n in names]
+            )
+            for name in dict.fromkeys(names)
+        ]
+    )
+    mirror = np.array([-1.0, 1, 1, 1])[:, None] * flip
+    np.testing.assert_allclose(theirs[:, swapped], ours * mirror, atol=1e-9)
+
+
+@pytest.mark.parametrize("raised", [[1, 0.02, 0.02], [0.02, 0.02, 1], [1, 0.3, 1], [0.5, 0.1, -0.4]])
+def test_an_arm_that_is_raised_from_hanging_to_straight_up_and_round_does_not_flip(raised):
+    """Up is opposite to the rest direction: the least rotation between them is undefined there."""
+    keys = np.array([[0.05, -1, 0], raised, [0.01, 1, 0], [-0.3, 1, -0.2], [0.3, 1, 0.2], raised, [0.05, -1, 0]])
+    keys = keys / np.linalg.norm(keys, axis=1)[:, None]
+    way = np.concatenate([a + np.linspace(0, 1, 60)[:, None] * (b - a) for a, b in itertools.pairwise(keys)])
+    poses = [with_arms(HANGING, [d, d, d], [d * [-1, 1, 1]] * 3) for d in way]
+    motion = LimbMotion(character(HANGING), SIDES, HANGING)
+    motions = play(motion, poses)
+    unit = way / np.linalg.norm(way, axis=1)[:, None]
+    fastest = np.arccos(np.clip((unit[1:] * unit[:-1]).sum(axis=1), -1, 1)).max()
+    assert largest_step(motions) < fastest + 0.12
+    for pose, now in zip(poses, motions, strict=True):
+        np.testing.assert_allclose(directions(motion, now)[0], wanted(motion, pose), atol=1e-12)
+
+
+def test_limbs_that_turn_are_at_rest_while_the_performer_is():
+    motion = LimbMotion(character(T_POSE, "turn"), SIDES, CROSSED)
+    np.testing.assert_allclose(
+        play(motion, [CROSSED + np.array([0, 0, 1])] * 3), np.broadcast_to(REST, (3, 15, 4, 3)), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("gain", [1.0, 0.5, -0.7, 2.0])
+def test_a_limb_that_turns_does_so_by_the_performers_angle_times_its_gain(gain):
+    """A tail that points backwards swings about the upright axis as an arm does that is held forwards."""
+    tail = Limb("tail", np.array([[0, 0, 0], [0, 0, -1.0], [0, 0, -2.0]]), ((4,), (5,), (6,)), "turn", gain)
+    rest = with_arms(HANGING, [[0, 0, 1]] * 3, [[0, 0, 1]] * 3)
+    motion = LimbMotion([tail], SIDES, rest)
+    angles = np.linspace(0, 1.2, 20)
+    for k, angle in enumerate(angles):
+        d = [np.sin(angle), 0, np.cos(angle)]
+        motions = motion.step(k * TICK, with_arms(HANGING, [d] * 3, [[0, 0, 1]] * 3), TRACKED)
+    expected = Rotation.from_rotvec([0, gain * angles[-1], 0]).as_matrix()
+    np.testing.assert_allclose(turns(motions), [expected, expected], atol=1e-12)
+
+
+def test_a_limb_that_turns_is_carried_by_the_trunk_and_not_moved_by_its_turning():
+    tail = Limb("tail", np.array([[0, 0, 0], [0, 0, -1.0]]), ((AT["wrist_left"],), (AT["hand_left"],)), "turn")
+    limbs = [limb(T_POSE, "trunk", "hip_center", "spine", "shoulder_center")]
+    motion = LimbMotion([*limbs, Limb(tail.name, tail.points, tail.joints, "turn", 1.0, "trunk")], SIDES, HANGING)
+    turn = Rotation.from_rotvec([0.2, 1.0, -0.1]).as_matrix()
+    motions = motion.step(0.0, HANGING @ turn.T, TRACKED)
+    np.testing.assert_allclose(turns(motions), [turn] * 3, atol=1e-12)
+
+
+def test_a_gain_scales_the_angle_against_the_bone_that_a_limb_hangs_on():
+    limbs = [limb(HANGING, "trunk", "hip_center", "spine", "shoulder_center")]
+    limbs += [limb(HANGING, "head", "shoulder_center", "head", gain=0.5)]
+    pose = HANGING.copy()
+    pose[AT["head"]] = pose[AT["shoulder_center"]] + Rotation.from_rotvec([0.6, 0, 0]).apply(
+        HANGING[AT["head"]] - HANGING[AT["shoulder_center"]]
+    )
+    turn = Rotation.from_rotvec([0, 1, 0]).as_matrix()
+    motions = LimbMotion(limbs, SIDES, HANGING).step(0.0, pose @ turn.T, TRACKED)
+    np.testing.assert_allclose(turns(motions)[2], turn @ Rotation.from_rotvec([0.3, 0, 0]).as_matrix(), atol=1e-12)
+
+
+def test_a_character_that_does_not_turn_does_the_rest_as_if_the_performer_faced_it():
+    turn = Rotation.from_rotvec([0, 2.0, 0]).as_matrix()
+    fixed = LimbMotion(character(T_POSE), SIDES, HANGING, turns=False)
+    here = LimbMotion(character(T_POSE), SIDES, HANGING)
+    np.testing.assert_allclose(fixed.step(0.0, CROSSED @ turn.T, TRACKED), here.step(0.0, CROSSED, TRACKED), atol=1e-12)
+
+
+def test_without_a_trunk_limbs_do_not_turn_with_the_performer():
+    arm = limb(T_POSE, "arm", "shoulder_left", "elbow_left", "wrist_left", parent=None)
+    turn = Rotation.from_rotvec([0, 2.0, 0]).as_matrix()
+    motions = LimbMotion([arm], SIDES, HANGING).step(0.0, CROSSED @ turn.T, TRACKED)
+    np.testing.assert_allclose(motions, LimbMotion([arm], SIDES, HANGING).step(0.0, CROSSED, TRACKED), atol=1e-12)
+
+
+@pytest.mark.parametrize("up", [1, 2])
+def test_a_mesh_that_stands_otherwise_in_its_file_moves_the_same(up):
+    basis = (
+        np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]) if up == 2 else np.array([[0, 0, -1.0], [0, 1, 0], [1, 0, 0]])
+    )
+    turned = [Limb(x.name, x.points @ basis, x.joints, x.follow, x.gain, x.parent) for x in character(T_POSE)]
+    ours = LimbMotion(character(T_POSE), SIDES, HANGING)
+    theirs = LimbMotion(turned, SIDES, HANGING, basis)
+    a, b = ours.step(0.0, CROSSED, TRACKED), theirs.step(0.0, CROSSED, TRACKED)
+    np.testing.assert_allclose(moved(theirs.bones.tails, b), moved(ours.bones.tails, a) @ basis, atol=1e-12)
+    np.testing.assert_allclose(turns(b), basis.T @ turns(a) @ basis, atol=1e-12)
+
+
+def test_a_lost_limb_keeps_its_direction_against_the_trunk_and_comes_back_smoothly():
+    raised = with_arms(HANGING, [[1, 0.2, 0]] * 3, [[-0.1, -1, 0]] * 3)
+    other = with_arms(HANGING, [[0.2, 1, 0.4]] * 3, [[-0.1, -1, 0]] * 3)
+    turn = Rotation.from_rotvec([0, 0.5, 0]).as_matrix()
+    ways = [Rotation.from_rotvec([0, a, 0]).as_matrix() for a in np.linspace(0, 0.5, 15)]
+    poses = [raised @ w.T for w in ways] + [other @ turn.T] * 40
+    confidence = [TRACKED.copy() for _ in poses]
+    for lost in confidence[1:15]:
+        lost[[AT[j] for j in ("elbow_left", "wrist_left", "hand_left")]] = 0
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    motions = play(motion, poses, confidence)
+    np.testing.assert_allclose(directions(motion, motions[14])[0], wanted(motion, raised @ turn.T), atol=1e-9)
+    np.testing.assert_allclose(motions[15], motions[14], atol=1e-9)  # it begins where it was held
+    assert largest_step(motions) < 0.4
+    found = directions(motion, motions[-1])[0]
+    assert np.degrees(np.arccos(np.clip((found * wanted(motion, other @ turn.T)).sum(axis=1), -1, 1))).max() < 0.1
+
+
+def test_limbs_that_were_never_seen_are_at_rest():
+    confidence = TRACKED.copy()
+    confidence[4:8] = 0
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    turn = Rotation.from_rotvec([0.1, 0.7, 0]).as_matrix()
+    R = turns(motion.step(0.0, CROSSED @ turn.T, confidence))
+    names = [each.name for each in motion.limbs for _ in each.points[1:]]
+    np.testing.assert_allclose(
+        [r for r, name in zip(R, names, strict=True) if name == "left arm"], [turn] * 3, atol=1e-9
+    )
+
+
+def test_a_frame_in_which_left_and_right_are_exchanged_changes_nothing():
+    poses = np.array([CROSSED] * 20)
+    poses[10] = poses[10, OPPOSITE]
+    clean = play(LimbMotion(character(T_POSE), SIDES, HANGING), [CROSSED] * 20)
+    np.testing.assert_allclose(play(LimbMotion(character(T_POSE), SIDES, HANGING), poses), clean, atol=1e-12)
+
+
+def test_a_sensor_that_takes_a_turned_back_for_a_front_does_not_stop_a_full_turn():
+    angles = np.linspace(0, 2 * np.pi, 46)
+    poses = np.array([CROSSED @ Rotation.from_rotvec([0, a, 0]).as_matrix().T for a in angles])
+    seen = np.where((np.cos(angles) < 0)[:, None, None], poses[:, OPPOSITE], poses)
+    R = turns(play(LimbMotion(character(T_POSE), SIDES, HANGING), seen))
+    heading = np.unwrap(np.arctan2(R[:, 1, 0, 2], R[:, 1, 2, 2]))
+    np.testing.assert_allclose(heading - heading[0], angles, atol=1e-9)
+
+
+def test_an_exchange_that_lasts_is_believed_and_eased_over_to():
+    poses = np.array([CROSSED] * 10 + [CROSSED[OPPOSITE]] * 120)
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    motions = play(motion, poses)
+    found = directions(motion, motions[-1])[0]
+    np.testing.assert_allclose(found, wanted(motion, CROSSED[OPPOSITE]), atol=1e-3)
+    assert largest_step(motions) < 1.2
+
+
+def test_noise_of_a_single_frame_turns_no_upper_arm_faster_than_a_human():
+    poses = np.array([HANGING] * 10)
+    poses[5] = with_arms(HANGING, [[-0.1, 1, 0]] * 3, [[-0.1, -1, 0]] * 3)
+    motion = LimbMotion(character(T_POSE), SIDES, HANGING)
+    upper = [each.name for each in motion.limbs for _ in each.points[1:]].index("left arm")
+    found = np.array([directions(motion, motions)[0][upper] for motions in play(motion, poses)])
+    angles = np.arccos(np.clip((found[1:] * found[:-1]).sum(axis=1), -1, 1))
+    np.testing.assert_allclose(angles[4:6], 25 * TICK, atol=1e-9)  # there, and back again
+    np.testing.assert_allclose(angles[[0, 1, 2, 3, 6, 7, 8]], 0, atol=1e-6)
+
+
+def test_a_memory_continues_where_it_was_taken():
+    rng = np.random.default_rng(7)
+    poses = HANGING + np.cumsum(rng.normal(0, 0.01, (40, len(NAMES), 3)), axis=0)
+    poses[12:18, 5:8] = np.nan
+    one = LimbMotion(character(T_POSE), SIDES, HANGING)
+    play(one, poses[:15])
+    other = LimbMotion(character(T_POSE), SIDES, HANGING)
+    other.memory = one.memory
+    np.testing.assert_array_equal(play(one, poses[15:], start=0.5), play(other, poses[15:], start=0.5))
+
+
+def test_parents_come_first_whatever_the_order():
+    limbs = [limb(T_POSE, "hat", "shoulder_center", "head", parent="head"), *character(T_POSE)[::-1]]
+    names = [each.name for each in parents_first(limbs)]
+    assert names.index("trunk") < names.index("head") < names.index("hat")
+    assert sorted(names) == sorted(each.name for each in limbs)
+    with pytest.raises(ValueError, match="without a way to a root"):
+        parents_first([limb(T_POSE, "a", "head", "spine", parent="b"), limb(T_POSE, "b", "head", "spine", parent="a")])
+
+
+def test_the_spine_of_a_sensor_that_has_it_beside_the_hips_does_not_bend_the_back():
+    low = HANGING.copy()
+    low[AT["spine"]] = [0, 0.05, -0.04]  # as Kinect v1 has it
+    motion = LimbMotion(character(T_POSE), SIDES, low)
+    np.testing.assert_allclose(turns(motion.step(0.0, low, TRACKED))[:2], [np.eye(3)] * 2, atol=1e-12)
+
+
+def test_feet_are_level_where_the_performers_are_whatever_their_joints_are_at():
+    """The joint of this performer's foot is nearly below the ankle; it heads to the left and rises by 30°."""
+    low = HANGING.copy()
+    step = HANGING.copy()
+    for side in ("left", "right"):
+        low[AT[f"foot_{side}"]] = low[AT[f"ankle_{side}"]] + [0, -0.09, 0.09]
+        step[AT[f"foot_{side}"]] = step[AT[f"ankle_{side}"]] + 0.1 * np.array(
+            [np.cos(np.radians(15)), -np.sin(np.radians(15)), 0]
+        )
+    motion = LimbMotion(character(T_POSE), SIDES, low)
+    foot = [each.name for each in motion.limbs for _ in each.points[1:]].index("left leg") + 2
+    level = directions(motion, motion.step(0.0, low, TRACKED))[0][foot]
+    rest = motion.bones.tails[foot] - motion.bones.heads[foot]
+    at_rest = np.arctan2(rest[1], np.hypot(rest[0], rest[2]))
+    np.testing.assert_allclose(level, [0, np.sin(at_rest), np.cos(at_rest)], atol=1e-9)
+    up = at_rest + np.radians(30)
+    np.testing.assert_allclose(
+        directions(motion, motion.step(1.1, step, TRACKED))[0][foot], [np.cos(up), np.sin(up), 0], atol=1e-9
+    )

@@ -1,0 +1,138 @@
+import numpy as np
+import pytest
+
+from solver.model.reduced_model import build
+from solver.motion import motion_limits as reach_module
+from solver.motion.deformer import Deformer
+from solver.motion.motion_limits import PROBES, SETTLE, STRAIN_LIMIT, WORST, _EdgeStrain, limb_reach
+from solver.surface.mesh import SolverMesh
+
+
+@pytest.fixture(scope="module")
+def handles(figure):
+    """Hands, feet and crown of the figure, mirror images of each other."""
+    hand, foot = figure.vertices[np.argmax(figure.vertices @ [1, 0, 0])], np.array([0.66, -1.7, 0.1])
+    return np.array([hand, hand * [-1, 1, 1], foot, foot * [-1, 1, 1], [0.0, 2.1, 0.2]])
+
+
+@pytest.fixture(scope="module")
+def reach(figure, figure_model, handles):
+    """Of each handle as a limb of its own."""
+    return limb_reach(Deformer(figure_model, figure, handles), figure, np.eye(5))
+
+
+def worst_strain(mesh, positions):
+    """Mean strain of the worst hundredth of all edges, edge by edge."""
+    strains = []
+    for a, b in mesh.edges:
+        stretch = np.linalg.norm(positions[a] - positions[b]) / np.linalg.norm(mesh.vertices[a] - mesh.vertices[b])
+        strains.append(max(stretch, 1 / stretch))
+    return np.mean(sorted(strains)[-max(1, int(WORST * len(strains))) :])
+
+
+def test_strain_is_that_of_the_deformed_vertices(figure, figure_model, handles, surface):
+    deformer = Deformer(figure_model, figure, handles, iterations=10)
+    R = deformer.solve(deformer.handles + np.array([[0.3, 0.4, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0.5], [0, 0, 0]]))
+    found = _EdgeStrain(figure_model, figure).worst(R)
+    assert found == pytest.approx(worst_strain(figure, surface(figure_model, figure, R)), rel=1e-5)
+
+
+def test_strain_at_rest_is_one(figure, figure_model):
+    assert _EdgeStrain(figure_model, figure).worst(figure_model.rest_controls) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_squeezing_counts_as_stretching(figure, figure_model):
+    strain = _EdgeStrain(figure_model, figure)
+    for scale in (0.5, 2.0):
+        assert strain.worst(figure_model.rest_controls * scale) == pytest.approx(2.0, rel=1e-5)
+
+
+def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure_model, handles, surface, reach):
+    deformer = Deformer(figure_model, figure, handles, iterations=30)
+    for handle in (0, 2, 4):
+        for axis in range(3):
+            for side, sign in enumerate((-1, 1)):
+                far = reach[handle, axis, side]
+                if not PROBES[0] * figure.diagonal < far < PROBES[-1] * figure.diagonal:
+                    continue
+                strains = []
+                for share in (0.6, 1.0):
+                    deformer.reset()
+                    targets = deformer.handles.copy()
+                    targets[handle, axis] += sign * share * far
+                    strains.append(worst_strain(figure, surface(figure_model, figure, deformer.solve(targets))))
+                assert strains[1] == pytest.approx(STRAIN_LIMIT, rel=0.05)
+                assert strains[0] < 0.95 * STRAIN_LIMIT
+
+
+def test_reach_stays_between_the_smallest_and_the_largest_probe(figure, reach):
+    assert reach.shape == (5, 3, 2)
+    assert reach.min() >= PROBES[0] * figure.diagonal
+    assert reach.max() <= PROBES[-1] * figure.diagonal
+    assert np.ptp(reach) > 0
+
+
+def test_an_arm_reaches_farther_sideways_than_along_itself(reach):
+    outwards, inwards = reach[0, 0, 1], reach[0, 0, 0]
+    for sideways in (reach[0, 1], reach[0, 2]):
+        assert sideways.min() > outwards
+    assert inwards > 0
+
+
+def test_a_symmetric_figure_has_symmetric_reach(figure, reach):
+    for left, right in ((0, 1), (2, 3), (4, 4)):
+        image = reach[right].copy()
+        image[0] = image[0, ::-1]
+        np.testing.assert_allclose(reach[left], image, rtol=5e-3)  # float32 ladders, and very short edges
+
+
+def test_a_limb_is_drawn_away_by_all_its_handles_and_only_by_them(figure, figure_model, handles, monkeypatch):
+    tried = []
+    monkeypatch.setattr(reach_module, "_probe", lambda *given: tried.append(given[2]) or 0.05)
+    limbs = np.array([[1.0, 0, 0, 0, 0], [0, 0, 1.0, 0.5, 0]])
+    found = limb_reach(Deformer(figure_model, figure, handles), figure, limbs)
+    np.testing.assert_allclose(found, np.full((2, 3, 2), 0.05 * figure.diagonal))
+    expected = [np.outer(along, sign * np.eye(3)[axis]) for along in limbs for axis in range(3) for sign in (-1, 1)]
+    np.testing.assert_array_equal(tried, expected)
+
+
+def test_a_character_that_is_moved_as_a_whole_reaches_as_far_as_is_tried(figure, figure_model, handles):
+    found = limb_reach(Deformer(figure_model, figure, handles), figure, np.ones((1, 5)))
+    np.testing.assert_allclose(found, PROBES[-1] * figure.diagonal)
+
+
+def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, handles, reach):
+    found = limb_reach(Deformer(figure_model, figure, handles), figure, 0.8 * np.eye(5)[:1])
+    inside = (found > PROBES[0] * figure.diagonal) & (found < PROBES[-1] * figure.diagonal)
+    assert inside.any()
+    np.testing.assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
+
+
+def test_what_was_tried_before_does_not_matter(figure, figure_model, handles, reach):
+    np.testing.assert_allclose(
+        limb_reach(Deformer(figure_model, figure, handles), figure, np.eye(5)[[3]])[0], reach[3], rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(100.0, 7.0), (1.0, 10_000.0)])
+def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
+    larger = SolverMesh(scale * figure.vertices + offset, figure.faces, figure.of_render)
+    found = limb_reach(Deformer(build(larger), larger, scale * handles + offset), larger, np.eye(5)[[0, 4]])
+    np.testing.assert_allclose(found, scale * reach[[0, 4]], rtol=5e-3)
+
+
+def test_the_distance_at_the_limit_is_interpolated_between_probes(figure, figure_model, handles, monkeypatch):
+    """Strain that grows by 2 for each unit of distance meets the limit between the probes 0.12 and 0.17."""
+    deformer = Deformer(figure_model, figure, handles, iterations=SETTLE)
+
+    class Linear:
+        def __init__(self, slope):
+            self.slope, self.probes = slope, iter(PROBES)
+
+        def worst(self, R):
+            return 1 + self.slope * next(self.probes)
+
+    outwards = np.outer(np.eye(5)[0], [1.0, 0, 0])
+    assert reach_module._probe(deformer, Linear(2.0), outwards) == pytest.approx((STRAIN_LIMIT - 1) / 2)
+    assert reach_module._probe(deformer, Linear(100.0), outwards) == PROBES[0]
+    assert reach_module._probe(deformer, Linear(0.1), outwards) == PROBES[-1]

@@ -1,0 +1,323 @@
+import numpy as np
+import pytest
+
+from solver.motion.retarget import LIMIT_KNEE, RETURN_TIME, Fit, Mapping, Retargeter, accumulated, soft_limit
+
+JOINTS = 20
+HANDLES = np.array([[0.0, 2.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.5]])
+ALL = np.ones(JOINTS, dtype=np.float32)
+UNLIMITED = np.full((3, 3, 2), np.inf)
+
+
+def mapping(rows, axes=((True,) * 3,) * 3, gain=(1.0, 1.0, 1.0)):
+    """A handle a row, each {joint: share}."""
+    matrix = np.zeros((len(rows), JOINTS))
+    for row, joints in zip(matrix, rows, strict=True):
+        for joint, share in joints.items():
+            row[joint] = share
+    return Mapping(matrix, np.array(axes), np.array(gain))
+
+
+@pytest.fixture
+def usual():
+    """One joint, the average of two, and the same joint again with one axis only and gains."""
+    return mapping(
+        [{3: 1.0}, {7: 0.5, 11: 0.5}, {3: 1.0}], axes=[[1, 1, 1], [1, 0, 1], [0, 1, 0]], gain=[1.0, 1.5, -0.5]
+    )
+
+
+@pytest.fixture
+def fit():
+    return Fit(np.array([2.0, 0.5, 3.0]), UNLIMITED)
+
+
+@pytest.fixture
+def walk():
+    return np.random.default_rng(0).normal(scale=0.05, size=(200, JOINTS, 3)).cumsum(axis=0) + 1.0
+
+
+def retargeter(mapping, fit, calibration=None, basis=None):
+    return Retargeter(HANDLES, mapping, fit, np.zeros((JOINTS, 3)) if calibration is None else calibration, basis)
+
+
+def moved(joint, by):
+    positions = np.zeros((JOINTS, 3))
+    positions[joint] = by
+    return positions
+
+
+# --- Eq. 6-7
+
+
+def test_the_sum_of_motions_is_the_displacement_while_every_joint_is_tracked(usual, fit, walk):
+    summed = accumulated(walk, usual, fit.scale)
+    stepwise = retargeter(usual, fit, calibration=walk[0])
+    found = np.array([stepwise.step(0.033 * t, frame, ALL) for t, frame in enumerate(walk)])
+    np.testing.assert_allclose(found - HANDLES, summed, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(summed[0], 0.0)
+
+
+def test_accumulation_written_out(usual, fit, walk):
+    total = np.zeros((3, 3))
+    for t in range(1, 20):
+        for handle in range(3):
+            for axis in range(3):
+                motion = sum(usual.matrix[handle, j] * (walk[t, j, axis] - walk[t - 1, j, axis]) for j in range(JOINTS))
+                total[handle, axis] += motion * usual.axes[handle, axis] * fit.scale[handle] * usual.gain[handle]
+        np.testing.assert_allclose(accumulated(walk, usual, fit.scale)[t], total, atol=1e-12)
+
+
+def test_after_a_drop_out_the_sum_drifts_and_the_displacement_does_not(usual, fit, walk):
+    """While joint 3 is lost a sensor's sum of motions stands still, and what was missed never comes back."""
+    frames, lost = walk.copy(), slice(50, 90)
+    stepwise = retargeter(usual, fit, calibration=walk[0])
+    targets = []
+    for t, frame in enumerate(frames):
+        confidence = ALL.copy()
+        if lost.start <= t < lost.stop:
+            frame[3], confidence[3] = np.nan, 0.0
+        targets.append(stepwise.step(0.033 * t, frame, confidence))
+    truth = HANDLES[0] + fit.scale[0] * (walk[-1, 3] - walk[0, 3])
+    np.testing.assert_allclose(targets[-1][0], truth, atol=1e-6)
+
+    motion = np.diff(frames, axis=0, prepend=frames[:1])
+    seen = np.cumsum(np.nan_to_num(motion), axis=0) + walk[0]
+    drift = accumulated(seen, usual, fit.scale)[-1, 0] - (truth - HANDLES[0])
+    missed = fit.scale[0] * (walk[lost.stop, 3] - walk[lost.start - 1, 3])
+    np.testing.assert_allclose(drift, -missed, atol=1e-9)
+    assert np.linalg.norm(drift) > 0.1
+
+
+# --- which joints, which axes, how far
+
+
+def test_several_joints_are_averaged(usual, fit):
+    positions = moved(7, [1.0, 5.0, 2.0]) + moved(11, [3.0, -9.0, -4.0])
+    found = retargeter(usual, fit).step(0.0, positions, ALL)
+    np.testing.assert_allclose(found[1] - HANDLES[1], 1.5 * 0.5 * np.array([2.0, 0.0, -1.0]))
+
+
+def test_one_joint_moves_several_handles_each_in_its_way(usual, fit):
+    found = retargeter(usual, fit).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    np.testing.assert_allclose(found[0] - HANDLES[0], 2.0 * np.array([0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(found[2] - HANDLES[2], [0.0, -0.5 * 3.0 * 0.2, 0.0])
+    np.testing.assert_array_equal(found[1], HANDLES[1])
+
+
+@pytest.mark.parametrize("axes", [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+def test_axes_are_masked_one_by_one(fit, axes):
+    which = mapping([{3: 1.0}, {}, {}], axes=[axes, (1, 1, 1), (1, 1, 1)])
+    found = retargeter(which, fit).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    np.testing.assert_allclose(found[0] - HANDLES[0], 2.0 * np.array([0.1, 0.2, 0.3]) * axes)
+
+
+def test_a_handle_without_a_joint_stays(fit, walk):
+    idle = mapping([{3: 1.0}, {}, {}])
+    for t, frame in enumerate(walk):
+        found = retargeter(idle, fit, calibration=walk[0]).step(float(t), frame, ALL)
+        np.testing.assert_array_equal(found[1:], HANDLES[1:])
+
+
+def test_the_calibration_pose_is_the_rest_pose(usual, fit, walk):
+    np.testing.assert_array_equal(retargeter(usual, fit, walk[7]).step(0.0, walk[7], ALL), HANDLES)
+
+
+def test_a_stack_of_displacements_gives_the_targets_of_each(usual, walk):
+    limited = Fit(np.array([2.0, 0.5, 3.0]), np.full((3, 3, 2), 0.4))
+    arms = retargeter(usual, limited)
+    np.testing.assert_allclose(arms.targets(walk), [arms.targets(frame) for frame in walk], rtol=0, atol=1e-15)
+
+
+def test_the_basis_takes_the_performers_axes_to_those_of_the_mesh():
+    """A character with z up that faces −y: its left is +x, as the performer's."""
+    basis = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    plain = Fit(np.ones(3), UNLIMITED)
+    which = mapping([{3: 1.0}, {3: 1.0}, {3: 1.0}], axes=[[1, 1, 1], [0, 1, 0], [0, 0, 1]])
+    found = retargeter(which, plain, basis=basis).step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL) - HANDLES
+    np.testing.assert_allclose(found, [[0.1, -0.3, 0.2], [0, 0, 0.2], [0, -0.3, 0]], atol=1e-12)
+
+
+def test_reach_is_along_the_axes_of_the_mesh():
+    basis = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    reach = UNLIMITED.copy()
+    reach[:, 2, 1] = 0.05  # little room upwards, that is along +z
+    found = retargeter(mapping([{3: 1.0}] * 3), Fit(np.ones(3), reach), basis=basis)
+    up = found.targets(moved(3, [0.0, 10.0, 0.0])) - HANDLES
+    np.testing.assert_allclose(up, [[0, 0, 0.05]] * 3, atol=1e-9)
+    down = found.targets(moved(3, [0.0, -10.0, 0.0])) - HANDLES
+    np.testing.assert_allclose(down, [[0, 0, -10.0]] * 3)
+
+
+def test_gain_widens_the_reach_as_well():
+    reach = np.full((3, 3, 2), 0.2)
+    far = retargeter(mapping([{3: 1.0}] * 3, gain=[1, 2, 0]), Fit(np.ones(3), reach)).targets(moved(3, [9.0, 0, 0]))
+    np.testing.assert_allclose(far - HANDLES, [[0.2, 0, 0], [0.4, 0, 0], [0, 0, 0]], atol=1e-9)
+
+
+# --- lost joints
+
+
+def test_joints_that_were_never_known_move_nothing(usual, fit, walk):
+    calibration = walk[0].copy()
+    calibration[3] = np.nan
+    stepwise = retargeter(usual, fit, calibration)
+    for t, frame in enumerate(walk[:20]):
+        found = stepwise.step(0.033 * t, frame, ALL)
+        np.testing.assert_array_equal(found[[0, 2]], HANDLES[[0, 2]])
+        assert np.isfinite(found).all()
+
+
+def test_a_lost_joint_is_held_where_it_was(usual, fit):
+    stepwise = retargeter(usual, fit)
+    before = stepwise.step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    lost = ALL.copy()
+    lost[3] = 0
+    for t in range(1, 50):
+        garbage = moved(3, [float(t), np.nan, -7.0] if t % 2 else [np.nan] * 3)
+        np.testing.assert_allclose(stepwise.step(0.033 * t, garbage, lost), before, rtol=0, atol=1e-12)
+
+
+def test_a_position_that_is_not_finite_counts_as_lost_whatever_its_confidence(usual, fit):
+    stepwise = retargeter(usual, fit)
+    before = stepwise.step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    for value in (np.nan, np.inf, -np.inf):
+        np.testing.assert_array_equal(stepwise.step(0.1, moved(3, [value, 0.2, 0.3]), ALL), before)
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
+    """Lost at 0.1 m, back at 0.9 m: no jump on re-entry, then 63 % of the rest in every `RETURN_TIME`."""
+    stepwise = retargeter(usual, fit)
+    lost = ALL.copy()
+    lost[3] = 0
+    stepwise.step(0.0, moved(3, [0.1, 0, 0]), ALL)
+    stepwise.step(1.0, moved(3, [np.nan] * 3), lost)
+    times = 1.0 + np.arange(1, 200) / rate
+    course = np.array([stepwise.step(t, moved(3, [0.9, 0, 0]), ALL)[0, 0] for t in times]) / fit.scale[0]
+    expected = 0.9 - 0.8 * np.exp(-(times - times[0]) / RETURN_TIME)
+    np.testing.assert_allclose(course, expected, atol=1e-9)
+    assert course[0] == pytest.approx(0.1)
+
+
+def test_targets_never_jump_however_often_joints_are_lost(usual, fit):
+    """A smooth wave, lost at random: no step is larger than the wave's own plus the closing of the distance."""
+    rng = np.random.default_rng(1)
+    times = np.arange(600) / 30
+    wave = 0.3 * np.sin(2 * np.pi * times)
+    own_step = np.abs(np.diff(wave)).max()
+    stepwise = retargeter(usual, fit)
+    known, course = True, []
+    for time, value in zip(times, wave, strict=True):
+        known = known if rng.random() > 0.1 else not known
+        confidence = ALL.copy()
+        confidence[3] = float(known)
+        course.append(stepwise.step(time, moved(3, [value if known else np.nan, 0, 0]), confidence)[0, 0])
+    steps = np.abs(np.diff(course)) / fit.scale[0]
+    closing = 0.6 * (1 - np.exp(-1 / 30 / RETURN_TIME))
+    assert steps.max() <= own_step + closing
+    assert steps.max() > own_step  # it did come back from somewhere
+
+
+@pytest.mark.parametrize("far", [1e7, 1e160, 1e300])
+def test_a_joint_where_no_joint_can_be_counts_as_lost(usual, fit, far):
+    stepwise = retargeter(usual, fit)
+    before = stepwise.step(0.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    np.testing.assert_array_equal(stepwise.step(0.1, moved(3, [far, 0.2, 0.3]), ALL), before)
+
+
+def test_a_clock_that_is_set_back_does_not_make_a_jump(usual, fit):
+    stepwise = retargeter(usual, fit)
+    still = [stepwise.step(time, moved(3, [0.1, 0.2, 0.3]), ALL) for time in (1000.0, 1000.03, 3.0, 3.03)]
+    np.testing.assert_array_equal(still, [still[0]] * 4)
+
+
+def test_the_first_frame_is_taken_as_it_is(usual, fit):
+    found = retargeter(usual, fit).step(123.0, moved(3, [0.1, 0.2, 0.3]), ALL)
+    np.testing.assert_allclose(found[0], HANDLES[0] + 2.0 * np.array([0.1, 0.2, 0.3]))
+
+
+def test_a_joint_first_seen_late_comes_in_smoothly(usual, fit):
+    stepwise = retargeter(usual, fit)
+    lost = ALL.copy()
+    lost[3] = 0
+    np.testing.assert_array_equal(stepwise.step(0.0, moved(3, [np.nan] * 3), lost), HANDLES)
+    entering = stepwise.step(0.033, moved(3, [0.5, 0, 0]), ALL)
+    np.testing.assert_allclose(entering, HANDLES, atol=1e-12)
+    settled = stepwise.step(5.0, moved(3, [0.5, 0, 0]), ALL)
+    np.testing.assert_allclose(settled[0] - HANDLES[0], [1.0, 0, 0], atol=1e-9)
+
+
+# --- the soft limit
+
+
+@pytest.fixture
+def reach():
+    return np.random.default_rng(2).uniform(0.1, 2.0, (3, 3, 2))
+
+
+def in_reach(moved, reach):
+    """Length in units of the reach of its octant."""
+    return np.linalg.norm(moved / np.where(moved < 0, reach[..., 0], reach[..., 1]), axis=-1)
+
+
+def random_directions(reach, count=500):
+    """Unit length in units of the reach."""
+    directions = np.random.default_rng(3).normal(size=(count, len(reach), 3))
+    return directions / in_reach(directions, reach)[..., None]
+
+
+def test_motion_below_the_knee_is_unchanged(reach):
+    inside = random_directions(reach) * np.random.default_rng(4).uniform(0, LIMIT_KNEE, (500, 3, 1))
+    np.testing.assert_array_equal(soft_limit(inside, reach), inside)
+    np.testing.assert_array_equal(soft_limit(np.zeros((3, 3)), reach), 0.0)
+
+
+def test_motion_beyond_the_knee_by_hand():
+    reach = np.array([[[1.0, 2.0], [1.0, 1.0], [1.0, 1.0]]])
+    limited = 0.7 + 0.3 * np.tanh(1.0)
+    np.testing.assert_allclose(soft_limit(np.array([[2.0, 0.0, 0.0]]), reach), [[2 * limited, 0, 0]])
+    np.testing.assert_allclose(soft_limit(np.array([[-1.0, 0.0, 0.0]]), reach), [[-limited, 0, 0]])
+    np.testing.assert_allclose(soft_limit(np.array([[1.2, 0.8, 0.0]]), reach), [[1.2 * limited, 0.8 * limited, 0]])
+
+
+def test_the_limit_is_never_exceeded_and_the_direction_is_kept(reach):
+    directions = random_directions(reach)
+    for length in (0.5, 0.9, 1.0, 3.0, 100.0, 1e12):
+        found = soft_limit(length * directions, reach)
+        assert in_reach(found, reach).max() <= 1 + 1e-12
+        unit = found / np.linalg.norm(found, axis=-1, keepdims=True)
+        np.testing.assert_allclose(unit, directions / np.linalg.norm(directions, axis=-1, keepdims=True), atol=1e-12)
+
+
+def test_the_limit_is_monotone_and_smooth_in_value_and_slope(reach):
+    lengths = np.linspace(0, 3, 30001)
+    step = lengths[1]
+    for direction in random_directions(reach, 5):
+        course = in_reach(soft_limit(lengths[:, None, None] * direction, reach), reach)[:, 0]
+        slope = np.diff(course) / step
+        assert slope.min() > 0
+        assert slope.max() <= 1 + 1e-9
+        # The slope's own slope is at most 0.77 / (1 − knee); a kink would be a jump of the slope itself.
+        assert np.abs(np.diff(slope)).max() < 1.1 * 0.77 / (1 - LIMIT_KNEE) * step
+        assert course[lengths > 2.5].min() > 0.999
+
+
+def test_the_limit_has_no_jump_between_octants(reach):
+    rng = np.random.default_rng(5)
+    for axis in range(3):
+        point = rng.normal(size=(200, 3, 3))
+        point[..., axis] = 1e-9
+        mirrored = point * np.where(np.arange(3) == axis, -1, 1)
+        np.testing.assert_allclose(soft_limit(point, reach), soft_limit(mirrored, reach), atol=1e-7)
+
+
+def test_without_a_limit_motion_is_unchanged():
+    far = np.array([[1e6, -2.0, 3.0]] * 3)
+    np.testing.assert_array_equal(soft_limit(far, UNLIMITED), far)
+
+
+def test_one_limited_axis_does_not_hold_the_others():
+    reach = UNLIMITED.copy()
+    reach[:, 1] = 0.5
+    found = soft_limit(np.array([[1e3, 0.1, -1e3]] * 3), reach)
+    np.testing.assert_array_equal(found, [[1e3, 0.1, -1e3]] * 3)

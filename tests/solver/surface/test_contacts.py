@@ -1,0 +1,254 @@
+import igl
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from solver.model import reduced_model
+from solver.model.binding import Binding
+from solver.motion.deformer import Deformer
+from solver.surface.contacts import TOUCHING, WIDE, PartSeparation, contacts
+from solver.surface.mesh import SolverMesh, weld
+
+TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+TETRAHEDRON_FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def together(*meshes):
+    """Put (vertices, faces) side by side as parts of one mesh."""
+    starts = np.cumsum([0] + [len(vertices) for vertices, _ in meshes])
+    vertices = np.concatenate([vertices for vertices, _ in meshes])
+    faces = np.concatenate([faces + start for (_, faces), start in zip(meshes, starts, strict=False)])
+    return weld(vertices, faces)
+
+
+def box(low, high, step):
+    """A closed box, its sides split into squares of about this size and turned anyhow."""
+    low, high = np.array(low, dtype=float), np.array(high, dtype=float)
+    counts = np.ceil((high - low) / step).astype(int) + 1
+    grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
+    shell = ((grid == 0) | (grid == counts - 1)).any(axis=-1)
+    number = np.full(counts, -1)
+    number[shell] = np.arange(shell.sum())
+    faces = []
+    for axis in range(3):
+        for end in (0, -1):
+            plane = np.take(number, end, axis=axis)
+            a, b, c, d = plane[:-1, :-1], plane[1:, :-1], plane[1:, 1:], plane[:-1, 1:]
+            quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
+            faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+    return low + grid[shell] / (counts - 1) * (high - low), np.concatenate(faces)
+
+
+def sphere(center, radius, rounds=2):
+    vertices, faces = igl.icosahedron()
+    for _ in range(rounds):
+        vertices, faces = igl.upsample(vertices, faces)
+    return np.array(center) + radius * vertices / np.linalg.norm(vertices, axis=1, keepdims=True), faces
+
+
+def groups(mesh, ties):
+    n = len(mesh.vertices)
+    a, b = np.concatenate([mesh.edges, ties.links]).T
+    return connected_components(coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[0]
+
+
+def apart(mesh, ties):
+    """Rest distance over each contact."""
+    partner = np.einsum("kc,kcx->kx", ties.blend, mesh.vertices[ties.corners])
+    return np.linalg.norm(mesh.vertices[ties.vertices] - partner, axis=1)
+
+
+def deformed(mesh, handles, targets):
+    model = reduced_model.build(mesh)
+    return Binding.of_solver_mesh(model, mesh).vertices(Deformer(model, mesh, handles, iterations=20).step(targets))
+
+
+def test_a_mesh_of_one_part_has_no_contacts_and_does_not_come_apart(creature):
+    assert len(contacts(creature).vertices) == 0
+    measure = PartSeparation(creature)
+    measure.add((3 * creature.vertices)[:, :, None])
+    assert measure.worst == 0
+
+
+def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_its_surface():
+    """Two boxes, one pushed into the other; libigl says what is near."""
+    one, other = box([0, 0, 0], [1, 1, 1], 0.11), box([0.3, 0.98, 0.2], [0.8, 1.9, 0.7], 0.07)
+    mesh = together(one, other)
+    ties = contacts(mesh)
+    touching = TOUCHING * mesh.diagonal
+    expected = {}
+    for (v, _), start, (others, faces) in ((one, 0, other), (other, len(one[0]), one)):
+        square, _, nearest = igl.point_mesh_squared_distance(v, others, faces)
+        near = np.flatnonzero(square < touching**2)
+        expected |= {start + i: nearest[i] for i in near}
+    assert len(expected) >= 20
+    found = dict(zip(ties.vertices, np.einsum("kc,kcx->kx", ties.blend, mesh.vertices[ties.corners]), strict=True))
+    assert expected.keys() == set(ties.vertices[ties.gap == 0])
+    np.testing.assert_allclose([found[v] for v in expected], list(expected.values()), atol=1e-12)
+    assert np.all(mesh.components[ties.vertices, None] != mesh.components[ties.corners])
+
+
+def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
+    """A post stuck deep into a block: none of its vertices is near the block's surface."""
+    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4))
+    ties = contacts(mesh)
+    of_post = mesh.components[ties.vertices] == 1
+    low = (mesh.components == 1) & (mesh.vertices[:, 1] < 1)
+    np.testing.assert_array_equal(np.sort(ties.vertices[of_post]), np.flatnonzero(low))
+    np.testing.assert_allclose(ties.gap[of_post], 0.15)
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1000.0, 0.0), (0.001, 5.0)])
+def test_contacts_do_not_depend_on_scale_or_place(scale, offset):
+    mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), sphere([0.5, 0.6, 1.1], 0.2), sphere([0.5, 1.5, 0.5], 0.2))
+    there = SolverMesh(scale * mesh.vertices + offset, mesh.faces, mesh.of_render)
+    here, found = contacts(mesh), contacts(there)
+    np.testing.assert_array_equal(found.vertices, here.vertices)
+    np.testing.assert_allclose(apart(there, found), scale * apart(mesh, here), rtol=0, atol=1e-9 * there.diagonal)
+    np.testing.assert_allclose(found.gap, scale * here.gap, atol=1e-9 * there.diagonal)
+
+
+def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it():
+    ball, far = sphere([0.0, 0, 1.6], 0.45, rounds=3), box([5, 5, 5], [6, 6, 6], 0.5)
+    mesh = together(box([-1, -1, 0], [1, 1, 1], 0.2), ball, far)
+    ties = contacts(mesh)
+    to_box = (mesh.components[ties.vertices] == 1) & (mesh.components[ties.corners[:, 0]] == 0)
+    height = ball[0][:, 2] - 1
+    reach = WIDE * height.min() + TOUCHING * mesh.diagonal
+    np.testing.assert_array_equal(np.sort(ties.vertices[to_box]), np.flatnonzero(mesh.components == 1)[height <= reach])
+    np.testing.assert_allclose(ties.gap[to_box], mesh.vertices[ties.vertices[to_box], 2] - 1)
+    assert groups(mesh, ties) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_that_meet_at_a_point_are_tied_there(seed):
+    """Two boxes, corner to corner, the one welded to the other."""
+    (lower, faces), (upper, _) = box([0, 0, 0], [1, 1, 1], 0.25), box([1, 1, 1], [2, 2, 2], 0.25)
+    both = np.random.default_rng(seed).permutation(np.concatenate([faces, faces + len(lower)]))
+    mesh = weld(np.concatenate([lower, upper]), both)
+    ties = contacts(mesh)
+    assert mesh.parts == 2
+    np.testing.assert_array_equal(np.sort(ties.vertices), np.flatnonzero((mesh.vertices == 1).all(axis=1)))
+    np.testing.assert_allclose(apart(mesh, ties), 0, atol=1e-12)
+    np.testing.assert_array_equal(ties.gap, 0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_whatever_lies_about_is_tied_into_one(seed):
+    rng = np.random.default_rng(seed)
+    places = rng.normal(size=(300, 3)) * rng.choice([2.0, 20.0])
+    mesh = together(*((place + rng.uniform(0.1, 2) * TETRAHEDRON, TETRAHEDRON_FACES) for place in places))
+    assert groups(mesh, contacts(mesh)) == 1
+
+
+def test_thousands_of_loose_triangles_are_tied_into_one(figure):
+    corners = figure.vertices[figure.faces]
+    middle = corners.mean(axis=1, keepdims=True)
+    loose = (middle + 0.8 * (corners - middle)).reshape(-1, 3)
+    mesh = SolverMesh(loose, np.arange(len(loose)).reshape(-1, 3), np.arange(len(loose)))
+    assert mesh.parts > 1500
+    ties = contacts(mesh)
+    assert groups(mesh, ties) == 1
+    assert len(ties.vertices) < 4 * len(loose)
+
+
+# --- limbs at rest against the trunk
+
+
+@pytest.fixture(scope="module")
+def arm_at_the_side():
+    """A trunk, and an arm that is stuck into it at the shoulder and hangs down its side with a gap of 0.3 %."""
+    gap = 0.003 * np.sqrt(1 + 4 + 0.25)
+    trunk, arm = box([0, 0, 0], [0.5, 2, 0.5], 0.08), box([0.5 + gap, 0.3, 0.1], [0.7, 1.9, 0.3], 0.05)
+    shoulder = (arm[0][:, 1] > 1.7) & (arm[0][:, 0] < 0.55)
+    arm[0][shoulder, 0] -= 0.05
+    return together(trunk, arm)
+
+
+def test_an_arm_that_hangs_beside_the_trunk_is_tied_at_the_shoulder_only(arm_at_the_side):
+    mesh = arm_at_the_side
+    assert np.linalg.norm(np.ptp(mesh.vertices, axis=0)) == pytest.approx(2.2, abs=0.2)
+    height = mesh.vertices[contacts(mesh).vertices, 1]
+    assert height.max() > 1.7
+    assert height.min() > 1.7 - 0.5 * 0.2 * mesh.diagonal - 0.2
+    assert height.min() > 1.2
+
+
+def test_that_arm_can_be_raised_without_the_hip(arm_at_the_side):
+    mesh = arm_at_the_side
+    handles = np.array([[0.25, 0.0, 0.25], [0.25, 2.0, 0.25], [0.6, 0.3, 0.2]])
+    raised = handles + np.array([[0, 0, 0], [0, 0, 0], [0.4, 0.1, 0.0]])
+    moved = np.linalg.norm(deformed(mesh, handles, raised) - mesh.vertices, axis=1)
+    hip = (mesh.components == 0) & (mesh.vertices[:, 1] < 0.8)
+    hand = (mesh.components == 1) & (mesh.vertices[:, 1] < 0.35)
+    assert moved[hand].min() > 0.3
+    assert moved[hip].max() < 0.1
+
+
+def test_parts_that_only_face_each_other_are_tied_all_the_same():
+    """A head on a neck, with a gap between them: nothing else holds it."""
+    mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), box([0.2, 1.005, 0.2], [0.8, 1.6, 0.8], 0.1))
+    ties = contacts(mesh)
+    assert 0 < apart(mesh, ties).max() < TOUCHING * mesh.diagonal
+    bottom = np.count_nonzero((mesh.components == 1) & (mesh.vertices[:, 1] < 1.01))
+    assert np.count_nonzero(mesh.components[ties.vertices] == 1) == bottom
+
+
+# --- do they stay together
+
+
+def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
+    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.25, 0.999, 0.25], [0.75, 2, 0.75], 0.25))
+    measure = PartSeparation(mesh)
+    measure.add((mesh.vertices)[:, :, None])
+    assert measure.worst == pytest.approx(0.001 / mesh.diagonal)
+    upper = mesh.components[:, None] == 1
+    for lift in (0.02, 0.05, 0.03):
+        measure.add((mesh.vertices + lift * upper * [0, 1, 0])[:, :, None])
+    assert measure.worst == pytest.approx(0.05 / mesh.diagonal)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [sphere([0.5, 1.8, 0.5], 0.3), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4)],
+    ids=["floats free", "is stuck deep into the other"],
+)
+def test_separation_does_not_see_what_does_not_touch_at_rest(other):
+    block, touching = box([0, 0, 0], [1, 1, 1], 0.25), box([0.2, -1, 0.2], [0.8, 0, 0.8], 0.2)
+    mesh = together(block, other, touching)
+    number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
+    measure = PartSeparation(mesh)
+    measure.add((mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])[:, :, None])
+    assert measure.worst == pytest.approx(0, abs=1e-12)
+    measure.add((mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])[:, :, None])
+    assert measure.worst == pytest.approx(0.1 / mesh.diagonal)
+
+
+def test_rigid_motion_separates_nothing(turn):
+    mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), sphere([0.5, 1.25, 0.5], 0.3), sphere([3.0, 1, 0], 0.2))
+    rest, moved = PartSeparation(mesh), PartSeparation(mesh)
+    rest.add((mesh.vertices)[:, :, None])
+    moved.add((mesh.vertices @ turn(3, 70) + [4.0, -3, 2])[:, :, None])
+    assert moved.worst == pytest.approx(rest.worst, abs=1e-12)
+
+
+def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
+    """Held to a tenth of the 1 % of the diagonal that a viewer would see, beyond what they are apart at rest."""
+    mesh = together(
+        (figure.vertices, figure.faces),
+        sphere([-0.08, 1.98, 0.37], 0.05, rounds=1),
+        sphere([0.08, 1.98, 0.37], 0.05, rounds=1),
+        box([-0.2, 2.08, 0.0], [0.2, 2.3, 0.4], 0.1),
+        box([-0.37, 0.3, -0.37], [0.37, 0.4, 0.37], 0.06),
+    )
+    tips = [
+        figure.vertices @ np.array(axis, dtype=float) for axis in ([1, 0.2, 0], [-1, 0.2, 0], [1, -3, 0], [-1, -3, 0])
+    ]
+    handles = np.array([*(figure.vertices[tip.argmax()] for tip in tips), [0.0, 2.3, 0.2]])
+    model = reduced_model.build(mesh)
+    deformer, binding = Deformer(model, mesh, handles), Binding.of_solver_mesh(model, mesh)
+    measure, rng = PartSeparation(mesh), np.random.default_rng(5)
+    for _ in range(10):
+        measure.add((binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))[:, :, None])
+    assert measure.worst < TOUCHING + 0.001

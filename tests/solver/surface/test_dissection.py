@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye
+from scipy.sparse.linalg import splu
+
+from solver.surface.dissection import LEAF, nested_dissection
+
+
+def operator(edges, count):
+    """A diagonally dominant matrix with entries at edges."""
+    a, b = np.asarray(edges).T
+    links = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    links = csr_matrix(links + links.T)
+    return csr_matrix(10 * max(1, links.sum(axis=1).max()) * eye(count) - links)
+
+
+def grid(size):
+    number = np.arange(size * size).reshape(size, size)
+    pairs = [(number[1:], number[:-1]), (number[:, 1:], number[:, :-1]), (number[1:, 1:], number[:-1, :-1])]
+    edges = np.concatenate([np.column_stack([a.ravel(), b.ravel()]) for a, b in pairs])
+    places = np.stack(np.meshgrid(*[np.arange(float(size))] * 2, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    return operator(edges, size * size), places
+
+
+def fill(A, order):
+    B = csc_matrix(A[order][:, order])
+    return splu(B, permc_spec="NATURAL", options={"SymmetricMode": True}).nnz
+
+
+def shuffle(A, places, seed=0):
+    order = np.random.default_rng(seed).permutation(len(places))
+    return csr_matrix(A[order][:, order]), places[order]
+
+
+def dissection(A, places):
+    return nested_dissection(A.indptr, A.indices, places)
+
+
+@pytest.mark.parametrize("places", ["own", "random", "one", "line"])
+def test_every_vertex_stands_there_once_wherever_it_is(places):
+    A, own = shuffle(*grid(30))
+    rng = np.random.default_rng(1)
+    others = {"random": rng.normal(size=own.shape), "one": np.ones(own.shape), "line": own * [1, 0, 0]}
+    order = dissection(A, others.get(places, own))
+    np.testing.assert_array_equal(np.sort(order), np.arange(900))
+
+
+def test_the_halves_of_a_grid_do_not_touch_before_the_last_row():
+    """The first cut takes one row or diagonal of 40 × 40 vertices out; what comes before it falls into two halves."""
+    A, places = shuffle(*grid(40))
+    order = dissection(A, places)
+    middle = places[order[-40:]]
+    assert min(np.ptp(middle[:, 0]), np.ptp(middle[:, 1])) == 0
+    rest = order[:-40]
+    first = rest[:760] if A[rest[:760]][:, rest[760:]].nnz == 0 else rest[:800]
+    assert A[first][:, np.setdiff1d(rest, first)].nnz == 0
+
+
+def test_a_grid_fills_in_little_more_than_by_minimum_degree_and_much_less_than_row_by_row():
+    A, places = shuffle(*grid(120))
+    best = splu(csc_matrix(A), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).nnz
+    rows = np.lexsort(places.T)
+    assert fill(A, dissection(A, places)) < min(1.7 * best, fill(A, rows) / 3)
+
+
+def test_a_tube_of_long_needles_is_cut_along_them():
+    """Every plane across the longest axis cuts all needles: the other axes are tried."""
+    count = 3000
+    angles = np.linspace(0, 2 * np.pi, count + 1)[:-1]
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    places = np.concatenate([np.column_stack([ring, np.full(count, z)]) for z in (-50.0, 50.0)])
+    here, there = np.arange(count), (np.arange(count) + 1) % count
+    edges = np.concatenate(
+        [np.column_stack(pair) for pair in ((here, there), (here + count, there + count), (here, here + count))]
+    )
+    A = operator(edges, 2 * count)
+    assert fill(A, dissection(A, places)) < 40 * 2 * count
+
+
+def test_a_hub_of_all_vertices_comes_last():
+    count = 1000
+    places = np.random.default_rng(0).normal(size=(count, 3))
+    A = operator(np.column_stack([np.zeros(count - 1, dtype=int), np.arange(1, count)]), count)
+    order = dissection(A, places)
+    assert fill(A, order) < 2 * LEAF * count
+
+
+def test_nothing_and_a_single_vertex_have_an_order():
+    for count in (0, 1):
+        empty = csr_matrix((count, count))
+        assert dissection(empty, np.zeros((count, 3))).tolist() == list(range(count))

@@ -1,0 +1,385 @@
+import igl
+import numpy as np
+import pytest
+
+from puppetline.errors import MeshError
+from solver.model import reduced_model
+from solver.surface import mesh as solver_mesh
+from solver.surface.mesh import Repairs, SolverMesh, snap, weld
+
+CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+CUBE = np.concatenate([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
+
+TRIANGLE = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]), np.arange(3))
+
+
+COARSE = solver_mesh.LEAST_VERTICES
+
+
+@pytest.fixture(autouse=True)
+def small_meshes(monkeypatch):
+    """Leave meshes as coarse as they are, so that a cube can show what welding does."""
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", 0)
+
+
+def split_cube():
+    """A cube as game assets have it: each side with its own four vertices."""
+    positions = CORNERS[QUADS].reshape(-1, 3)
+    quads = np.arange(24).reshape(6, 4)
+    return positions, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def test_split_vertices_are_welded_and_every_render_vertex_keeps_its_place():
+    positions, triangles = split_cube()
+    mesh = weld(positions, triangles)
+    assert mesh.vertices.shape == (8, 3)
+    assert mesh.edges.shape == (18, 2)
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], positions[triangles])
+    assert mesh.components.max() == 0
+
+
+def test_welded_vertices_keep_the_order_of_the_file():
+    order = np.random.default_rng(0).permutation(8)
+    mesh = weld(CORNERS[order], np.argsort(order)[CUBE])
+    np.testing.assert_array_equal(mesh.vertices, CORNERS[order])
+    np.testing.assert_array_equal(mesh.of_render, np.arange(8))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_seams_with_the_rounding_of_float32_are_welded(seed):
+    rng = np.random.default_rng(seed)
+    positions, triangles = split_cube()
+    positions = positions @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.normal(size=3)
+    noisy = positions + rng.uniform(-1e-7, 1e-7, positions.shape)
+    mesh = weld(noisy, triangles)
+    assert len(mesh.vertices) == 8
+    np.testing.assert_allclose(mesh.vertices[mesh.of_render], positions, rtol=0, atol=1e-6)
+
+
+def test_vertices_ten_tolerances_apart_stay_apart():
+    positions, triangles = split_cube()
+    positions[:4] -= [1e-5 * np.sqrt(3), 0, 0]
+    assert len(weld(positions, triangles).vertices) == 12
+
+
+def test_the_result_does_not_depend_on_scale_or_place():
+    positions, triangles = split_cube()
+    rng = np.random.default_rng(1)
+    for scale in (1e-6, 1.0, 1e6):
+        offset = scale * rng.normal(size=3)
+        mesh = weld(scale * positions + offset, triangles)
+        np.testing.assert_array_equal(mesh.faces, weld(positions, triangles).faces)
+        np.testing.assert_allclose(
+            mesh.vertices,
+            scale * CORNERS[QUADS].reshape(-1, 3)[[0, 1, 2, 3, 4, 5, 6, 7]] + offset,
+            rtol=0,
+            atol=1e-9 * scale,
+        )
+
+
+def test_isolated_vertices_follow_the_nearest_of_the_surface():
+    loose = np.array([[1.2, 1.1, 1.0], [-0.4, 0.1, 0.9], [0.9, -3.0, 0.2]])
+    mesh = weld(np.concatenate([loose, CORNERS]), CUBE + 3)
+    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render[:3]], [[1, 1, 1], [0, 0, 1], [1, 0, 0]])
+
+
+def test_an_isolated_vertex_far_away_does_not_coarsen_the_welding():
+    mesh = weld(np.concatenate([CORNERS, [[1e9, 0.0, 0.0]]]), CUBE)
+    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+    np.testing.assert_array_equal(mesh.faces, CUBE)
+    assert mesh.diagonal == pytest.approx(np.sqrt(3))
+
+
+def test_degenerate_and_double_faces_are_dropped():
+    middle = np.array([[0.5, 0.0, 0.0]])  # on the edge from corner 0 to corner 4
+    extra = [[0, 0, 5], [0, 8, 4], CUBE[3], CUBE[3][[1, 2, 0]], CUBE[3][::-1]]
+    mesh = weld(np.concatenate([CORNERS, middle]), np.concatenate([[extra[0]], CUBE, extra[1:]]))
+    np.testing.assert_array_equal(mesh.faces, CUBE)
+    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+
+
+def test_faces_that_collapse_when_their_corners_are_welded_are_dropped():
+    positions = np.concatenate([CORNERS, CORNERS[[3]]])
+    mesh = weld(positions, np.concatenate([CUBE, [[3, 8, 1]]]))
+    np.testing.assert_array_equal(mesh.faces, CUBE)
+
+
+def test_what_was_repaired_is_counted_and_told():
+    middle, loose = [[0.5, 0.0, 0.0]], [[3.0, 3, 3], [4.0, 4, 4]]
+    positions = np.concatenate([CORNERS, middle, loose, CORNERS[[2, 5, 5]]])
+    faces = np.concatenate([[[0, 8, 4], [0, 4, 4]], CUBE, CUBE[[3, 7, 7]], [[1, 12, 13]]])
+    faces[faces == 2] = 11
+    mesh = weld(positions, faces)
+    assert mesh.repairs == Repairs(welded=2, degenerate=3, doubled=3, isolated=4)
+    assert mesh.repairs.describe() == [
+        "2 vertices that share a place with another are welded to it",
+        "3 faces without area are left out",
+        "3 doubled faces are left out",
+        "4 vertices that belong to no face follow the nearest surface",
+    ]
+
+
+def test_a_mesh_that_is_fine_needs_no_repair(figure):
+    mesh = weld(figure.vertices, figure.faces)
+    assert mesh.repairs == Repairs()
+    assert mesh.repairs.describe() == []
+    np.testing.assert_array_equal(mesh.faces, figure.faces)
+    np.testing.assert_array_equal(mesh.vertices, figure.vertices)
+
+
+# --- parts that meet at a point
+
+
+TWO_CUBES = np.concatenate([CORNERS, CORNERS + 1])  # the last corner of the one is the first of the other
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_that_meet_at_a_point_each_have_a_vertex_there(seed):
+    faces = np.random.default_rng(seed).permutation(np.concatenate([CUBE, CUBE + 8]))
+    mesh = weld(TWO_CUBES, faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], TWO_CUBES[faces])
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], TWO_CUBES)
+    np.testing.assert_array_equal(mesh.of_render[faces], mesh.faces)
+    assert mesh.repairs == Repairs()
+
+
+def test_a_render_vertex_of_two_parts_follows_one_of_them():
+    faces = np.concatenate([CUBE, np.array([7, *range(8, 15)])[CUBE]])
+    positions = np.concatenate([CORNERS, CORNERS[1:] + 1])
+    mesh = weld(positions, faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], positions[faces])
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert mesh.repairs == Repairs()
+
+
+def test_the_other_side_of_a_two_sided_part_follows_the_same_part():
+    faces = np.concatenate([CUBE, CUBE + 8, CUBE[:, ::-1] + 16, CUBE[:, ::-1] + 24])
+    mesh = weld(np.concatenate([TWO_CUBES, TWO_CUBES]), faces)
+    assert (mesh.parts, len(mesh.vertices)) == (2, 16)
+    np.testing.assert_array_equal(mesh.of_render[16:], mesh.of_render[:16])
+    assert mesh.repairs == Repairs(welded=16, doubled=24)
+
+
+def test_parts_that_share_an_edge_are_one():
+    shifted = CORNERS + np.array([1, 1, 0])
+    mesh = weld(np.concatenate([CORNERS, shifted]), np.concatenate([CUBE, CUBE + 8]))
+    assert (mesh.parts, len(mesh.vertices), mesh.nonmanifold_edges) == (1, 14, 1)
+    assert mesh.repairs == Repairs(welded=2)
+
+
+def test_an_eye_welded_to_the_head_at_a_point_is_a_part(real_mesh):
+    mesh = real_mesh("suzanne.obj")
+    assert (mesh.parts, len(mesh.vertices)) == (3, 507)
+
+
+# --- which side is out
+
+
+def sides(mesh):
+    """Corner positions of each face, beginning with the smallest index: equal for faces turned the same way."""
+    first = mesh.faces.argmin(axis=1)[:, None]
+    return np.take_along_axis(mesh.faces, (first + np.arange(3)) % 3, axis=1)
+
+
+def flipped(faces, chosen):
+    return np.where(chosen[:, None], faces[:, ::-1], faces)
+
+
+def dome(figure):
+    """The upper part of the figure, open below."""
+    return figure.faces[(figure.vertices[figure.faces][:, :, 1] > 1.3).all(axis=1)]
+
+
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.9, 1.0])
+def test_a_closed_surface_faces_outwards_whatever_the_file_says(figure, share):
+    chosen = np.random.default_rng(0).random(len(figure.faces)) < share
+    mesh = weld(figure.vertices, flipped(figure.faces, chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(figure))
+    assert mesh.repairs == Repairs(turned=int(chosen.sum()))
+
+
+@pytest.mark.parametrize("inwards", [False, True])
+def test_an_open_surface_keeps_the_side_that_most_of_it_has_in_the_file(figure, inwards):
+    faces = dome(figure)[:, ::-1] if inwards else dome(figure)
+    chosen = np.random.default_rng(1).random(len(faces)) < 0.15
+    mesh, whole = weld(figure.vertices, flipped(faces, chosen)), weld(figure.vertices, faces)
+    np.testing.assert_array_equal(sides(mesh), sides(whole))
+    assert mesh.repairs.turned == chosen.sum()
+    assert whole.repairs.turned == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_open_surface_of_two_minds_bulges_outwards(figure, seed):
+    chosen = np.random.default_rng(seed).random(len(dome(figure))) < 0.5
+    mesh = weld(figure.vertices, flipped(dome(figure), chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(weld(figure.vertices, dome(figure))))
+
+
+def test_each_part_is_turned_by_itself(figure):
+    beside = figure.vertices + np.array([9.0, 0, 0])
+    faces = np.concatenate([figure.faces[:, ::-1], figure.faces + len(beside)])
+    mesh = weld(np.concatenate([figure.vertices, beside]), faces)
+    assert mesh.parts == 2
+    assert mesh.repairs.turned == len(figure.faces)
+    np.testing.assert_array_equal(sides(mesh)[: len(figure.faces)], sides(figure))
+
+
+def test_neighbours_agree_around_an_edge_of_three_faces(figure):
+    """A fin on an edge of the figure, and faces turned at random."""
+    a, b = figure.edges[100]
+    tip = figure.vertices[[a, b]].mean(axis=0) * 1.5
+    faces = np.concatenate([figure.faces, [[a, b, len(figure.vertices)]]])
+    chosen = np.random.default_rng(2).random(len(faces)) < 0.3
+    mesh = weld(np.concatenate([figure.vertices, [tip]]), flipped(faces, chosen))
+    assert mesh.nonmanifold_edges == 1
+    assert mesh.border_edges == 2
+    np.testing.assert_array_equal(sides(mesh)[:-1], sides(figure))
+
+
+def test_a_surface_with_one_side_only_is_no_obstacle():
+    """A Möbius strip has no outside to agree on."""
+    angle = np.linspace(0, 2 * np.pi, 30, endpoint=False)
+    rims = [
+        np.column_stack([np.cos(angle), np.sin(angle), np.zeros(30)]) * (1 + s * np.cos(angle / 2))[:, None]
+        + s * np.sin(angle / 2)[:, None] * [0, 0, 1]
+        for s in (-0.3, 0.3)
+    ]
+    here = np.arange(30)
+    there, across, far = (here + 1) % 30, here + 30, (here + 1) % 30 + 30
+    there[-1], far[-1] = 30, 0
+    faces = np.concatenate([np.column_stack([here, across, there]), np.column_stack([across, far, there])])
+    mesh = weld(np.concatenate(rims), faces)
+    np.testing.assert_array_equal(np.sort(mesh.faces, axis=1), np.sort(faces, axis=1))
+    assert mesh.border_edges == 60
+    assert mesh.parts == 1
+
+
+def test_normals_stay_outwards_far_from_the_origin(figure):
+    offset = np.array([1e6, -2e6, 5e5])
+    chosen = np.random.default_rng(3).random(len(figure.faces)) < 0.5
+    mesh = weld(figure.vertices + offset, flipped(figure.faces, chosen))
+    np.testing.assert_array_equal(sides(mesh), sides(figure))
+    np.testing.assert_array_equal(mesh.of_render, np.arange(len(figure.vertices)))
+
+
+# --- too coarse
+
+
+def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monkeypatch):
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    positions, triangles = split_cube()
+    mesh = weld(positions, triangles)
+    assert len(mesh.vertices) == 386
+    np.testing.assert_array_equal(mesh.vertices[mesh.of_render], positions)
+    assert (mesh.parts, mesh.border_edges, mesh.nonmanifold_edges) == (1, 0, 0)
+    assert mesh.repairs == Repairs(welded=16, split=12 * 64 - 12)
+    corners = mesh.vertices[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1 / 64)
+    assert np.all(np.einsum("tx,tx->t", normals, corners.mean(axis=1) - 0.5) > 0)
+
+
+@pytest.mark.parametrize("name", ["joined_tetrahedra", "negative_indices", "not_convex"])
+def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, surface, name):
+    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    mesh = real_mesh(f"nasty/{name}.obj")
+    model = reduced_model.build(mesh)
+    np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)
+    assert len(mesh.vertices) >= COARSE
+
+
+def test_diagonal_edges_and_components_of_two_cubes():
+    mesh = weld(np.concatenate([CORNERS, CORNERS + np.array([3, 0, 0])]), np.concatenate([CUBE, CUBE + 8]))
+    assert mesh.diagonal == pytest.approx(np.sqrt(16 + 1 + 1))
+    assert len(mesh.edges) == 36
+    assert np.all(mesh.edges[:, 0] < mesh.edges[:, 1])
+    np.testing.assert_array_equal(mesh.components, np.repeat([0, 1], 8))
+
+
+def positions_with(value):
+    positions = CORNERS.copy()
+    positions[5, 1] = value
+    return positions
+
+
+@pytest.mark.parametrize(
+    ("positions", "triangles", "found", "expected"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3)), "0 vertices and 0 triangles", "a triangle surface"),
+        (CORNERS, np.zeros((0, 3)), "8 vertices and 0 triangles", "a triangle surface"),
+        (positions_with(np.nan), CUBE, "not a finite number at vertex 5", "finite coordinates"),
+        (positions_with(-np.inf), CUBE, "not a finite number at vertex 5", "finite coordinates"),
+        (CORNERS, [[0, 1, 2], [0, 8, 1]], "vertex index 8 in triangle 1", "indices from 0 to 7"),
+        (CORNERS, [[0, 1, -2], [0, 3, 1]], "vertex index -2 in triangle 0", "indices from 0 to 7"),
+        (np.ones((8, 3)), CUBE, "all vertices at one point", "a surface with an extent"),
+        (
+            np.concatenate([np.ones((8, 3)), [[2.0, 2, 2]]]),
+            CUBE,
+            "all vertices at one point",
+            "a surface with an extent",
+        ),
+        (CORNERS, CUBE[:3], "3 faces with an area", "at least 4 triangles"),
+        (CORNERS * [1, 0, 0], CUBE, "0 faces with an area", "at least 4 triangles"),
+        (CORNERS, np.repeat(CUBE[:1], 9, axis=0), "1 faces with an area", "at least 4 triangles"),
+    ],
+)
+def test_what_is_no_surface_is_refused_with_a_message_that_says_all(positions, triangles, found, expected):
+    with pytest.raises(MeshError) as caught:
+        weld(positions, np.asarray(triangles, dtype=np.int64), name="dragon.glb")
+    assert caught.value.where == "dragon.glb"
+    assert found in caught.value.found
+    assert expected in caught.value.expected
+    assert caught.value.fix
+    assert str(caught.value).startswith("dragon.glb: found ")
+
+
+@pytest.mark.parametrize(
+    ("point", "blend"),
+    [
+        ([0.2, 0.3, 5.0], [0.5, 0.2, 0.3]),  # above the inside
+        ([0.5, -1.0, 2.0], [0.5, 0.5, 0.0]),  # nearest to an edge
+        ([1.0, 1.0, 0.0], [0.0, 0.5, 0.5]),  # nearest to the long edge
+        ([3.0, -1.0, 0.0], [0.0, 1.0, 0.0]),  # nearest to a vertex
+        ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]),  # a vertex itself
+    ],
+)
+def test_snap_gives_barycentric_coordinates_of_the_nearest_surface_point(point, blend):
+    corners, found = snap(TRIANGLE, np.array([point]))
+    np.testing.assert_array_equal(corners, [[0, 1, 2]])
+    np.testing.assert_allclose(found, [blend], atol=1e-12)
+
+
+def test_snap_takes_a_point_outside_to_the_face_it_is_over():
+    mesh = weld(CORNERS, CUBE)
+    points = np.array([[0.3, 0.6, 7.0], [-2.0, 0.25, 0.5], [0.9, 0.5, 0.4]])
+    corners, blend = snap(mesh, points)
+    nearest = np.einsum("hc,hcx->hx", blend, mesh.vertices[corners])
+    np.testing.assert_allclose(nearest, [[0.3, 0.6, 1.0], [0.0, 0.25, 0.5], [1.0, 0.5, 0.4]], atol=1e-12)
+    np.testing.assert_allclose(blend.sum(axis=1), 1.0, atol=1e-12)
+
+
+def test_snap_is_no_farther_than_any_point_of_a_dense_sample(figure):
+    rng = np.random.default_rng(3)
+    points = rng.uniform(figure.vertices.min(axis=0), figure.vertices.max(axis=0), (20, 3))
+    corners, blend = snap(figure, points)
+    nearest = np.einsum("hc,hcx->hx", blend, figure.vertices[corners])
+    assert blend.min() >= -1e-9
+    shares = rng.dirichlet(np.ones(3), (len(figure.faces), 20))
+    sample = (shares @ figure.vertices[figure.faces]).reshape(-1, 3)
+    for point, distance in zip(points, np.linalg.norm(nearest - points, axis=1), strict=True):
+        assert distance <= np.linalg.norm(sample - point, axis=1).min() + 1e-12
+
+
+def test_snap_finds_what_a_search_of_the_whole_surface_finds(figure):
+    rng = np.random.default_rng(3)
+    near = figure.vertices[rng.integers(0, len(figure.vertices), 50)] + 0.05 * rng.normal(size=(50, 3))
+    for points in (near, 5 * rng.normal(size=(50, 3)), near[:1]):
+        expected = igl.point_mesh_squared_distance(points, figure.vertices, figure.faces)[2]
+        corners, blend = snap(figure, points)
+        found = np.einsum("hc,hcx->hx", blend, figure.vertices[corners])
+        np.testing.assert_allclose(found, expected.reshape(-1, 3), rtol=0, atol=1e-12)

@@ -1,0 +1,68 @@
+import igl
+import numpy as np
+import pytest
+
+from solver.surface.surface_tree import SurfaceTree
+
+FAR = np.full(400, np.inf)
+
+
+def scattered(seed, count=300, size=0.2):
+    """Triangles strewn about, some of them needles, each with one of five labels."""
+    rng = np.random.default_rng(seed)
+    triangles = rng.normal(size=(count, 1, 3)) + size * rng.normal(size=(count, 3, 3))
+    triangles[::10, 2] = triangles[::10, :2].mean(axis=1) + 1e-9
+    return triangles, rng.integers(0, 5, count), rng.normal(scale=1.5, size=(400, 3)), rng.integers(0, 5, 400)
+
+
+def reference(triangles, of_triangle, points, of_point):
+    """Ask libigl for each label by itself."""
+    distance = np.empty(len(points))
+    for label in np.unique(of_point):
+        others = triangles[of_triangle != label]
+        asking = of_point == label
+        faces = np.arange(3 * len(others)).reshape(-1, 3)
+        distance[asking] = np.sqrt(igl.point_mesh_squared_distance(points[asking], others.reshape(-1, 3), faces)[0])
+    return distance
+
+
+@pytest.mark.parametrize("count", [10, 255, 256, 257, 3000])
+def test_distances_to_other_labels_are_those_of_libigl(count):
+    triangles, of_triangle, points, of_point = scattered(count, count)
+    found, blend, distance = SurfaceTree(triangles).nearest(points, of_point, of_triangle, FAR)
+    np.testing.assert_allclose(distance, reference(triangles, of_triangle, points, of_point), rtol=0, atol=1e-9)
+    assert np.all(of_triangle[found] != of_point)
+    nearest = np.einsum("nc,ncx->nx", blend, triangles[found])
+    np.testing.assert_allclose(np.linalg.norm(nearest - points, axis=1), distance, rtol=0, atol=1e-9)
+    assert blend.min() >= -1e-9
+    np.testing.assert_allclose(blend.sum(axis=1), 1, atol=1e-12)
+
+
+def test_what_is_farther_than_wanted_is_not_found():
+    triangles, of_triangle, points, of_point = scattered(1)
+    everywhere = SurfaceTree(triangles).nearest(points, of_point, of_triangle, FAR)
+    within = np.random.default_rng(0).uniform(0.0, 0.6, 400)
+    found, blend, distance = SurfaceTree(triangles).nearest(points, of_point, of_triangle, within)
+    near = everywhere[2] < within
+    assert 50 < near.sum() < 350
+    np.testing.assert_array_equal(found, np.where(near, everywhere[0], -1))
+    np.testing.assert_array_equal(distance, np.where(near, everywhere[2], np.inf))
+    np.testing.assert_array_equal(blend, np.where(near[:, None], everywhere[1], 0))
+
+
+def test_where_all_surface_has_the_label_of_the_point_there_is_none():
+    triangles, _, points, _ = scattered(2, 5)
+    found, _, distance = SurfaceTree(triangles).nearest(points, np.zeros(400, dtype=int), np.zeros(5, dtype=int), FAR)
+    np.testing.assert_array_equal(found, -1)
+    np.testing.assert_array_equal(distance, np.inf)
+
+
+def test_a_single_triangle_by_hand():
+    triangle = np.array([[[0.0, 0, 0], [2, 0, 0], [0, 2, 0]]])
+    points = np.array([[0.5, 0.5, 3.0], [1.0, -4.0, 0.0], [2.0, 2.0, 1.0], [-3.0, -4.0, 0.0]])
+    found, blend, distance = SurfaceTree(triangle).nearest(
+        points, np.zeros(4, dtype=int), np.ones(1, dtype=int), FAR[:4]
+    )
+    np.testing.assert_array_equal(found, 0)
+    np.testing.assert_allclose(distance, [3, 4, np.sqrt(3), 5])
+    np.testing.assert_allclose(blend, [[0.5, 0.25, 0.25], [0.5, 0.5, 0], [0, 0.5, 0.5], [1, 0, 0]], atol=1e-12)

@@ -1,0 +1,83 @@
+import igl
+import numpy as np
+import pytest
+
+from solver.surface.tangents import slopes, tangents
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    vertices, faces = igl.icosahedron()
+    for _ in range(3):
+        vertices, faces = igl.upsample(vertices, faces)
+        vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
+    return vertices, faces.astype(np.int64)
+
+
+def measured(rest, triangles, ladder, normals, follows=None):
+    along = tangents(normals)
+    follows = np.arange(len(rest)) if follows is None else follows
+    return slopes(rest, triangles, ladder.astype(np.float32), follows, normals, along), along
+
+
+def test_tangents_and_normal_are_a_right_handed_frame():
+    normals = np.random.default_rng(0).normal(size=(1000, 3))
+    normals[:3] = np.eye(3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    frames = np.concatenate([tangents(normals), normals[:, None].astype(np.float32)], axis=1)
+    np.testing.assert_allclose(frames @ frames.transpose(0, 2, 1), np.tile(np.eye(3), (1000, 1, 1)), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.det(frames), 1, atol=1e-6)
+
+
+def test_a_normal_that_is_zero_has_no_tangents():
+    np.testing.assert_array_equal(tangents(np.zeros((2, 3))), 0)
+
+
+def test_on_a_plane_a_linear_function_has_its_own_gradient():
+    rng = np.random.default_rng(1)
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    rest = np.column_stack([x.ravel(), y.ravel(), np.zeros(30)])
+    square = np.array([[0, 1, 7], [0, 7, 6]])
+    triangles = np.concatenate([square + 6 * row + column for row in range(4) for column in range(5)])
+    gradient = rng.normal(size=(3, 8)) * [[1], [1], [0]]
+    found, along = measured(rest, triangles, rest @ gradient, np.tile([0.0, 0.0, 1.0], (30, 1)))
+    np.testing.assert_allclose(found, np.einsum("nkx,xi->nik", along, gradient), atol=1e-5)
+
+
+def test_on_a_sphere_height_rises_as_its_tangents_do(sphere):
+    vertices, faces = sphere
+    found, along = measured(vertices, faces, vertices[:, 2:], vertices)
+    np.testing.assert_allclose(found[:, 0], along[:, :, 2], atol=0.02)
+
+
+def test_vertices_split_for_a_texture_have_one_slope_and_those_at_a_hard_edge_their_own(sphere):
+    vertices, faces = sphere
+    rest, split = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+    ladder = np.sin(3 * rest)
+    whole, _ = measured(vertices, faces, np.sin(3 * vertices), vertices)
+    smooth, _ = measured(rest, split, ladder, rest, faces.ravel())
+    np.testing.assert_allclose(smooth, whole[faces.ravel()], atol=1e-5)
+
+    flat = np.cross(rest[1::3] - rest[::3], rest[2::3] - rest[::3])
+    flat = np.repeat(flat / np.linalg.norm(flat, axis=1, keepdims=True), 3, axis=0)
+    hard, along = measured(rest, split, ladder, flat, faces.ravel())
+    corners, t = rest.reshape(-1, 3, 3), ladder.reshape(-1, 3, 3)
+    for corner in range(3):
+        for edge in (1, 2):
+            step = corners[:, edge] - corners[:, 0]
+            components = np.einsum("nkx,nx->nk", along[corner::3].astype(np.float64), step)
+            rise = np.einsum("nik,nk->ni", hard[corner::3], components)
+            np.testing.assert_allclose(rise, t[:, edge] - t[:, 0], atol=1e-5)
+
+
+def test_a_vertex_without_an_area_around_it_has_no_slope():
+    rest = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [5, 5, 5]])
+    found, _ = measured(rest, np.array([[0, 1, 2]]), rest[:, :2], np.tile([0.0, 0.0, 1.0], (4, 1)))
+    np.testing.assert_array_equal(found, 0)
+
+
+def test_thousands_of_vertices_at_one_place_without_a_normal_are_done_at_once():
+    count = 200_000  # each compared with each would take minutes
+    rest = np.zeros((count, 3))
+    found, _ = measured(rest, np.zeros((0, 3), dtype=np.int64), rest[:, :1], rest, np.zeros(count, dtype=np.int64))
+    np.testing.assert_array_equal(found, 0)

@@ -1,0 +1,133 @@
+import igl
+import numpy as np
+import pytest
+
+from solver.surface.winding import edges_of, in_order, outwards, pieces, wound_alike
+
+
+def strip(count, twist):
+    """A closed band of squares, with half a turn in it or not, each triangle wound at random."""
+    low, high = 2 * np.arange(count), 2 * np.arange(count) + 1
+    after, above = np.roll(low, -1), np.roll(high, -1)
+    if twist:
+        after[-1], above[-1] = above[-1], after[-1]
+    faces = np.concatenate([np.column_stack([low, after, high]), np.column_stack([high, after, above])])
+    return shuffled(faces)
+
+
+def shuffled(faces, seed=3):
+    rng = np.random.default_rng(seed)
+    faces = faces[rng.permutation(len(faces))]
+    turned = rng.random(len(faces)) < 0.5
+    return np.where(turned[:, None], faces[:, ::-1], faces)
+
+
+def ball(first=0):
+    vertices, faces = igl.icosahedron()
+    vertices, faces = igl.upsample(vertices, faces, 2)
+    return shuffled(faces.astype(np.int64) + first, seed=first)
+
+
+def passes(faces):
+    """How often each directed edge is passed."""
+    directed = np.stack([faces.ravel(), np.roll(faces, -1, axis=1).ravel()], axis=1)
+    return np.unique(directed, axis=0, return_counts=True)[1]
+
+
+def test_closed_surfaces_pass_every_edge_once_in_each_direction():
+    faces = np.concatenate([ball(), ball(1000)])
+    wound, patch = wound_alike(faces)
+    assert (passes(wound) == 1).all()
+    np.testing.assert_array_equal(np.sort(wound, axis=1), np.sort(faces, axis=1))
+    np.testing.assert_array_equal(patch, np.repeat([0, 1], len(faces) // 2))
+    first = [0, len(faces) // 2]
+    np.testing.assert_array_equal(wound[first], faces[first])
+
+
+@pytest.mark.parametrize("make", [ball, lambda: strip(20, twist=False)], ids=["ball", "band"])
+def test_it_says_what_libigl_says(make):
+    faces = make()
+    wound, patch = wound_alike(faces)
+    theirs, their_patch = igl.bfs_orient(faces)
+    np.testing.assert_array_equal(patch, their_patch)
+    agree = [
+        np.array_equal(np.roll(a, -int(a.argmin())), np.roll(b, -int(b.argmin())))
+        for a, b in zip(wound, theirs, strict=True)
+    ]
+    assert len(set(agree)) == 1
+
+
+def test_what_has_one_side_only_stays_as_it_is():
+    faces = strip(20, twist=True)
+    wound, patch = wound_alike(faces)
+    np.testing.assert_array_equal(wound, faces)
+    assert (patch == 0).all()
+
+
+def test_three_triangles_at_an_edge_are_three_patches():
+    wound, patch = wound_alike(np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]]))
+    np.testing.assert_array_equal(patch, [0, 1, 2])
+    np.testing.assert_array_equal(wound, [[0, 1, 2], [0, 1, 3], [1, 0, 4]])
+
+
+def test_a_book_of_many_leaves_takes_no_more_than_its_leaves():
+    leaves = 200_000  # in pairs they would be 320 GB
+    faces = np.column_stack([np.zeros(leaves, np.int64), np.ones(leaves, np.int64), np.arange(leaves) + 2])
+    np.testing.assert_array_equal(wound_alike(faces)[1], np.arange(leaves))
+
+
+def test_no_triangles_are_no_patches():
+    wound, patch = wound_alike(np.zeros((0, 3), dtype=np.int64))
+    assert (wound.shape, patch.shape) == ((0, 3), (0,))
+
+
+# --- edges
+
+
+def test_each_undirected_edge_stands_once():
+    edges, of_side, faces_of_edge = edges_of(np.array([[2, 0, 1], [1, 0, 3]]))
+    assert edges.tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3]]
+    assert of_side.tolist() == [1, 0, 3, 0, 2, 4]
+    assert faces_of_edge.tolist() == [2, 1, 1, 1, 1]
+
+
+@pytest.mark.parametrize("count", [3, 4, 30, 5000])
+def test_edges_are_those_that_sorting_finds(count):
+    faces = np.random.default_rng(count).integers(0, count, (400, 3))
+    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    expected = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    for found, numpys in zip(edges_of(faces), expected, strict=True):
+        np.testing.assert_array_equal(found, numpys.reshape(found.shape))
+
+
+def test_rows_are_put_in_order_and_equal_ones_keep_theirs():
+    rows = np.random.default_rng(0).integers(0, 6, (500, 3))
+    np.testing.assert_array_equal(in_order(rows, 6), np.lexsort(rows.T[::-1]))
+
+
+def test_pieces_hang_together_at_edges_and_not_at_points():
+    faces = np.array([[0, 1, 2], [5, 6, 7], [2, 3, 4], [1, 2, 8], [6, 5, 9], [2, 1, 9], [3, 10, 4]])
+    edges, of_side, _ = edges_of(faces)
+    assert pieces(of_side, len(edges)).tolist() == [0, 1, 2, 0, 1, 0, 2]
+
+
+def test_no_faces_have_no_edges_and_no_pieces():
+    edges, of_side, faces_of_edge = edges_of(np.zeros((0, 3), dtype=np.int64))
+    assert (edges.shape, len(of_side), len(faces_of_edge)) == ((0, 2), 0, 0)
+    assert len(pieces(of_side, 0)) == 0
+
+
+# --- outwards
+
+
+def test_two_balls_far_from_the_origin_face_outwards_and_enclose_their_volume():
+    v, f = igl.icosahedron()
+    v, f = igl.upsample(v, f.astype(np.int64), 3)
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    vertices = np.concatenate([v, v + np.array([3, 0, 0])]) + 1e4
+    faces = outwards(vertices, shuffled(np.concatenate([f, f + len(v)])))
+    corners = vertices[faces] - 1e4
+    first = faces[:, 0] < len(v)
+    for chosen in (first, ~first):
+        volume = np.linalg.det(corners[chosen] - corners[chosen].mean(axis=(0, 1))).sum() / 6
+        assert volume == pytest.approx(np.linalg.det(v[igl.bfs_orient(f)[0]]).sum() / 6, rel=1e-6)

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from solver.model.binding import ShadedBinding
-from solver.model.reduced_model import ReducedModel
-from solver.motion.deformer import Controls
+from solver.model.reduced_model import Controls, ReducedModel
 
 SOURCE = Path(__file__).with_name("avx2_blend.c")
 FIELDS = 8

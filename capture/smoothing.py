@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import INFERRED, JOINTS, LOST
-from puppetline.errors import PuppetError, at
+from puppetline.errors import PuppetlineError, at
 
 FRAME_RATE = 30.0
 """Frames a second that `Smoothing` is meant for, the Kinect's own."""
@@ -57,7 +57,7 @@ class Smoothing:
 
     Raises
     ------
-    PuppetError
+    PuppetlineError
         If a value is outside its range.
     """
 
@@ -77,7 +77,7 @@ class Smoothing:
         ):
             if not fits:
                 default = type(self).__dataclass_fields__[name].default
-                raise PuppetError(
+                raise PuppetlineError(
                     at("smoothing", field=name),
                     found=str(getattr(self, name)),
                     expected=expected,

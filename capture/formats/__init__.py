@@ -106,5 +106,5 @@ def _check_distances(path: Path, clip: SkeletonClip) -> None:
             at(path, field=f"frame {frame} (second {clip.times[frame]:g}), {JOINTS[joint]}"),
             found=f"{clip.positions[frame, joint, axis]:.4g} m",
             expected=f"a place within {FARTHEST:g} m of the sensor",
-            fix="Mend or delete that frame; for BVH, --log-unit says what one unit is in metres.",
+            fix="Mend or delete that frame; for BVH, say how many metres one unit is.",
         )

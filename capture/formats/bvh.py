@@ -352,7 +352,7 @@ def _frame_time(path: Path, line: Line, fps: float | None) -> tuple[float, tuple
             at(path, line[0]),
             found=f"a frame time of {frame_time:g} s",
             expected="more than 0, as 0.0333",
-            fix="Give the frames per second with --log-fps, or correct the line.",
+            fix="Give the frames per second, or correct the line.",
         )
     return 1 / fps, (f"The frame time of {frame_time:g} s is none. {fps:g} frames per second are used, as given.",)
 

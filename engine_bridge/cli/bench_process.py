@@ -21,17 +21,17 @@ from numpy.typing import NDArray
 from capture import body
 from capture.skeleton import SkeletonFrame
 from engine_bridge.character.character import load_character
+from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet as puppet_file
-from engine_bridge.service.protocol.frame import drawn_normals
 from puppetline.errors import PuppetlineError
 from solver.model.binding import ShadedBinding
-from solver.model.reduced_model import build
-from solver.motion.deformer import Controls, to_file_units
+from solver.model.reduced_model import Controls, build
+from solver.motion.deformer import to_file_units
 from solver.surface.mesh import SolverMesh, snap
 
 CHARACTER, WARM_UP = "character.toml", "warm_up.toml"

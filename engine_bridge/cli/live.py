@@ -77,6 +77,7 @@ def _run(
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        from engine_bridge.service.commands import commands
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
 
@@ -89,7 +90,7 @@ def _run(
 
             display = StatusDisplay()
             stack.callback(display.close)
-        service = Service(settings, folder, None if display is None else display.update)
+        service = Service(settings, folder, commands, None if display is None else display.update)
         stack.callback(service.close)
         gc.collect()
         gc.freeze()  # what is loaded stays: no collection has to look at it again

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.export.flattened import flatten
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.protocol.frame import drawn_normals
 from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 

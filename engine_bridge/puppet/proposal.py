@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from engine_bridge.character.character import Character, load_character
-from engine_bridge.performance.performance import check_handles
+from engine_bridge.puppet.placement import check_handles
 from engine_bridge.puppet.puppet import CharacterTable, Direction, HandleTable, LimbTable, Puppet, check
 from engine_bridge.puppet.rig_limbs import axes_of, rig_limbs
 from puppetline.errors import PuppetError, at

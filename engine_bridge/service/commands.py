@@ -2,21 +2,19 @@
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
 from engine_bridge.service.character_player import Role
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.control_socket import Command, Deferred
+from engine_bridge.service.service import Service
 from engine_bridge.service.stage_runner import Line
 from puppetline.errors import ServiceError
 
-if TYPE_CHECKING:
-    from engine_bridge.service.service import Service
 
-
-def commands(service: "Service") -> Mapping[str, Command]:
+def commands(service: Service) -> Mapping[str, Command]:
     """Bind all commands to a service."""
     done = _Commands(service)
     return {name: (arguments, getattr(done, name)) for name, arguments in requests.ARGUMENTS.items()}
@@ -25,7 +23,7 @@ def commands(service: "Service") -> Mapping[str, Command]:
 class _Commands:
     """Each command under its name."""
 
-    def __init__(self, service: "Service") -> None:
+    def __init__(self, service: Service) -> None:
         self._service = service
 
     def ping(self, _: requests.Nothing) -> str:

@@ -13,7 +13,7 @@ import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
@@ -27,8 +27,7 @@ from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service import calibration_store
 from engine_bridge.service.character_loader import Cast
 from engine_bridge.service.character_player import Role
-from engine_bridge.service.commands import commands
-from engine_bridge.service.control.control_socket import Control, Deferred
+from engine_bridge.service.control.control_socket import Command, Control, Deferred
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.monitoring.statistics import Statistics
@@ -66,6 +65,8 @@ class Service:
     settings : ServiceFile
     folder : Path
         What the files of the settings are relative to.
+    commands : callable
+        Binds to this service what clients may ask of it, see `engine_bridge.service.commands.commands`.
     show : callable, optional
         Told each status.
 
@@ -85,9 +86,13 @@ class Service:
     """
 
     def __init__(
-        self, settings: ServiceFile, folder: Path, show: Callable[[dict[str, Any]], None] | None = None
+        self,
+        settings: ServiceFile,
+        folder: Path,
+        commands: Callable[["Service"], Mapping[str, Command]],
+        show: Callable[[dict[str, Any]], None] | None = None,
     ) -> None:
-        self._settings, self._folder, self._show = settings, folder, show
+        self._settings, self._folder, self._commands, self._show = settings, folder, commands, show
         self._resources = contextlib.ExitStack()
         try:
             self._open()
@@ -148,7 +153,7 @@ class Service:
             )
             keep.callback(self.publisher.close)
             self._guard.gone = self.publisher.forget
-            self.control = Control(context, opened, commands(self))
+            self.control = Control(context, opened, self._commands(self))
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
             where = ", ".join(f"{door.stream} and {door.control}" for door in opened)

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.model import kernels
-from solver.model.reduced_model import ReducedModel
+from solver.model.reduced_model import Controls, ReducedModel
 from solver.model.row import WIDTH
-from solver.motion.deformer import Controls
 from solver.surface import tangents
 from solver.surface.mesh import SolverMesh
 

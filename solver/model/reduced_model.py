@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 NULL_SPACE = 1e-14
 """Eigenvalues of WᵀW below this fraction of the largest belong to directions that move no vertex."""
 
+Controls = NDArray[np.float32]
+"""(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
+the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) · n_iso − 1."""
+
 
 @dataclass(frozen=True)
 class ModelParameters:
@@ -176,7 +180,7 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
             mesh.name,
             found=f"{len(mesh.vertices)} vertices",
             expected=f"at least {2 * (parameters.fields + 2)} for {parameters.fields} propagation fields",
-            fix="Subdivide the mesh, or ask for fewer fields in the puppet file's [solver] table.",
+            fix="Subdivide the mesh, or ask for fewer fields.",
         )
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     center, diagonal = (low + high) / 2, np.asarray(mesh.diagonal)

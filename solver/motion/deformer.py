@@ -12,7 +12,7 @@ from puppetline.errors import MeshError
 from solver.model import lanes, rotations
 from solver.model.lanes import ROWS, add_product, place_of_row, turn_on
 from solver.model.polar import nearest_rotations
-from solver.model.reduced_model import ReducedModel
+from solver.model.reduced_model import Controls, ReducedModel
 from solver.model.rotations import RotationMode
 from solver.motion import twist
 from solver.motion.bone_terms import bone_shares, bone_terms, prior, turned_together, turns_nearby
@@ -27,10 +27,6 @@ ON_A_LINE = 0.02
 """Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
 
 NO_BONES = Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
-
-Controls = NDArray[np.float32]
-"""(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
-the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) · n_iso − 1."""
 
 
 class _Affine(NamedTuple):
@@ -126,7 +122,7 @@ class Deformer:
                 mesh.name,
                 found=f"a surface whose deformation has no single answer ({error})",
                 expected="one whose triangles are not all needles or crossed",
-                fix="Remesh it, or ask for fewer fields in the puppet file's [solver] table.",
+                fix="Remesh it, or ask for fewer fields.",
             ) from error
         from_turns = scipy.linalg.cho_solve(factor, B)
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull]))

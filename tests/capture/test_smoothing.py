@@ -5,7 +5,7 @@ import pytest
 
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED
 from capture.smoothing import JointFilter, Smoothing, _decay
-from puppetline.errors import PuppetError
+from puppetline.errors import PuppetlineError
 
 EQ_4_ONLY = {"jitter_radius": 0.0, "max_deviation": math.inf}
 HEAD = JOINT_INDEX["head"]
@@ -246,7 +246,7 @@ def test_time_that_does_not_increase_is_refused():
 )
 def test_a_value_out_of_range_is_named(wrong):
     ((name, value),) = wrong.items()
-    with pytest.raises(PuppetError) as caught:
+    with pytest.raises(PuppetlineError) as caught:
         Smoothing(**wrong)
     assert caught.value.where == f"smoothing, {name}"
     assert caught.value.found == str(value)

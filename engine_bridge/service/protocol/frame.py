@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-import igl
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.character import Character
+from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.performance.humanoid import Humanoid, humanoid_of, is_humanoid
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import encode_scene, with_description
 from solver.model.binding import ShadedBinding
-from solver.motion.deformer import Controls, to_file_units
+from solver.model.reduced_model import Controls
+from solver.motion.deformer import to_file_units
 
 if TYPE_CHECKING:
     from engine_bridge.export.live_basis import LiveBasis, Projection
@@ -154,17 +154,3 @@ class Frame:
         """The pose on the character's morph basis; None where it has no basis."""
         basis = self.character.basis
         return None if basis is None else basis.project(self.R)
-
-
-def drawn_normals(character: Character) -> NDArray[np.float64]:
-    """Return unit normals (n, 3): the file's, or smooth ones for parts without; zero where there is no direction.
-
-    What is too small for a float32 of full precision is zero: graphics cards take it for that, and would choose other
-    tangents (docs/protocol.md).
-    """
-    made = [
-        igl.per_vertex_normals(part.vertices, part.triangles) if part.normals is None else part.normals
-        for part in character.parts
-    ]
-    normals = np.nan_to_num(np.concatenate(made))
-    return np.where(np.abs(normals) < np.finfo(np.float32).tiny, 0.0, normals)

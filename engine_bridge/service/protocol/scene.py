@@ -7,7 +7,7 @@ with them a client turns controls into positions and normals (docs/protocol.md).
 import struct
 from dataclasses import dataclass
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,8 @@ from solver.surface import tangents
 if TYPE_CHECKING:
     from engine_bridge.character.character import Character
     from engine_bridge.character.schema import Primitive
-    from engine_bridge.service.protocol.frame import StreamedCharacter
+    from engine_bridge.export.live_basis import LiveBasis
+    from engine_bridge.performance.rig import Rig
 
 Array = NDArray[Any]
 """Of one of `TYPES`."""
@@ -30,7 +31,39 @@ TYPES: dict[str, np.dtype[Any]] = {"f32": np.dtype("<f4"), "u32": np.dtype("<u4"
 _LENGTH = struct.Struct("<I")
 
 
-def encode_scene(character: "StreamedCharacter") -> bytes:
+class DrawnCharacter(Protocol):
+    """What a scene is made of; see `engine_bridge.service.protocol.frame.StreamedCharacter`."""
+
+    @property
+    def name(self) -> str:
+        """Of its topics."""
+
+    @property
+    def revision(self) -> int:
+        """Another one for each time that the character is loaded anew with something changed."""
+
+    @property
+    def rig(self) -> "Rig":
+        """The puppet, the character, its mesh and its model."""
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        """(n, 3): rest positions, mesh file's coordinates."""
+
+    @property
+    def triangles(self) -> NDArray[np.int64]:
+        """(t, 3)."""
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(n, 3): unit rest normals."""
+
+    @property
+    def basis(self) -> "LiveBasis | None":
+        """Morph targets that poses are projected on."""
+
+
+def encode_scene(character: DrawnCharacter) -> bytes:
     """Return a character's scene payload."""
     arrays = scene_arrays(character)
     directory: dict[str, Any] = {}
@@ -42,20 +75,20 @@ def encode_scene(character: "StreamedCharacter") -> bytes:
     return _described(character, directory, *(array.data for array in arrays.values()))
 
 
-def with_description(scene: bytes, character: "StreamedCharacter") -> bytes:
+def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
     """Return the payload of a scene whose arrays are the same as before, and its description made anew."""
     view = memoryview(scene)
     start = _LENGTH.size + _LENGTH.unpack(view[: _LENGTH.size])[0]
     return _described(character, read_json(view[_LENGTH.size : start])["arrays"], view[start:])
 
 
-def _described(character: "StreamedCharacter", directory: dict[str, Any], *arrays: memoryview) -> bytes:
+def _described(character: DrawnCharacter, directory: dict[str, Any], *arrays: memoryview) -> bytes:
     text = write_json({**describe(character), "arrays": directory})
     text += b" " * (-len(text) % 8)
     return b"".join((_LENGTH.pack(len(text)), text, *arrays))
 
 
-def describe(character: "StreamedCharacter") -> dict[str, Any]:
+def describe(character: DrawnCharacter) -> dict[str, Any]:
     """Return what is to be said about a character besides its arrays, as JSON has it."""
     rig, puppet = character.rig, character.rig.puppet
     return {
@@ -81,7 +114,7 @@ def describe(character: "StreamedCharacter") -> dict[str, Any]:
     }
 
 
-def scene_arrays(character: "StreamedCharacter") -> dict[str, Array]:
+def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
     """Return a character's arrays by name, C-contiguous."""
     rig, normals = character.rig, character.normals
     ladder = rig.model.ladder[rig.mesh.of_render]

@@ -358,7 +358,7 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
         (broken(MOTION + 1, "Frames: many"), f"line {MOTION + 1}", "Frames: and a whole number"),
         (broken(MOTION + 1, "Frames: -3"), f"line {MOTION + 1}", "Frames: and a whole number"),
         (broken(MOTION + 1, "Frames: 3 of 3"), f"line {MOTION + 1}", "Frames: and a whole number"),
-        (broken(MOTION + 2, "Frame Time: 0"), f"line {MOTION + 2}", "Give the frames per second with --log-fps"),
+        (broken(MOTION + 2, "Frame Time: 0"), f"line {MOTION + 2}", "Give the frames per second"),
         (broken(MOTION + 2, "Frame Time: 0,04"), f"line {MOTION + 2}", "'0,04' in column 1; expected a finite number"),
         (broken(MOTION + 2, "Frame Time: -0.1"), f"line {MOTION + 2}", "more than 0"),
         (broken(MOTION + 2, "Frame Time: inf"), f"line {MOTION + 2}", "'inf' in column 1"),

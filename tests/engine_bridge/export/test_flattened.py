@@ -3,8 +3,8 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
+from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.export.flattened import flatten
-from engine_bridge.service.protocol.frame import drawn_normals
 from puppetline.errors import MeshError
 
 

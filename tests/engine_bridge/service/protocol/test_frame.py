@@ -1,11 +1,9 @@
 from dataclasses import replace
 
-import igl
 import numpy as np
 import pytest
 
-from engine_bridge.character.character import load_character
-from engine_bridge.service.protocol.frame import Frame, StreamedCharacter, drawn_normals
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from solver.motion.deformer import to_file_units
 from solver.surface.tangents import tangents
 
@@ -48,23 +46,7 @@ def test_normals_are_rounded_as_clients_get_them_so_that_tangents_are_the_same_t
     np.testing.assert_array_equal(tangents(dog.normals), tangents(dog.normals.astype(np.float32).astype(np.float64)))
 
 
-def test_normals_have_no_numbers_that_a_graphics_card_takes_for_zero(glb, tmp_path, blob):
-    normals = np.tile(np.float32([-3.5e-39, -1.0, 2e-38]), (len(blob.vertices), 1))
-    glb.node(glb.mesh(glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=normals)))
-    drawn = drawn_normals(load_character(glb.save(tmp_path / "upside_down.glb")))
-    np.testing.assert_array_equal(drawn, np.tile([0.0, -1.0, np.float32(2e-38)], (len(normals), 1)))
-
-
 def test_prepared_means_that_nothing_is_left_to_wait_for(dog):
     dog.prepare()
     assert {"binding", "scene", "normals", "rest", "triangles"} <= set(vars(dog))
     assert not {"binding", "scene"} & set(vars(replace(dog, revision=2)))
-
-
-def test_a_file_without_normals_gets_smooth_ones(glb, tmp_path, blob):
-    with_normals = glb.primitive(blob.vertices, blob.faces.astype(np.uint32), NORMAL=blob.normals)
-    without = glb.primitive(blob.vertices, blob.faces.astype(np.uint32))
-    glb.node(glb.mesh(with_normals, without))
-    normals = drawn_normals(load_character(glb.save(tmp_path / "two.glb")))
-    smooth = igl.per_vertex_normals(blob.vertices.astype(float), blob.faces)
-    np.testing.assert_allclose(normals, np.concatenate([blob.normals, smooth]), atol=1e-6)

@@ -1,0 +1,77 @@
+"""Whether the handles and limbs of a puppet are where its mesh is."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.puppet.puppet import HandleTable, LimbTable
+from puppetline.errors import PuppetError, at
+from solver.surface.mesh import SolverMesh, snap
+
+OFF_THE_MESH = 0.1
+"""Distance from the surface, as a share of the diagonal, beyond which a handle is a mistake, and a limb's point that is
+outside the character."""
+
+INSIDE = 0.5
+"""Absolute value of the winding number from which a point is inside."""
+
+
+def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str | Path) -> None:
+    """Refuse handles that are too far from the surface to have been meant.
+
+    Raises
+    ------
+    PuppetError
+    """
+    for number, handle in enumerate(handles, 1):
+        point = np.array(handle.position)
+        nearest = _if_far(point, mesh)
+        if nearest is not None:
+            field = f"[[handle]] {number} {handle.name!r}, position"
+            raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "on")
+
+
+def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path) -> None:
+    """Refuse limbs with points that are outside the character and too far from it to have been meant.
+
+    Raises
+    ------
+    PuppetError
+    """
+    for number, limb in enumerate(limbs, 1):
+        for place, position in enumerate(limb.points, 1):
+            point = np.array(position)
+            nearest = _if_far(point, mesh)
+            if nearest is not None and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE:
+                field = f"[[limb]] {number} {limb.name!r}, points, {place}"
+                raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "inside")
+
+
+def _if_far(point: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.float64] | None:
+    """Return the nearest surface point (3,) if that is too far from a point; else None."""
+    allowed = OFF_THE_MESH * mesh.diagonal
+    away = mesh.vertices - point
+    if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
+        return None  # the surface is no farther away than its nearest vertex
+    corners, blend = snap(mesh, point)
+    nearest: NDArray[np.float64] = blend[0] @ mesh.vertices[corners[0]]
+    return nearest if np.linalg.norm(nearest - point) > allowed else None
+
+
+def _off_the_mesh(
+    point: NDArray[np.float64], nearest: NDArray[np.float64], mesh: SolverMesh, where: str, place: str
+) -> PuppetError:
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return PuppetError(
+        where,
+        found=f"{_numbers(point)}, which is {np.linalg.norm(nearest - point):.4g} away from the surface",
+        expected=f"a point {place} the mesh, which spans {_numbers(low)} to {_numbers(high)}",
+        fix=f"The nearest surface point is {_numbers(nearest)}.",
+    )
+
+
+def _numbers(point: NDArray[np.float64]) -> str:
+    return "[" + ", ".join(f"{value:.4g}" for value in point) + "]"

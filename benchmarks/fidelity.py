@@ -28,7 +28,7 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame, to_character_axes
 from capture.timeline import Timeline
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.character.scene import influences
-from engine_bridge.export.rig_bones import rig_bones
+from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig

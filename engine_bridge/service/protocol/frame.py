@@ -106,7 +106,7 @@ class Frame:
     received : int
         `time.monotonic_ns` at which what moved it came in.
     state : str
-        One of `wire.STATES`.
+        One of `header.STATES`.
     user : int or None
         The performer.
     R : (4m, 3) float64

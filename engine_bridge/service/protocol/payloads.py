@@ -53,7 +53,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     Parameters
     ----------
     kind : Kind
-        One of `wire.FRAME_KINDS`.
+        One of `header.FRAME_KINDS`.
     frame : Frame
     published : int
         `time.monotonic_ns`.

@@ -48,7 +48,7 @@ def test_text_is_one_line_to_read(stream, log):
     setup("text", stream=stream)
     log.info("performer found", extra=fields(stage="kinect", user=3))
     assert re.fullmatch(
-        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     live\.stage: performer found \(stage=kinect, user=3\)\n",
+        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     service\.stage: performer found \(stage=kinect, user=3\)\n",
         stream.getvalue(),
     )
 
@@ -85,7 +85,7 @@ def test_what_is_below_the_level_is_left_out_and_a_second_setup_replaces_the_fir
     setup("text", "warning", stream)
     log.info("quiet")
     log.warning("loud")
-    assert stream.getvalue().splitlines()[0].endswith("live.stage: loud")
+    assert stream.getvalue().splitlines()[0].endswith("service.stage: loud")
     assert stream.getvalue().count("\n") == 1
 
 
@@ -113,7 +113,7 @@ def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, 
 
 def test_logs_beside_come_in_order_and_with_their_tracebacks(stream):
     setup("json", stream=stream)
-    log = logging.getLogger("engine_bridge.live.test")
+    log = logging.getLogger("engine_bridge.service.test")
     with beside():
         for number in range(500):
             log.info("event", extra=fields(number=number))
@@ -138,5 +138,5 @@ def test_a_stream_that_is_stuck_costs_records_and_no_time(stream):
     setup("text", stream=stuck)
     with beside():
         for number in range(3 * MOST_WAITING):
-            logging.getLogger("engine_bridge.live.test").info("event", extra=fields(number=number))
+            logging.getLogger("engine_bridge.service.test").info("event", extra=fields(number=number))
     stuck.going_on.set()

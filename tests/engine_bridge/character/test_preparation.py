@@ -68,7 +68,7 @@ def test_with_bones_and_a_skin_it_is_what_building_with_them_gives(render_mesh, 
 
 def test_other_bones_or_another_skin_are_prepared_anew(render_mesh, tmp_path):
     shares = np.tile([0.5, 0.5], (len(render_mesh[0]), 1))
-    longer = dataclasses.replace(BONES, tails=BONES.tails + [0, 0.01, 0])
+    longer = dataclasses.replace(BONES, tails=1.01 * BONES.tails)
     for bones, given in (
         (NO_BONES, None),
         (BONES, None),

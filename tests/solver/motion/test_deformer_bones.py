@@ -145,8 +145,9 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((area * W[held]) ** 2)) * area
     hats = np.maximum(0, 1 - np.abs(model.ladder[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
     near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
-    near /= hats.T @ creature.vertex_areas
-    near = (near + ELSEWHERE * near.mean(axis=0)) / (near + ELSEWHERE * near.mean(axis=0)).sum(axis=0)
+    near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
+    near += ELSEWHERE * near.mean(axis=1, keepdims=True)
+    near /= near.sum(axis=0)
     in_model_units = motions.copy()
     in_model_units[:, 3] = model.to_model(motions[:, 3] + np.einsum("x,bxk->bk", model.center, motions[:, :3]))
     mean = np.einsum("bi,bxk->ixk", near, in_model_units).reshape(320, 3)
@@ -179,7 +180,7 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     regions = model.regions
     area = creature.vertex_areas
     for b in range(6):
-        share = together[regions.of(b)].T @ area[regions.of(b)] / (together.T @ area)
+        share = together[regions.of(b)].T @ area[regions.of(b)] / np.maximum(together.T @ area, 1e-300)
         S = S + PRIOR * (share * size / 3)[:, None, None] * motions[b, :3]
     np.testing.assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
 

@@ -118,8 +118,8 @@ def blended(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]:
     around = interpolation(model.ladder.astype(np.float64), model.isolines)
     shares = _with_the_rest(bone_shares(around, mesh.vertex_areas, model.regions.owner, count))
     total = shares.sum(axis=1, keepdims=True)
-    shares = np.where(total > 0, shares / np.maximum(total, 1e-300), 1 / count)
-    return np.kron(shares, np.eye(4))
+    whole: NDArray[np.float64] = np.where(total > 0, shares / np.maximum(total, 1e-300), 1 / count)
+    return np.kron(whole, np.eye(4)).astype(np.float64)
 
 
 def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:

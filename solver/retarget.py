@@ -109,15 +109,6 @@ class Retargeter:
         """
         return self.targets(self._return.step(time, positions - self.calibration, confidence > 0))
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another retargeter was."""
-        return self._return.memory
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._return.memory = memory
-
     def targets(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where the handles go for joint displacements from the calibration pose.
 
@@ -147,22 +138,6 @@ class SmoothReturn:
         self._offset = np.zeros((joints, 3))
         self._known = np.zeros(joints, dtype=bool)
         self._time = -np.inf
-
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another one was."""
-        return {
-            "time": np.array(self._time),
-            "last": self._last.copy(),
-            "offset": self._offset.copy(),
-            "known": self._known.astype(np.float64),
-        }
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._time = float(memory["time"])
-        self._last, self._offset = memory["last"].copy(), memory["offset"].copy()
-        self._known = memory["known"] > 0
 
     def step(self, time: float, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the displacements to use.

@@ -239,7 +239,7 @@ class Played:
     """A source of events at times that the test tells; a stand-in, for no other one comes as fast as a test wants."""
 
     name = "played:"
-    beginning, recorded = None, False
+    recorded = False
 
     def __init__(self):
         self.counts, self.time, self.events = Counts(), 0.0, []

@@ -7,6 +7,7 @@ logged and costs that event.
 import logging
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
@@ -121,6 +122,11 @@ class Line:
         self._overrule()
         role.remap(puppet, max(self._time, self.source.now()))
 
+    def replace_roles(self, roles: Sequence[Role]) -> None:
+        """Take over characters that were loaded again."""
+        self._overrule()
+        self.stage.replace_roles(roles)
+
     def take_idle(self, role: Role, idle: Idle | None) -> None:
         """Let a character do by itself what was worked out for its new mapping."""
         role.take_idle(idle, max(self._time, self.source.now()))
@@ -188,6 +194,7 @@ class Line:
         return []
 
     def _overrule(self) -> None:
+        """Give the take no say any more in who is calibrated when."""
         self._directed, self._overruled = frozenset(), True
 
     def _in_order(self, event: _AnyEvent) -> _AnyEvent:

@@ -313,13 +313,8 @@ class Role:
         ServiceError
             It could not be worked out; what was before stays.
         """
-        if (
-            recorded is not None
-            and self.user is not None
-            and not (self.next_part is not None and self.next_part.to_json() == recorded)
-        ):
-            self._drop_next()
-            self.next_part = self._recorded_part(recorded, time)
+        if recorded is not None and self.user is not None:
+            self._take_recorded(recorded, time)
         part, self.next_part = self.next_part, None
         if part is None:
             return
@@ -336,6 +331,22 @@ class Role:
         self._level = part.calibration.level
         self.state = "performing"
         self._ease(time)
+
+    def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
+        """Have the next part be that of a take, if it is another one."""
+        if self.next_part is not None and self.next_part.to_json() == recorded:
+            return
+        try:
+            part = self._recorded_part(recorded, time)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ServiceError(
+                self.character.name,
+                found=f"a damaged calibration in a take ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove this cue from the take.",
+            ) from error
+        self._drop_next()
+        self.next_part = part
 
     def perform(self, frame: SkeletonFrame, received: int) -> Frame:
         """Take a frame of the performer.

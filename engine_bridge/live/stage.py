@@ -247,10 +247,12 @@ class Stage:
                 )
                 if each["chosen"]:
                     casting.chosen.add(int(each["user"]))
+            if any(user is not None and user not in casting.present for user in casting.cast):
+                raise ValueError("a performer who is not there")
             for role, snapshot in zip(self.roles, recorded, strict=True):
                 if snapshot is not None:
                     role.resume(snapshot, cue.time, shift)
-        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
             raise ServiceError(
                 f"stage {self.name}",
                 found=f"a take with a damaged beginning ({type(error).__name__}: {error})",

@@ -173,6 +173,16 @@ def test_as_soon_as_somebody_has_a_say_a_take_is_like_any_other_recording(make_s
     line.close()
 
 
+def test_a_take_plays_on_when_its_characters_are_loaded_again(make_stage, make_role, tmp_path, kung_fu):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = Line("replay:take.log", make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons >= 60)
+    assert line.stage.roles[0].state == "performing"
+    line.replace_roles([make_role("dog")])
+    run(line, until=lambda: line.stage.roles[0].state == "performing")
+    line.close()
+
+
 def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(make_stage, tmp_path, kung_fu, caplog):
     recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     text = (tmp_path / "take.log").read_text()

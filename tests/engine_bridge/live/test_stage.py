@@ -462,6 +462,7 @@ def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, ku
         lambda said: said.update(direction={"people": "each", "colour": 1}),
         lambda said: said.update(people=[["x"]]),
         lambda said: said["characters"]["dog"].pop("mirror"),
+        lambda said: said["characters"]["dog"].update(user=7),
         lambda said: said["characters"]["dog"].update(calibration=[1]),
         lambda said: said["characters"]["dog"]["calibration"].update(rest=[[0.0, 1.0]] * 20),
         lambda said: said["characters"]["dog"]["calibration"].update(sensor={}),
@@ -478,6 +479,16 @@ def test_a_take_with_a_damaged_beginning_is_refused_and_changes_nothing(make_sta
     with pytest.raises(ServiceError, match="a take with a damaged beginning"):
         other.step(begin, 0)
     assert other.snapshot(0.0) == before | {"time": begin.time}
+
+
+@pytest.mark.parametrize("calibration", [[1], {}, {"rest": [[0.0]] * 20}, {"rest": [None] * 20, "sensor": {}}])
+def test_a_damaged_calibration_of_a_take_is_refused_and_that_before_stays(make_stage, kung_fu, calibration):
+    stage = make_stage()
+    play(stage, kung_fu[:100])
+    before = stage.roles[0].calibration
+    with pytest.raises(ServiceError, match="dog: found a damaged calibration in a take"):
+        stage.step(Cue(kung_fu[99].time, "begin", {"calibration": calibration}), 0)
+    assert stage.roles[0].calibration is before
 
 
 def test_joints_are_filtered_and_levelled_before_the_calibration_as_well(make_stage, kung_fu):

@@ -334,11 +334,11 @@ def test_a_camera_that_is_not_there_is_waited_for(look_live, camera):
 
 def test_the_skeleton_lies_on_the_performer_of_a_real_video(run, camera, real_data, tmp_path):
     folder = real_data / "video" / "tfjs"
-    run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "--seconds", "600", "-o", "look.png")
-    last = json.loads((folder / "pose_squats.full.json").read_text())[-10:]  # which of them was seen last is chance
-    places = (MIXTURE @ np.array(last)[..., :2]) * HEIGHT / 1280  # of a film that is 1280 pixels high and 720 wide
+    run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "-o", "look.png")
+    frames = json.loads((folder / "pose_squats.full.json").read_text())  # which of them was seen last is chance
+    places = (MIXTURE @ np.array(frames)[..., :2]) * HEIGHT / 1280  # of a film that is 1280 pixels high and 720 wide
     with Image.open(tmp_path / "look.png") as picture:
         panel = np.asarray(picture.convert("RGB")).astype(int)[12 : 12 + HEIGHT, 12 : 12 + HEIGHT * 720 // 1280]
     drawn = np.argwhere(np.abs(panel - PERFORMERS[1]).max(axis=2) < 8)[:, ::-1] + 0.5
-    distances = np.linalg.norm(places[:, :, None] - drawn, axis=3).min(axis=2).max(axis=1)
-    assert distances.min() < 3
+    distances = np.array([np.linalg.norm(each[:, None] - drawn, axis=2).min(axis=1).max() for each in places])
+    assert distances.min() < 6  # 1.2 % of the height

@@ -328,7 +328,7 @@ class Service:
         else:
             for line, roles in zip(self.lines, loaded.result(), strict=True):
                 self._end_take(line)
-                line.stage.replace_roles(roles)
+                line.replace_roles(roles)
             self.publisher.announce([role.character for line in self.lines for role in line.stage.roles])
             self._loading.submit(_give_back_memory)
             log.info("loaded anew", extra=fields(characters=self._names()))

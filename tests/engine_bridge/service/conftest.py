@@ -31,6 +31,51 @@ PATIENCE = 180.0
 MANNER, DIRECTION = Manner(), Direction()
 
 
+STATUS = {
+    "service": {"version": "1.2.3", "uptime": 3725.4, "pid": 7, "memory": 123_000_000, "cpu": 0.256},
+    "stages": [
+        {
+            "name": "kinect",
+            "source": "osc:7110",
+            "frames": 900,
+            "rate": 29.97,
+            "dropped": 4,
+            "refused": {"[red]not OSC": 2, "short": 1},
+            "latency_ms": {"p50": 1.234, "p95": 2.5, "p99": 3.456, "max": 9.0},
+            "users": [
+                {"user": 1, "state": "performing", "character": "dog", "seen": 0.02, "height": 1.684, "reach": 0.6},
+                {"user": 5, "state": "waiting", "character": None, "seen": 1.5, "height": None, "reach": None},
+            ],
+            "recording": "evening",
+        }
+    ],
+    "characters": [
+        {
+            "name": "dog",
+            "performer": 1,
+            "state": "performing",
+            "frames": 890,
+            "rate": 29.9,
+            "residual": 0.0123,
+            "limited": 7,
+        },
+        {
+            "name": "cat",
+            "performer": None,
+            "state": "waiting",
+            "frames": 10,
+            "rate": 0.0,
+            "residual": None,
+            "limited": 0,
+        },
+    ],
+    "clients": {"connected": 3, "refused": 2, "limit": 64},
+    "sent": {"messages": 5000, "bytes": 10},
+    "osc": [{"target": "127.0.0.1:9000", "sent": 90, "skipped": 12, "failed": 1}],
+}
+"""A status of the service, as the table, the metrics and the stream show it."""
+
+
 @pytest.fixture(scope="session")
 def executor():
     with ThreadPoolExecutor(2) as pool:

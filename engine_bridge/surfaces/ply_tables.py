@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.surfaces.surface import count, damaged
-from engine_bridge.surfaces.text import Rows, decoded, lines_of, spans
+from engine_bridge.surfaces.text import Rows, decoded, filled_lines, spans
 from puppetline.errors import MeshError, at
 
 TYPES = {
@@ -144,8 +144,9 @@ def _add(path: Path, number: int, header: Header, name: str, kind: str, length: 
 
 
 def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]) -> dict[str, Table]:
-    lines = lines_of(decoded(path, content))
-    first = int(np.searchsorted(lines.numbers, decoded(path, content[:start]).count("\n"), side="right"))
+    header = decoded(path, content[:start]).count("\n")
+    lines = [line for line in filled_lines(decoded(path, content)) if line[0] > header]
+    first = 0
     tables = {}
     for element in elements:
         if not element.properties:
@@ -156,10 +157,9 @@ def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]
                 f"{count(len(lines) - first, 'line')} for {count(element.rows, 'row')}",
                 "a whole PLY file",
             )
-        own = slice(first, first + element.rows)
+        own = lines[first : first + element.rows]
         first += element.rows
-        expected = " ".join(_described(element))
-        rows = Rows(path, expected, lines.data, lines.numbers[own], lines.starts[own], lines.ends[own])
+        rows = Rows(path, " ".join(_described(element)), [line for line, _ in own], [text for _, text in own])
         tables[element.name] = _text_columns(rows, element)
     return tables
 
@@ -169,7 +169,7 @@ def _described(element: Element) -> Iterator[str]:
 
 
 def _text_columns(rows: Rows, element: Element) -> Table:
-    values, widths = rows.numbers
+    values, widths = rows.numbers, rows.widths
     place, ends = np.cumsum(widths) - widths, np.cumsum(widths)
     table = {}
     for prop in element.properties:

@@ -83,6 +83,7 @@ class _Statements:
     def __init__(self, path: Path, text: str) -> None:
         self.path = path
         self.notes: list[str] = []
+        self.folder = Folder(path, self.notes)
         self.vertices = Rows(path, "'v x y z' with finite numbers")
         self.coordinates = Rows(path, "'vt u v' with numbers")
         self.normals = Rows(path, "'vn x y z' with numbers")
@@ -154,7 +155,7 @@ class _Statements:
         kind = 4 * groups + 2 * has_normal + has_uv
         pieces = self._pieces(table, corners, np.repeat(kind, sizes), triangles, kind[polygon])
         self._note_what_is_left_out()
-        return Surface(pieces, self.notes)
+        return Surface(pieces, self.notes, files=self.folder.files)
 
     def _polygons(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Read the faces.
@@ -260,12 +261,11 @@ class _Statements:
 
     def _materials(self) -> dict[str, Material]:
         """Read the material files and return every material that a face has."""
-        folder = Folder(self.path, self.notes)
         known: dict[str, Material] = {}
         for name, line in self.libraries.items():
-            path = folder.find(name, self.path.parent, at(self.path, line=line))
+            path = self.folder.find(name, self.path.parent, at(self.path, line=line))
             if path:
-                known |= mtl.read(path, folder)
+                known |= mtl.read(path, self.folder)
         used = list(dict.fromkeys(material for _, material in self.groups if material))
         unknown = [name for name in used if name not in known]
         if unknown:

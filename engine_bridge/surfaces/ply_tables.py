@@ -150,7 +150,9 @@ def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]
         expected = " ".join(
             prop.name if prop.kind_of_length is None else f"n {prop.name}…" for prop in element.properties
         )
-        tables[element.name] = _text_columns(Rows(path, expected, *map(list, zip(*own, strict=True))), element)
+        tables[element.name] = _text_columns(
+            Rows(path, expected, [line for line, _ in own], [text for _, text in own]), element
+        )
     return tables
 
 
@@ -165,9 +167,8 @@ def _text_columns(rows: Rows, element: Element) -> Table:
             rows.refuse(~((stated >= 0) & (stated < ends - place) & (stated == np.floor(stated))))
             lengths = stated.astype(np.int64)
             place = place + 1
-        length = np.ones_like(place) if lengths is None else lengths
-        table[prop.name] = Column(prop.kind, values[spans(place, length)], lengths)
-        place = place + length
+        table[prop.name] = Column(prop.kind, values[place if lengths is None else spans(place, lengths)], lengths)
+        place = place + (1 if lengths is None else lengths)
     return table
 
 

@@ -78,14 +78,10 @@ def _read_binary(path: Path, content: bytes) -> Surface:
 
 def _read_text(path: Path, content: bytes) -> Surface:
     text = decoded(path, content)
-    lines = [(line, *statement.partition(" ")[::2]) for line, statement in filled_lines(text.replace("\t", " "))]
-    known = [(line, word.lower(), rest) for line, word, rest in lines if word.lower() in FOLLOWS]
+    vertices, solids, unknown, last = _statements(path, text)
     notes = []
-    if len(known) < len(lines):
-        first = next(line for line, word, _ in lines if word.lower() not in FOLLOWS)
-        number = count(len(lines) - len(known), "line")
-        notes.append(f"{number} not understood and left out, the first is line {first}.")
-    vertices, solids, last = _vertices(path, known)
+    if unknown:
+        notes.append(f"{count(len(unknown), 'line')} not understood and left out, the first is line {unknown[0]}.")
     if last == "endfacet":
         notes.append("The file ends without 'endsolid': facets may be missing.")
     elif last != "endsolid":
@@ -98,8 +94,8 @@ def _read_text(path: Path, content: bytes) -> Surface:
     return Surface(pieces, notes, faceted=True)
 
 
-def _vertices(path: Path, statements: list[tuple[int, str, str]]) -> tuple[Rows, list[tuple[str, int]], str]:
-    """Return the rows of vertices, each solid's name and first vertex, and the last word.
+def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], list[int], str]:
+    """Return the rows of vertices, each solid's name and first vertex, the lines of other formats, and the last word.
 
     Raises
     ------
@@ -108,22 +104,27 @@ def _vertices(path: Path, statements: list[tuple[int, str, str]]) -> tuple[Rows,
     """
     vertices = Rows(path, "'vertex x y z' with finite numbers")
     solids: list[tuple[str, int]] = []
+    unknown = []
     before = ""
-    for line, word, rest in statements:
+    for line, statement in filled_lines(text):
+        word, *rest = statement.split(None, 1)
+        word = word.lower()
+        if word not in FOLLOWS:
+            unknown.append(line)
+            continue
         if word not in FOLLOWS[before]:
-            found, expected = repr(f"{word} {rest}".strip()[:60]), " or ".join(map(repr, FOLLOWS[before]))
-            raise damaged(at(path, line=line), found, expected)
+            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, FOLLOWS[before])))
         if word == "vertex":
             vertices.lines.append(line)
-            vertices.texts.append(rest)
+            vertices.texts.extend(rest or [""])
         elif word == "outer":
             loop = len(vertices)
         elif word == "endloop" and len(vertices) != loop + 3:
             raise damaged(at(path, line=line), f"a facet of {len(vertices) - loop} vertices", "3 vertices")
         elif word == "solid":
-            solids.append((rest.strip(), len(vertices)))
+            solids.append(("".join(rest), len(vertices)))
         before = word
-    return vertices, solids, before
+    return vertices, solids, unknown, before
 
 
 def _piece(name: str, corners: NDArray[np.float64]) -> Piece:

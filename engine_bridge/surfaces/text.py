@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ def decoded(path: Path, content: bytes) -> str:
 
 def filled_lines(text: str) -> Iterator[tuple[int, str]]:
     """Return the number, from 1, and the text of each line that holds something besides space."""
-    return ((number, line.strip()) for number, line in enumerate(text.split("\n"), 1) if not line.isspace() and line)
+    return filter(itemgetter(1), enumerate(map(str.strip, text.split("\n")), 1))
 
 
 def parsed(text: str, kind: type) -> NDArray[Any] | None:
@@ -98,8 +99,8 @@ class Rows:
         values = parsed(" ".join(self.texts), np.float64)
         if values is not None and len(values) == self.widths.sum():
             return values
-        each = [parsed(text, np.float64) for text in self.texts]
-        wrong = (row for row, own in enumerate(each) if own is None or len(own) != self.widths[row])
+        each = enumerate(parsed(text, np.float64) for text in self.texts)
+        wrong = (row for row, own in each if own is None or len(own) != self.widths[row])
         raise self.error(next(wrong, 0))
 
     def table(self, least: int) -> NDArray[np.float64]:

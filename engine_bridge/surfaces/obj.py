@@ -48,7 +48,7 @@ CORNER = re.compile(r"(?:[-+]?\d{1,18})?(?:/(?:[-+]?\d{1,18})?){0,2}", re.ASCII)
 LARGEST = 10**18
 """Indices from it on are refused: NumPy reads what does not fit into 64 bits as another number."""
 
-LEFT_OUT = re.compile(r"(?<!\d)(?=/)|(?<=/)(?![-+\d])")
+LEFT_OUT = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
 """Where a corner has no number before or after a slash."""
 
 

@@ -105,10 +105,10 @@ class Rows:
 
     def table(self, least: int) -> NDArray[np.float64]:
         """Read rows of at least `least` numbers as (n, k) float64; k is the length of the shortest row."""
+        numbers = self.numbers
         self.refuse(self.widths < least)
         width = int(self.widths.min(initial=2**31)) if len(self) else least
-        places = (np.cumsum(self.widths) - self.widths)[:, None] + np.arange(width)
-        return self.numbers[places]
+        return numbers[(np.cumsum(self.widths) - self.widths)[:, None] + np.arange(width)]
 
     def positions(self) -> NDArray[np.float64]:
         """Read rows that begin with x, y, z as (n, 3 or more) float64, and refuse what is not finite."""

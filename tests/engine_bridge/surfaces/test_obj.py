@@ -55,7 +55,9 @@ def test_corners_leave_out_what_they_do_not_name_and_may_carry_signs(read):
     assert (first.normals, second.normals.tolist()) == (None, [[0, 0, 1]] * 3)
 
 
-@pytest.mark.parametrize("corner", ["x", "1/2/3/", "1/2/3/4", "-", "1/-", "1.5", "1/x", "--1", "9" * 30, "1_0", "1-2"])
+@pytest.mark.parametrize(
+    "corner", ["x", "1/2/3/", "1/2/3/4", "-", "1/-", "-/1", "1/-/1", "1.5", "1/x", "--1", "9" * 30, "1_0", "1-2"]
+)
 def test_a_corner_that_is_none_is_refused(read, corner):
     with pytest.raises(MeshError) as error:
         read(f"{SQUARE}f 1 2 3\nf 1 2/2 {corner} 3\n")

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from capture.skeleton import JOINT_INDEX, SkeletonFrame, to_character_axes
+from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.timeline import Timeline
 from engine_bridge import puppet as puppet_file
 from engine_bridge import sheet
@@ -153,8 +153,7 @@ def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> M
     of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
     kept, motions, feet = [], [], {side: [] for side in soles}
     for number in range(count):
-        joints, confidence = timeline.positions[number], timeline.confidence[number]
-        aim = performance.retargeting.step(SkeletonFrame(timeline.times[number], 0, joints, confidence))
+        aim = performance.retargeting.step(timeline.frame(number))
         R = performance.deformer.solve(aim.targets, aim.motions)[None].astype(np.float32)
         for side, sole in of_soles.items():
             feet[side].append(sole.vertices(R)[:, :, 0].mean(axis=0) + aim.root)

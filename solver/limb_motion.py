@@ -4,10 +4,11 @@ A limb is a chain of bones that follows a chain of the performer's joints. Its b
 (`follow = "direction"`), or turn from their rest as the performer's have turned from theirs (`"turn"`). The bones keep
 their own lengths: only directions are taken over.
 
-A sensor does not see how a limb is rolled about itself. A bone is carried by its parent and turned by the least
-rotation to where it should point; its roll is then corrected, a little in each frame, towards what the pose says about
-it: the two sides of the body for the trunk, the plane of the elbow or knee where an arm or leg is bent, and otherwise
-the roll that the least rotation from rest gives. Each loses its weight where it is undefined, so that no roll flips.
+Few sensors see how a limb is rolled about itself. A bone is carried by its parent and turned by the least
+rotation to where it should point; its roll is then corrected, a little in each frame, towards what is known about it:
+the two sides of the body for the trunk; the orientation of the performer's bone where a log has it; the plane of the
+elbow or knee where an arm or leg is bent; and otherwise the roll that the least rotation from rest gives. Each loses
+its weight where it is undefined, so that no roll flips.
 """
 
 import math
@@ -28,6 +29,13 @@ FASTEST = 25.0
 
 HINGE_RATE = 20.0
 """Per second, how fast the roll of an upper arm or thigh closes in on the plane of a limb that is bent."""
+
+TURNED_RATE = 30.0
+"""Per second, how fast a roll closes in on that of the performer's bone, where its orientation is known."""
+
+TURNED_COSINE = 0.5, 0.8
+"""Cosine of the angle between where a bone points and where its orientation has it, from which the orientation counts,
+and from which it counts in full."""
 
 SWING_RATE = 20.0
 """Per second, how fast a roll closes in on the one that the least rotation from rest gives."""
@@ -67,6 +75,7 @@ class _State(NamedTuple):
     known: NDArray[np.float64]  # (b + 1,): 1 where the bone was known in the last frame
     roll_known: NDArray[np.float64]  # (b + 1,)
     vector: NDArray[np.float64]  # (b + 1, 3): `local` as axis times angle, for the gain
+    mount: NDArray[np.float64]  # (b + 1, 4): from the performer's bone's own axes to the bone's rest; NaN before
     side: NDArray[np.float64]  # (3,): the mean direction from the body's right to its left
     clock: NDArray[np.float64]  # (5,): time; time of `side`; 1 while exchanged; since when; heading
 
@@ -105,6 +114,7 @@ class LimbMotion:
         basis = np.eye(3) if basis is None else np.ascontiguousarray(basis, dtype=np.float64)
         self._plan = plan_of(self.limbs, self.bones, performer, rest, basis, turns)
         rows = len(self._plan.roll)
+        self._unknown = np.full((len(performer.opposite), 4), np.nan)
         self._state = _State(
             local=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)),
             gap=np.zeros((rows, 3)),
@@ -112,6 +122,7 @@ class LimbMotion:
             known=np.zeros(rows),
             roll_known=np.zeros(rows),
             vector=np.zeros((rows, 3)),
+            mount=np.full((rows, 4), np.nan),
             side=np.zeros(3),
             clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
         )
@@ -122,6 +133,8 @@ class LimbMotion:
         positions: NDArray[np.float64],
         confidence: NDArray[np.float32],
         out: NDArray[np.float64] | None = None,
+        *,
+        orientations: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Return the motions of the bones in one frame.
 
@@ -138,6 +151,9 @@ class LimbMotion:
             0 where a joint is lost.
         out : (b, 4, 3) float64, optional
             Written to, and returned.
+        orientations : (j, 4) float64, optional
+            Unit quaternions (w, x, y, z) of the bones that begin at the joints, from axes of their own to character
+            axes; NaN where unknown. A bone's roll follows how they turn from where they are first known.
 
         Returns
         -------
@@ -145,7 +161,8 @@ class LimbMotion:
             Motions for row vectors, x' = [x 1] T, mesh file's coordinates, without the root's translation.
         """
         out = np.empty((len(self.bones.parents), 4, 3)) if out is None else out
-        _step(self._plan, self._state, float(time), np.ascontiguousarray(positions), confidence, out)
+        turns = self._unknown if orientations is None else np.ascontiguousarray(orientations)
+        _step(self._plan, self._state, float(time), np.ascontiguousarray(positions), confidence, turns, out)
         return out
 
     @property
@@ -170,7 +187,7 @@ class LimbMotion:
 
 
 @numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _step(plan, state, time, positions, confidence, orientations, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring the state up to a frame, and write the motions of the bones."""
     began = math.isfinite(state.clock[TIME])
     elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # a clock that is set back stands still here
@@ -182,13 +199,15 @@ def _step(plan, state, time, positions, confidence, out):  # type: ignore[no-unt
     aims, across = plan.aims.copy(), _sides_of(plan, seen, rows)
     for row in plan.trunk_rows:
         aims[row] = quat.unit(_blend(plan.chords[row], plan.aims[row], counts))
+    turned = _turned(plan, state, orientations, rows)
     world = np.empty((rows, 4))
     for row in range(rows):
         base = (1.0, 0.0, 0.0, 0.0)
         if plan.base[row] >= 0:
             base = _quaternion(world, plan.base[row])
-        local = _turn(plan, state, row, quat.inverse(base), aims, directions, across, elapsed, began)
+        local = _turn(plan, state, row, quat.inverse(base), aims, directions, across, turned, elapsed, began)
         world[row] = quat.product(base, local)
+    _mount(state, turned, world)
     _write_motions(plan, state, out)
 
 
@@ -363,7 +382,30 @@ def _sides_of(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001
 
 
 @numba.njit
-def _turn(plan, state, row, from_base, aims, directions, across, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _turned(plan, state, orientations, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the orientation of the performer's bone that tells each roll (rows, 4); NaN where none does."""
+    turned = np.full((rows, 4), np.nan)
+    if state.clock[EXCHANGED] > 0:
+        return turned
+    heading = (1.0, 0.0, 0.0, 0.0)
+    if not plan.turns:
+        heading = quat.about((0.0, 1.0, 0.0), -state.clock[HEADING])
+    for row in range(rows):
+        if plan.oriented[row] >= 0:
+            turned[row] = quat.normalised(quat.product(heading, _quaternion(orientations, plan.oriented[row])))
+    return turned
+
+
+@numba.njit
+def _mount(state, turned, world):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Note where bones are in the axes of the performer's when their orientations are first known."""
+    for row in range(len(world)):
+        if math.isfinite(turned[row, 0]) and state.known[row] > 0 and not math.isfinite(state.mount[row, 0]):
+            state.mount[row] = quat.product(quat.inverse(_quaternion(turned, row)), _quaternion(world, row))
+
+
+@numba.njit
+def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring a bone's turn against its base up to date."""
     aim, direction = _vector(aims, row), _vector(directions, row)
     local = _quaternion(state.local, row)
@@ -371,7 +413,10 @@ def _turn(plan, state, row, from_base, aims, directions, across, elapsed, began)
     fading = math.exp(-elapsed / RETURN_TIME)
     if known:
         local = _swing(state, row, local, aim, quat.rotated(from_base, direction), fading, elapsed, began)
-        local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
+        if math.isfinite(turned[row, 0] + state.mount[row, 0]):
+            local = _as_turned(plan, state, row, local, from_base, aim, turned, elapsed)
+        else:
+            local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
         local = quat.normalised(local)
         state.local[row] = local
     state.known[row] = 1.0 if known else 0.0
@@ -430,6 +475,18 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
                 x, y, weight = x + bent * math.cos(error), y + bent * math.sin(error), weight + bent
         share = 1 - math.exp(-weight * elapsed) if began else 1.0
         angle = share * math.atan2(y, x) if weight > 0 else 0.0
+    fastest = FASTEST * elapsed
+    return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
+
+
+@numba.njit
+def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Roll a bone about itself as the performer's has rolled."""
+    there = quat.product(from_base, quat.product(_quaternion(turned, row), _quaternion(state.mount, row)))
+    axis, side = quat.rotated(local, aim), _vector(plan.sides, row)
+    weight = TURNED_RATE * _rise(quat.dot(axis, quat.rotated(there, aim)), TURNED_COSINE)
+    angle = quat.twist(quat.rotated(local, side), quat.rotated(there, side), axis)
+    angle *= 1 - math.exp(-weight * elapsed)
     fastest = FASTEST * elapsed
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 

@@ -31,6 +31,7 @@ class Plan(NamedTuple):
     base: NDArray[np.int64]  # (b + 1,): the row that each bone's turn is measured against, −1 for none
     shown_base: NDArray[np.int64]  # (b + 1,): the row of the character's that it is applied on top of
     gain: NDArray[np.float64]  # (b + 1,)
+    oriented: NDArray[np.int64]  # (b + 1,): the joint whose orientation tells the roll, −1 for none
     pitch: NDArray[np.float64]  # (b + 1,): radians by which a direction is raised: a foot's
     trunk: NDArray[np.int64]  # (q,): the points of the trunk, none if there is no trunk
     trunk_rows: NDArray[np.int64]  # (q − 1,): its bones
@@ -103,6 +104,7 @@ def plan_of(
         base=base,
         shown_base=shown_base,
         gain=np.array([1.0, *(place.limb.gain for place in places for _ in place.rows)]),
+        oriented=np.array([-1, *(_oriented(place.limb, k) for place in places for k in range(len(place.rows)))]),
         pitch=_pitches(places, aims, performer, rest),
         trunk=none if trunk is None else trunk.points,
         trunk_rows=none if trunk is None else trunk.rows,
@@ -164,6 +166,12 @@ def _hinges(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[in
             for row, joints in zip(rows[:-1], limb.joints, strict=False):
                 if joints in forward:
                     yield int(row), forward[joints]
+
+
+def _oriented(limb: Limb, bone: int) -> int:
+    """Return the joint at which the performer's bone begins, or −1 for a bone whose roll the sides of the body tell."""
+    joints = limb.joints[bone]
+    return joints[0] if len(joints) == 1 and limb.name != TRUNK else -1
 
 
 def _pitches(

@@ -27,6 +27,12 @@ from solver.retarget import FARTHEST, RETURN_TIME
 FASTEST = 25.0
 """Radians per second that a limb turns at most against what it hangs on; a thrower's forearm reaches about 40."""
 
+FOOT_MOST = 0.9
+"""Radians that a foot turns at most from how the shin carries it; the joint of a foot is a sensor's noisiest."""
+
+FOOT_SECONDS = 0.05
+"""Time constant with which a foot turns to where the performer's points, in seconds. It begins as at rest."""
+
 HINGE_RATE = 20.0
 """Per second, how fast the roll of an upper arm or thigh closes in on the plane of a limb that is bent."""
 
@@ -412,7 +418,10 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
     known = quat.dot(aim, aim) > 0.5 and quat.dot(direction, direction) > 0.5
     fading = math.exp(-elapsed / RETURN_TIME)
     if known:
-        local = _swing(state, row, local, aim, quat.rotated(from_base, direction), fading, elapsed, began)
+        wanted = quat.rotated(from_base, direction)
+        if plan.foot[row]:
+            wanted = _eased_foot(aim, quat.rotated(local, aim), wanted, elapsed if began else 0.0)
+        local = _swing(state, row, local, aim, wanted, fading, elapsed, began)
         if math.isfinite(turned[row, 0] + state.mount[row, 0]):
             local = _as_turned(plan, state, row, local, from_base, aim, turned, elapsed)
         else:
@@ -421,6 +430,21 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
         state.local[row] = local
     state.known[row] = 1.0 if known else 0.0
     return local
+
+
+@numba.njit
+def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
+    away = _length(quat.to_vector(quat.least(aim, wanted)))
+    wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
+    return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
+
+
+@numba.njit
+def _on_the_way(start, end, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the direction a share of the least rotation from one to another."""
+    way = quat.to_vector(quat.least(start, end))
+    return quat.unit(quat.rotated(quat.from_vector((share * way[0], share * way[1], share * way[2])), start))
 
 
 @numba.njit

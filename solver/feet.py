@@ -120,6 +120,7 @@ class _State(NamedTuple):
     place: NDArray[np.float64]  # (l, 3): where each foot is held
     offset: NDArray[np.float64]  # (l, 3): from where the leg points to where the foot is shown
     held: NDArray[np.float64]  # (l,): 1 while a foot is held
+    stands: NDArray[np.float64]  # (l,): how far it has come to rest, 0 to 1
     flat: NDArray[np.float64]  # (l,): how far it lies flat, 0 to 1
     heading: NDArray[np.float64]  # (l,): about the upright axis, in which it lies, radians
     last: NDArray[np.float64]  # (l, 3): the performer's foot in the last frame; NaN before it was seen
@@ -168,6 +169,7 @@ class Feet:
             place=np.zeros((count, 3)),
             offset=np.zeros((count, 3)),
             held=np.zeros(count),
+            stands=np.zeros(count),
             flat=np.zeros(count),
             heading=np.zeros(count),
             last=np.full((count, 3), np.nan),
@@ -227,8 +229,10 @@ def _step(plan, state, time, positions, confidence, motions, root):  # type: ign
     began = math.isfinite(clock[TIME])
     elapsed = max(0.0, time - clock[TIME]) if began else math.inf
     clock[TIME] = time
-    rests = _performers_feet(plan, state, positions, confidence, elapsed, began)
-    _set_height(plan, state, motions, root, rests, elapsed)
+    rests, low = _performers_feet(plan, state, positions, confidence, elapsed, began)
+    _ease(state.stands, rests, elapsed)
+    _ease(state.flat, rests | low, elapsed)  # how a sensor has a low foot pitched is mostly noise
+    _set_height(plan, state, motions, root, elapsed)
     _shift(plan, state, motions, root, elapsed)
     changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()
     for leg in range(len(plan.legs)):
@@ -244,8 +248,16 @@ def _fade(seconds, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, AN
 
 
 @numba.njit
+def _ease(shares, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring shares nearer to 1 where something is wanted, and to 0 elsewhere."""
+    for leg in range(len(shares)):
+        goal = 1.0 if wanted[leg] else 0.0
+        shares[leg] = goal + _fade(SETTLE_SECONDS, elapsed) * (shares[leg] - goal)
+
+
+@numba.njit
 def _performers_feet(plan, state, positions, confidence, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return which of the performer's feet rest, and bring their velocities and the floor up to date."""
+    """Return which of the performer's feet rest and which are low; bring their velocities and the floor up to date."""
     _follow(plan, state, positions, confidence, elapsed)
     lowest, still = np.inf, 0.0
     for leg in range(len(plan.joints)):
@@ -253,9 +265,9 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):  # typ
         state.still[leg] = 0.0 if quick or not began else state.still[leg] + elapsed
         if state.last[leg, 1] < lowest:  # which NaN is not
             lowest, still = state.last[leg, 1], state.still[leg]
-    rests = np.zeros(len(plan.joints), dtype=np.bool_)
+    rests, low = np.zeros((2, len(plan.joints)), dtype=np.bool_)
     if not math.isfinite(lowest):
-        return rests
+        return rests, low
     _find_floor(plan, state.clock, lowest, still, elapsed)
     for leg in range(len(plan.joints)):
         held = state.held[leg] > 0
@@ -269,7 +281,8 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):  # typ
         state.votes[leg, :-1] = state.votes[leg, 1:]
         state.votes[leg, -1] = vote
         rests[leg] = 2 * state.votes[leg].sum() > VOTES
-    return rests
+        low[leg] = height < LOW
+    return rests, low
 
 
 @numba.njit
@@ -306,7 +319,7 @@ def _find_floor(plan, clock, lowest, still, elapsed):  # type: ignore[no-untyped
 
 
 @numba.njit
-def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _set_height(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
 
     That is the height of the lower foot, and of both if both rest but for `SLACK`: the leg that reaches less far must
@@ -318,14 +331,12 @@ def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-
         ankle = plan.tails[shin]
         height = quat.dot(minus(moved(motions[shin], ankle), ankle), up)
         # a foot that lies flat is as high as its ankle; another may be lower with its tip
-        flat = 1.0 if rests[leg] else 0.0
-        state.flat[leg] = flat + _fade(SETTLE_SECONDS, elapsed) * (state.flat[leg] - flat)
         if foot >= 0:
             tip = quat.dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
             height += (1 - state.flat[leg]) * min(0.0, tip - height)
         heights[leg] = height
     lowest = heights.min()
-    apart = (state.flat * (heights - lowest)).max()
+    apart = (state.stands * (heights - lowest)).max()
     wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK)
     farthest = plan.metre * FALL * elapsed
     last = state.clock[HEIGHT]

@@ -141,7 +141,7 @@ def test_the_lower_foot_is_on_the_floor_while_walking(walked):
     ankles = places[:, [4, 5], 1] - CHARACTER[4, 1]
     assert ankles.min() > -1e-9
     tips = places[:, [6, 7], 1] - CHARACTER[6, 1]
-    assert np.minimum(ankles, tips).min(axis=1).max() < SLACK
+    assert np.minimum(ankles, tips).min(axis=1).max() < SLACK + 1e-3
     assert ankles.max() > 0.05  # and the other one is lifted
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from solver import quaternions as quat
 from solver.bones import Bones
+from solver.carried import Carried
 from solver.retarget import FARTHEST, RETURN_TIME
 from solver.two_bones import bend, carry_along, length, minus, moved, place, plus, pole
 
@@ -135,7 +136,7 @@ class _State(NamedTuple):
 TIME, FLOOR, LIFT, HEIGHT = range(4)
 
 
-class Feet:
+class Feet(Carried):
     """Holds the feet of a character on the floor.
 
     Parameters
@@ -210,16 +211,6 @@ class Feet:
     def held(self) -> NDArray[np.bool_]:
         """(l,) bool: the feet that are held."""
         return self._state.held > 0
-
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same legs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -384,7 +375,7 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: igno
     offset = (state.offset[leg, 0], state.offset[leg, 1], state.offset[leg, 2])
     if state.held[leg] == 0:
         fading = _fade(RETURN_TIME, elapsed) if began else 0.0
-        offset = (fading * offset[0], fading * offset[1], fading * offset[2])
+        offset = quat.scaled(offset, fading)
         if rests and length(offset) < NEAR * plan.metre:
             state.held[leg] = 1.0
             state.place[leg] = plus(points, offset, 1.0)
@@ -423,9 +414,8 @@ def _bend(plan, state, leg, motions, changed, elapsed):  # type: ignore[no-untyp
         if state.flat[leg] > 1e-6 or changed[shin]:
             up = (plan.up[0], plan.up[1], plan.up[2])
             level = quat.to_vector(quat.product(quat.about(up, state.heading[leg]), quat.inverse(turn)))
-            share = state.flat[leg]
-            level = (share * level[0], share * level[1], share * level[2])
-            place(motions[foot], quat.product(quat.from_vector(level), turn), plan.heads[foot], ankle)
+            level = quat.from_vector(quat.scaled(level, state.flat[leg]))
+            place(motions[foot], quat.product(level, turn), plan.heads[foot], ankle)
             changed[foot] = True
 
 

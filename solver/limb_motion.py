@@ -20,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver import quaternions as quat
+from solver.carried import Carried
 from solver.limb_plan import BENT, HINGE, SIDES, plan_of
 from solver.limbs import Limb, Performer, bones_of, parents_first
 from solver.retarget import FARTHEST, RETURN_TIME
+from solver.two_bones import length
 
 FASTEST = 25.0
 """Radians per second that a limb turns at most against what it hangs on; a thrower's forearm reaches about 40."""
@@ -89,7 +91,7 @@ class _State(NamedTuple):
 TIME, SIDE_TIME, EXCHANGED, SINCE, HEADING = range(5)
 
 
-class LimbMotion:
+class LimbMotion(Carried):
     """Turns a performer's joints into the motions of a character's bones.
 
     Parameters
@@ -181,16 +183,6 @@ class LimbMotion:
         """The first bone of the trunk, if there is one."""
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same limbs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
-
 
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, orientations, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
@@ -245,12 +237,7 @@ def _between(seen, tail, head):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @numba.njit
-def _length(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return math.sqrt(quat.dot(v, v))
-
-
-@numba.njit
-def _torso_length(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _torso(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the vector from the middle of the hips to that of the shoulders."""
     up = np.empty(3)
     for axis in range(3):
@@ -262,13 +249,13 @@ def _torso_length(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 @numba.njit
 def _pair(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the directions from right to left of hips and shoulders; zero where they cannot be told."""
-    trunk = _length(_torso_length(pairs, seen))
+    trunk = length(_torso(pairs, seen))
     hips = _between(seen, pairs[0, 1], pairs[0, 0])
     shoulders = _between(seen, pairs[1, 1], pairs[1, 0])
     # comparisons with NaN are false: what is not known is too narrow
-    if not (_length(hips) > quat.TINY and not _length(hips) < NARROWEST[0] * trunk):
+    if not (length(hips) > quat.TINY and not length(hips) < NARROWEST[0] * trunk):
         hips = (0.0, 0.0, 0.0)
-    if not (_length(shoulders) > quat.TINY and not _length(shoulders) < NARROWEST[1] * trunk):
+    if not (length(shoulders) > quat.TINY and not length(shoulders) < NARROWEST[1] * trunk):
         shoulders = (0.0, 0.0, 0.0)
     return quat.unit(hips), quat.unit(shoulders)
 
@@ -293,8 +280,8 @@ def _seen(plan, state, time, positions, confidence):  # type: ignore[no-untyped-
     if quat.dot(side, side) > 0:
         mean = (state.side[0], state.side[1], state.side[2])
         pause = time - clock[SIDE_TIME]
-        if _length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
-            turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * _length(mean)
+        if length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
+            turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * length(mean)
             # hips and shoulders alike: one alone is noise
             if turned and sign * quat.dot(hips, mean) <= 0 and sign * quat.dot(shoulders, mean) <= 0:
                 clock[EXCHANGED], clock[SINCE] = 1 - clock[EXCHANGED], time
@@ -330,7 +317,7 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
                 count += 1
         points[p] /= count
     directions = np.zeros((rows, 3))
-    directions[0] = _known_unit(_torso_length(plan.pairs, seen))
+    directions[0] = _known_unit(_torso(plan.pairs, seen))
     for row in range(1, rows):
         direction = _known_unit(_between(points, plan.ends[row, 0], plan.ends[row, 1]))
         directions[row] = _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction
@@ -339,9 +326,9 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
         first, last = plan.trunk[0], plan.trunk[-1]
         chord = _between(points, first, last)
         for k in range(1, len(plan.trunk) - 1):
-            near = _length(_between(points, first, plan.trunk[k]))
-            near = min(near, _length(_between(points, plan.trunk[k], last)))
-            share = _rise(near / max(_length(chord), quat.TINY), INNER_JOINT)
+            near = length(_between(points, first, plan.trunk[k]))
+            near = min(near, length(_between(points, plan.trunk[k], last)))
+            share = _rise(near / max(length(chord), quat.TINY), INNER_JOINT)
             counts = min(counts, share) if share == share else 0.0
         chord = _known_unit(chord)
         if counts < 1 and quat.dot(chord, chord) > 0:
@@ -435,7 +422,7 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
 @numba.njit
 def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
-    away = _length(quat.to_vector(quat.least(aim, wanted)))
+    away = length(quat.to_vector(quat.least(aim, wanted)))
     wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
     return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
 
@@ -444,7 +431,7 @@ def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # n
 def _on_the_way(start, end, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the direction a share of the least rotation from one to another."""
     way = quat.to_vector(quat.least(start, end))
-    return quat.unit(quat.rotated(quat.from_vector((share * way[0], share * way[1], share * way[2])), start))
+    return quat.unit(quat.rotated(quat.from_vector(quat.scaled(way, share)), start))
 
 
 @numba.njit
@@ -453,16 +440,15 @@ def _swing(state, row, local, aim, wanted, fading, elapsed, began):  # type: ign
     now = quat.rotated(local, aim)
     gap = (0.0, 0.0, 0.0)
     if began:
-        gap = (fading * state.gap[row, 0], fading * state.gap[row, 1], fading * state.gap[row, 2])
+        gap = quat.scaled(state.gap[row], fading)
         if state.known[row] == 0:
             gap = quat.to_vector(quat.least(wanted, now))
         wanted = quat.rotated(quat.from_vector(gap), wanted)
     state.gap[row] = gap
     turn = quat.to_vector(quat.least(now, wanted))
-    angle = _length(turn)
+    angle = length(turn)
     if angle > FASTEST * elapsed:
-        share = FASTEST * elapsed / angle
-        turn = (share * turn[0], share * turn[1], share * turn[2])
+        turn = quat.scaled(turn, FASTEST * elapsed / angle)
     return quat.product(quat.from_vector(turn), local)
 
 
@@ -474,7 +460,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
     if plan.roll[row] == SIDES:
         wanted = quat.rotated(from_base, _vector(across, row))
         flat = quat.cross(axis, wanted)
-        known = _length(flat) > 0.2
+        known = length(flat) > 0.2
         angle, gap = 0.0, 0.0
         if known:
             angle = quat.twist(now, wanted, axis)
@@ -491,7 +477,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
         x, y = weight * math.cos(error), weight * math.sin(error)
         if plan.roll[row] == HINGE:
             hinge = quat.cross(_vector(directions, row), _vector(directions, row + 1))
-            bent = HINGE_RATE * _rise(_length(hinge), BENT)
+            bent = HINGE_RATE * _rise(length(hinge), BENT)
             if bent > 0:
                 error = quat.twist(now, quat.rotated(from_base, hinge), axis)
                 if began:
@@ -526,8 +512,7 @@ def _write_motions(plan, state, out):  # type: ignore[no-untyped-def]  # noqa: A
         if plan.gain[row] != 1:
             vector = quat.near_vector(local, _vector(state.vector, row))
             state.vector[row] = vector
-            gain = plan.gain[row]
-            local = quat.from_vector((gain * vector[0], gain * vector[1], gain * vector[2]))
+            local = quat.from_vector(quat.scaled(vector, plan.gain[row]))
         base = plan.shown_base[row]
         shown[row] = quat.product(_quaternion(shown, base), local) if base >= 0 else local
         bone = row - 1

@@ -125,7 +125,7 @@ class _State(NamedTuple):
     flat: NDArray[np.float64]  # (l,): how far it lies flat, 0 to 1
     heading: NDArray[np.float64]  # (l,): about the upright axis, in which it lies, radians
     last: NDArray[np.float64]  # (l, 3): the performer's foot in the last frame; NaN before it was seen
-    velocity: NDArray[np.float64]  # (l, 3)
+    velocity: NDArray[np.float64]  # (l, 3); NaN before it was seen twice
     noise: NDArray[np.float64]  # (l,): mean distance from that velocity, metres per second
     still: NDArray[np.float64]  # (l,): seconds for which each foot has been slow
     votes: NDArray[np.float64]  # (l, VOTES)
@@ -174,7 +174,7 @@ class Feet(Carried):
             flat=np.zeros(count),
             heading=np.zeros(count),
             last=np.full((count, 3), np.nan),
-            velocity=np.zeros((count, 3)),
+            velocity=np.full((count, 3), np.nan),
             noise=np.zeros(count),
             still=np.zeros(count),
             votes=np.zeros((count, VOTES)),
@@ -252,7 +252,7 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):  # typ
     _follow(plan, state, positions, confidence, elapsed)
     lowest, still = np.inf, 0.0
     for leg in range(len(plan.joints)):
-        quick = length(state.velocity[leg]) > SLOW + NOISE_SHARE * state.noise[leg]
+        quick = _speed(state, leg) > SLOW + NOISE_SHARE * state.noise[leg]
         state.still[leg] = 0.0 if quick or not began else state.still[leg] + elapsed
         if state.last[leg, 1] < lowest:  # which NaN is not
             lowest, still = state.last[leg, 1], state.still[leg]
@@ -265,7 +265,7 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):  # typ
         height = state.last[leg, 1] - state.clock[FLOOR]
         if state.still[leg] > STILL_SECONDS:
             height = min(height, state.last[leg, 1] - lowest)
-        slow = length(state.velocity[leg]) < (FAST if held else SLOW) + NOISE_SHARE * state.noise[leg]
+        slow = _speed(state, leg) < (FAST if held else SLOW) + NOISE_SHARE * state.noise[leg]
         vote = 1.0 if slow and height < (HIGH if held else LOW) else 0.0
         if not began:
             state.votes[leg] = vote
@@ -289,13 +289,21 @@ def _follow(plan, state, positions, confidence, elapsed):  # type: ignore[no-unt
         for axis in range(3):
             moved = positions[j, axis] - state.last[leg, axis]
             if 0 < elapsed < np.inf and math.isfinite(moved):
-                velocity = moved / elapsed
-                away += (velocity - state.velocity[leg, axis]) ** 2
-                state.velocity[leg, axis] = velocity + fading * (state.velocity[leg, axis] - velocity)
+                velocity, mean = moved / elapsed, state.velocity[leg, axis]
+                mean = mean if math.isfinite(mean) else velocity
+                away += (velocity - mean) ** 2
+                state.velocity[leg, axis] = velocity + fading * (mean - velocity)
             state.last[leg, axis] = positions[j, axis]
-        if length(state.velocity[leg]) < FAST and elapsed < np.inf:
+        if _speed(state, leg) < FAST and elapsed < np.inf:
             away = math.sqrt(away)
             state.noise[leg] = away + _fade(NOISE_SECONDS, elapsed) * (state.noise[leg] - away)
+
+
+@numba.njit
+def _speed(state, leg):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return how fast a performer's foot is; 0 before that is known."""
+    speed = length(state.velocity[leg])
+    return speed if math.isfinite(speed) else 0.0
 
 
 @numba.njit

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from solver.curve_skeleton import curve_skeleton
 from solver.limb_chain import LimbChain, Limbs, evenly
-from solver.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_way
+from solver.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
 from solver.mesh import SolverMesh
 from solver.solid import fill
 
@@ -67,6 +67,12 @@ LEGS = 0.1
 SKULLS = 0.35, 0.2, 0.12
 """The head's thickest place is on this last share of the way from hips to crown; on a smaller one if the chest or neck
 is at its beginning."""
+
+BIG_HEAD = 0.55
+"""If a two-legged body is thickest beyond this share of the way from hips to crown, that is its head and no chest."""
+
+HEAD_WIDTH = 1.5
+"""What is no farther from the trunk's curve than this many times the head's thickness belongs to the head."""
 
 LONG_NECK = 0.3
 """A neck of at least this share of the trunk's length is a limb of its own."""
@@ -152,6 +158,9 @@ class _Finder:
     @cached_property
     def skull(self) -> int:
         """Where the head is thickest, an index into the trunk's curve: beyond the neck, if there is one."""
+        thickest = int(self.trunk.depth.argmax())
+        if not self.four_legged and self.trunk.along[thickest] > BIG_HEAD * self.trunk.length:
+            return thickest
         for share in SKULLS:
             last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)
             thickest = int(self.trunk.depth[last].argmax())
@@ -331,7 +340,7 @@ class _Finder:
 
     def _shoulder_place(self, branch: LimbCurve) -> float:
         """Return where on the trunk's curve a branch would have its shoulder."""
-        shoulder = branch.at(shoulder_way(branch, self.trunk))
+        shoulder = branch.at(shoulder_ways(branch, self.trunk)[0])
         return float(self.trunk.along[np.linalg.norm(self.trunk.points - shoulder, axis=1).argmin()])
 
     def _aside(self, branch: LimbCurve) -> float:
@@ -377,10 +386,10 @@ class _Finder:
     # joints ----------------------------------------------------------------------------------------------------------
 
     def _arm_points(self, arms: tuple[LimbCurve, LimbCurve]) -> list[Points]:
-        shoulders = [shoulder_way(arm, self.trunk) for arm in arms]
+        shoulders = [shoulder_ways(arm, self.trunk) for arm in arms]
         around = [
             self.cells[self.skeleton.beyond(int(arm.cells[arm.index(shoulder)]))]
-            for arm, shoulder in zip(arms, shoulders, strict=True)
+            for arm, (shoulder, _) in zip(arms, shoulders, strict=True)
         ]
         points, ends = arm_joints(arms, shoulders, around, self.solid.size)
         for arm, side, end in zip(arms, ("left", "right"), ends, strict=True):
@@ -461,13 +470,22 @@ class _Finder:
         skull = trunk.points[self.skull]
         stands = skull - high
         if not self.four_legged and stands[1] > UPRIGHT * np.linalg.norm(stands) > 0:
-            crown = skull + trunk.depth[self.skull] * stands / np.linalg.norm(stands)
+            crown = self._crown(high)
         elif self.skull > place:
             neck = trunk.along[self.skull] - trunk.depth[self.skull] - trunk.along[place]
             if neck > LONG_NECK * (trunk.along[place] - trunk.along[start]):
                 way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
                 return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
         return result | {"head": np.array([high, crown])}
+
+    def _crown(self, neck: Points) -> Points:
+        """Return the end of a head that stands on a neck, straight above its middle: a cap's brim does not count."""
+        away, place = cKDTree(self.trunk.points).query(self.cells)
+        near = away < HEAD_WIDTH * self.trunk.depth[self.skull]
+        head = self.cells[near & (self.trunk.along[place] > self._chin)]
+        middle = head.mean(axis=0)
+        way = (middle - neck) / np.linalg.norm(middle - neck)
+        return np.asarray(neck + way * np.quantile((head - neck) @ way, 0.95))
 
     def _say_what_is_missing(self, found: dict[str, Points]) -> None:
         if not self.feet:

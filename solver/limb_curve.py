@@ -155,7 +155,7 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
     thighs = inwards < 0.6 * inwards[-1]
     parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, CLEAR_LEGS))
     hips = [leg.length - parted for leg in legs]
-    ankles = [_ankle(leg, way) for leg, way in zip(legs, hips, strict=True)]
+    ankles = [_corner(leg, 0.0, MID_LEG * way, (0.05, 0.95))[1] for leg, way in zip(legs, hips, strict=True)]
     lows = [leg.way_to(ankle) for leg, ankle in zip(legs, ankles, strict=True)]
     knees = _between(legs, lows, hips, THIGH)
     points = [
@@ -183,23 +183,31 @@ def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDA
     return np.asarray(limb.at(straight) + (top - straight) * bone / max(float(np.linalg.norm(bone)), 1e-12))
 
 
-def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
-    """Return where foot and shin meet: the corner of two lines that fit the curve best, from its end to the mid leg.
+def _corner(limb: LimbCurve, low: float, high: float, between: tuple[float, float]) -> tuple[float, NDArray[np.float64]]:
+    """Return the joint of two straight bones that fit a part of a curve best: its way from the end, and its point.
 
     The curve itself rounds the corner off.
+
+    Parameters
+    ----------
+    limb : LimbCurve
+    low, high : float
+        Ways where the bones end.
+    between : (float, float)
+        Shares of the way from low to high that the joint may have.
     """
-    ways = np.linspace(0.0, MID_LEG * hip, 61)
-    points = np.array([leg.at(way) for way in ways])
+    ways = np.linspace(low, high, 61)
+    points = np.array([limb.at(way) for way in ways])
     number, last = np.arange(len(ways)), len(ways) - 1
-    best, corner = np.inf, points[0]
-    for place in range(3, last - 3):
+    best, where, corner = np.inf, 0, points[0]
+    for place in range(round(between[0] * last), round(between[1] * last) + 1):
         share = np.where(number <= place, number / place, (last - number) / (last - place))[:, None]
         end = np.where((number <= place)[:, None], points[0], points[-1])
         fitted = (share * (points - (1 - share) * end)).sum(axis=0) / (share**2).sum()
         misfit = float(((share * fitted + (1 - share) * end - points) ** 2).sum())
         if misfit < best:
-            best, corner = misfit, fitted
-    return np.asarray(corner)
+            best, where, corner = misfit, place, fitted
+    return float(ways[where]), np.asarray(corner)
 
 
 def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[float], usual: float) -> list[float]:
@@ -215,24 +223,15 @@ def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[
     """
     total, weights = 0.25 * usual, 0.25
     for limb, low, high in zip(limbs, lows, highs, strict=True):
-        ways = np.linspace(low + 0.3 * (high - low), low + 0.7 * (high - low), 41)
-        corner = float(ways[_aside(limb, ways, low, high).argmax()])
-        inner = limb.at(high - 0.15 * (high - low)) - limb.at(corner)  # without the curve into the body
-        outer = limb.at(corner) - limb.at(low)
+        near = high - 0.15 * (high - low)  # without the curve into the body
+        corner, joint = _corner(limb, low, near, (0.3, 0.8))
+        inner, outer = limb.at(near) - joint, joint - limb.at(low)
         cosine = inner @ outer / max(float(np.linalg.norm(inner) * np.linalg.norm(outer)), 1e-12)
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
         weight = float(np.clip((angle - BENT[0]) / (BENT[1] - BENT[0]), 0, 1))
         total += weight * (high - corner) / max(high - low, 1e-12)
         weights += weight
     return [high - total / weights * (high - low) for low, high in zip(lows, highs, strict=True)]
-
-
-def _aside(limb: LimbCurve, ways: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """Return how far points of a limb are from the straight line between two others."""
-    start, chord = limb.at(low), limb.at(high) - limb.at(low)
-    chord /= max(float(np.linalg.norm(chord)), 1e-12)
-    away = np.array([limb.at(way) for way in ways]) - start
-    return np.asarray(np.linalg.norm(away - (away @ chord)[:, None] * chord, axis=1))
 
 
 def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:

@@ -30,6 +30,12 @@ LEVEL = 0.05
 TOES = 0.15
 """Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
 
+THINNEST_FOOT = 0.3
+"""What is thinner than this share of the thickest foot, as the hem of a cape, is no foot."""
+
+UNEQUAL = 0.3
+"""What the thickness of two feet counts beside their place: a sword's point beside a foot differs by nearly this."""
+
 STRIDE = 0.25
 """Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
 and length."""
@@ -58,7 +64,7 @@ LIKE = 0.3
 SYMMETRIC = 0.06
 """Limbs of left and right that mirror each other to this share of the height are made equal."""
 
-BULB = 8.0
+BULB = 12.0
 """What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
 
 LEGS = 0.1
@@ -123,7 +129,7 @@ class _Finder:
         self.low, self.high = self.cells.min(axis=0), self.cells.max(axis=0)
         self.height = float(self.high[1] - self.low[1]) + self.solid.size
         self.unit = float((self.high - self.low).max()) + self.solid.size
-        self.middle = float(self.cells[:, 0].mean())
+        self.middle = float(np.average(self.cells[:, 0], weights=self.solid.depth**2))  # the trunk's, not a shield's
         self.feet = self._feet()
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
@@ -207,18 +213,21 @@ class _Finder:
 
     def _feet(self) -> list[_Pair]:
         """Return no feet, a pair of feet, or hind feet and front feet; of a pair the left one first."""
+        candidates = [tip for tip in self.skeleton.tips.tolist() if self._place(tip)[1] < LOW]
+        stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
         low: list[int] = []
-        for tip in self.skeleton.tips.tolist():
-            if self._place(tip)[1] >= LOW:
+        for tip in candidates:
+            if self._thicknesses(tip)[0] < THINNEST_FOOT * stout:
                 continue
             others = [other for other in low if self._same_foot(tip, other)]
             if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
                 low = [*(other for other in low if other not in others), tip]
         left = [tip for tip in low if self._place(tip)[0] > 0]
         right = [tip for tip in low if self._place(tip)[0] <= 0]
-        unlike = np.array([[self._unlike(self.cells[a], self.cells[b]) for b in right] for a in left])
+        unlike = np.array([[self._unlike_feet(a, b) for b in right] for a in left])
         rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
-        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True) if unlike[i, j] < LIKE]
+        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
+        pairs = [pair for pair in pairs if self._unlike_feet(*pair, stride=0.0) < LIKE]
         pairs = [pair for pair in pairs if min(self._place(tip)[1] for tip in pair) < GROUND]
         pairs.sort(key=lambda pair: sum(self._place(tip)[2] for tip in pair))
         for given in ("leg", "hind leg", "front leg"):
@@ -230,6 +239,14 @@ class _Finder:
         heights = [max(self._place(tip)[1] for tip in pair) for pair in pairs]
         lowest = [pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + LEVEL]
         return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
+
+    def _unlike_feet(self, one: int, other: int, stride: float = 1.0) -> float:
+        """Return how far two feet are from mirroring each other in place and thickness; a stride counts as it is told."""
+        counts = np.array([1.0, 1.0, stride])
+        thickness = sorted((self._thicknesses(one)[0], self._thicknesses(other)[0]))
+        return self._unlike(counts * self.cells[one], counts * self.cells[other]) + UNEQUAL * (
+            1 - thickness[0] / thickness[1]
+        )
 
     def _stride(self, hind: _Pair, front: _Pair) -> float:
         places = [np.mean([self._place(tip)[2] for tip in pair]) for pair in (hind, front)]
@@ -255,9 +272,14 @@ class _Finder:
         return max(scores, key=lambda cell: scores[cell])
 
     def _bulb(self, cell: int) -> float:
-        """Return how thick the end of a limb is, as a share of the height."""
+        """Return how thick the end of a limb is at most, as a share of the height."""
+        return self._thicknesses(cell)[1]
+
+    def _thicknesses(self, cell: int) -> tuple[float, float]:
+        """Return how thick the end of a limb is in its middle and at most, as shares of the height."""
         curve = curve_through(self.solid, self.skeleton.path(cell))
-        return float(curve.depth[curve.along <= LOW * self.height].max() / self.height)
+        depth = curve.depth[curve.along <= LOW * self.height] / self.height
+        return float(np.median(depth)), float(depth.max())
 
     def _base(self) -> int:
         """Return a cell in the middle of what a body without feet stands on."""

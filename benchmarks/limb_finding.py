@@ -2,13 +2,13 @@
 
     python -m benchmarks.limb_finding FOLDER [--poses N]
 
-FOLDER holds the rigged characters. Each row is a character as its file shows it, or the same character in N random poses
-(`posed`, 10 unless told): its own skin moved by random turns of its limbs. `human` and `biped` are made by code, which
-says where their joints are. Columns are distances in percent of body height, the largest of both sides and of all poses
-at 95 %; a limb that is not found counts as 100. Axes are those of the file: which way a character stands is not
-measured here.
+FOLDER holds the rigged characters. Each row is a character as its file shows it, or the same character in N random
+poses (`posed`, 10 if left out): its own skin moved by random turns of its limbs. `human` and `biped` are made by code,
+which says where their joints are. Columns are distances in percent of body height: the larger one of both sides, or the
+95th percentile over the poses. A limb that is not found counts as 100. Axes are those of the file: which way a
+character stands is not measured here.
 
-The first characters helped to choose the constants of `solver.limb_finding`. Their random poses and the animals did not.
+The people as made helped to choose the constants of `solver.limb_finding`.
 """
 
 import argparse
@@ -24,7 +24,6 @@ from benchmarks.fidelity import followed
 from engine_bridge.gltf.character import Character, load_character
 from engine_bridge.rig_bones import rig_bones
 from engine_bridge.rig_limbs import rig_limbs
-from solver.limb_chain import LimbChain
 from solver.limb_finding import find_limbs
 from solver.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.mesh import SolverMesh, weld
@@ -43,9 +42,9 @@ Truth = dict[str, NDArray[np.float64]]
 def random_turn(name: str, number: int, way: NDArray[np.float64], rng: np.random.Generator) -> Rotation:
     """Return how a bone of a limb turns against the one that it hangs on.
 
-    Upper arms point anywhere from 60° below to 45° above the horizon, 15° to the back to 60° to the front; elbows bend to
-    the front by up to 80°. Legs swing by 25°, spread by 15°, and knees bend by 40°; four legs swing by 15° twice.
-    Heads and tails turn by 20°.
+    Upper arms point anywhere from 60° below to 45° above the horizon, 15° to the back to 60° to the front; elbows bend
+    to the front by up to 80°. Legs swing by 25°, spread by 15°, and knees bend by 40°; both upper bones of four legs
+    swing by 15°. Heads and tails turn by 20°.
     """
     side = 1.0 if name.startswith("left") else -1.0
     if name.endswith(" arm"):
@@ -95,19 +94,21 @@ def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]
     names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
     bones = bones_of(limbs)
     which, share = followed(character)
-    bone = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
-    first = np.unique(mesh.of_render, return_index=True)[1]
+    follows = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
+    shown = np.unique(mesh.of_render, return_index=True)[1]
     rest = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))])
     for _ in range(count):
         motions = random_motions(names, bones, rng)
-        blend = np.einsum("nk,nkrc->nrc", share[first], motions[bone[first]])
+        blend = np.einsum("nk,nkrc->nrc", share[shown], motions[follows[shown]])
         vertices = np.einsum("nr,nrc->nc", rest, blend)
-        tips = {each: np.append(tail, 1.0) @ motion for each, tail, motion in zip(names, bones.tails, motions, strict=True)}
-        heads = {each: np.append(head, 1.0) @ motion for each, head, motion in zip(names, bones.heads, motions, strict=True)}
-        truth = {
-            limb.name: np.array([heads[limb.name, 0], *(tips[limb.name, k] for k in range(len(limb.points) - 1))])
-            for limb in limbs
-        }
+        heads, tails = (
+            np.einsum("br,brc->bc", np.column_stack([ends, np.ones(len(ends))]), motions)
+            for ends in (bones.heads, bones.tails)
+        )
+        truth: Truth = {}
+        for limb in limbs:
+            first = names.index((limb.name, 0))
+            truth[limb.name] = np.concatenate([heads[first : first + 1], tails[first : first + len(limb.points) - 1]])
         yield SolverMesh(vertices, mesh.faces, mesh.of_render), truth
 
 
@@ -134,9 +135,9 @@ def errors(mesh: SolverMesh, truth: Truth) -> dict[str, list[float]]:
         if side in ("left", "right") and kind.endswith(("arm", "leg")):
             for place, name in enumerate(JOINTS[:3] if kind in UPPER else JOINTS[3:]):
                 if np.isfinite(points[place]).all():
-                    there = found.get(limb)
-                    away = 100.0 if there is None else 100 * float(np.linalg.norm(there[place] - points[place])) / height
-                    result[name].append(min(away, 100.0))
+                    there = found[limb][place] if limb in found else NOWHERE
+                    away = 100 * float(np.linalg.norm(there - points[place])) / height
+                    result[name].append(min(away, 100.0) if limb in found else 100.0)
     return result
 
 

@@ -114,16 +114,16 @@ def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
 
 
 def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> str:
-    def stands(limb: str) -> bool:
-        way = points[limb][-1] - points[limb][0]
+    def stands(way: NDArray[np.float64]) -> bool:
         return bool(way @ up > UPRIGHT * np.linalg.norm(way))
 
-    person = {"trunk", "left arm", "right arm", "left leg", "right leg"} <= points.keys() and stands("trunk")
-    if not person or name in ("tail", "neck", "left wing", "right wing"):
+    if not points.keys() >= {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}:
         return "turn"
-    if name == "head":
-        return "direction" if stands("head") else "turn"
-    return "direction"
+    trunk, head = (points[limb][-1] - points[limb][0] for limb in ("trunk", "head"))
+    body = trunk if np.linalg.norm(trunk) > np.linalg.norm(head) else points["head"][-1] - points["trunk"][0]
+    if not stands(body) or name in ("tail", "neck", "left wing", "right wing"):
+        return "turn"
+    return "turn" if name == "head" and not stands(head) else "direction"
 
 
 def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64]]) -> LimbTable:

@@ -180,10 +180,13 @@ def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDA
     """
     straight = min(max(clear, joint + 0.1 * (top - joint)), top)
     bone = limb.at(straight) - limb.at(joint)
-    return np.asarray(limb.at(straight) + (top - straight) * bone / max(float(np.linalg.norm(bone)), 1e-12))
+    bone /= max(float(np.linalg.norm(bone)), 1e-12)
+    return np.asarray(limb.at(straight) + max((limb.at(top) - limb.at(straight)) @ bone, 0.0) * bone)
 
 
-def _corner(limb: LimbCurve, low: float, high: float, between: tuple[float, float]) -> tuple[float, NDArray[np.float64]]:
+def _corner(
+    limb: LimbCurve, low: float, high: float, between: tuple[float, float]
+) -> tuple[float, NDArray[np.float64]]:
     """Return the joint of two straight bones that fit a part of a curve best: its way from the end, and its point.
 
     The curve itself rounds the corner off.

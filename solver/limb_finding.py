@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from solver.curve_skeleton import curve_skeleton
 from solver.limb_chain import LimbChain, Limbs, evenly
-from solver.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
+from solver.limb_curve import UPPER_ARM, WRIST, LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
 from solver.mesh import SolverMesh
 from solver.solid import fill
 
@@ -46,6 +46,9 @@ MIDDLE, BEHIND = 0.15, -0.15
 LEAST_ARM = -0.2
 """What is less like arms than this is none."""
 
+SHOULDER_HEIGHT, SHOULDER_WIDTH = 0.6, 0.7
+"""Where shoulders are that do not show: this share of the way from hips to crown, and of half the width there."""
+
 SHORTEST_ARM, LONGEST_ARM = 0.06, 0.35
 """An arm reaches at least this far out of the body; beyond the second length it is no better an arm."""
 
@@ -66,6 +69,15 @@ SYMMETRIC = 0.06
 
 BULB = 12.0
 """What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
+
+TWINS = 0.1
+"""Ends that are this far apart, and mirror each other but for this, are a pair and no head: shares of the unit."""
+
+LESS_LIKE = 0.5
+"""If a pair is most like a head, an end may be less like one by this; else the head is where the pair branches off."""
+
+DOUBT = 0.15
+"""If another end is less like a head by no more than this, either may be the head."""
 
 LEGS = 0.1
 """What leaves the trunk below this share of the way from hips to crown and ends low is no arm."""
@@ -130,6 +142,7 @@ class _Finder:
         self.height = float(self.high[1] - self.low[1]) + self.solid.size
         self.unit = float((self.high - self.low).max()) + self.solid.size
         self.middle = float(np.average(self.cells[:, 0], weights=self.solid.depth**2))  # the trunk's, not a shield's
+        self.like_heads: dict[int, float] = {}
         self.feet = self._feet()
         self.four_legged = len(self.feet) > 1
         self.head = self._head()
@@ -183,9 +196,12 @@ class _Finder:
         """Return the points of each limb by its name."""
         found: dict[str, Points] = {}
         branches = self._branches()
+        self._say_other_heads(branches)
         arms = None if self.four_legged else self._arms(branches)
         if arms is not None:
             found |= self._sides("arm", self._arm_points(arms))
+        elif "left arm" in self.ends:
+            found |= self._sides("arm", [self._hidden_arm(side) for side in ("left", "right")])
         found |= self.legs
         self._uncover_legs(found)
         used = list(arms or ())
@@ -241,7 +257,14 @@ class _Finder:
         return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
 
     def _unlike_feet(self, one: int, other: int, stride: float = 1.0) -> float:
-        """Return how far two feet are from mirroring each other in place and thickness; a stride counts as it is told."""
+        """Return how far two feet are from mirroring each other in place and thickness.
+
+        Parameters
+        ----------
+        one, other : int
+        stride : float
+            Factor on how far one is before the other.
+        """
         counts = np.array([1.0, 1.0, stride])
         thickness = sorted((self._thicknesses(one)[0], self._thicknesses(other)[0]))
         return self._unlike(counts * self.cells[one], counts * self.cells[other]) + UNEQUAL * (
@@ -268,8 +291,37 @@ class _Finder:
         forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
         feet = [foot for pair in self.feet for foot in pair]
         tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
-        scores = {cell: float(forwards[cell]) + BULB * self._bulb(cell) for cell in [int(forwards.argmax()), *tips]}
-        return max(scores, key=lambda cell: scores[cell])
+        for cell in [int(forwards.argmax()), *tips]:
+            self.like_heads[cell] = float(forwards[cell]) + BULB * self._bulb(cell)
+        best = max(self.like_heads, key=lambda cell: self.like_heads[cell])
+        twins = {cell: twin for cell in self.like_heads if (twin := self._twin(cell, tips)) is not None}
+        if best not in twins:
+            return best
+        single = [cell for cell in tips if cell not in twins and not self._is_aside(cell)]
+        close = [cell for cell in single if self.like_heads[cell] > self.like_heads[best] - LESS_LIKE]
+        return max(close, key=lambda cell: self.like_heads[cell], default=self.skeleton.fork(best, twins[best]))
+
+    def _twin(self, cell: int, tips: Sequence[int]) -> int | None:
+        """Return the end that mirrors another, as ears and hands do, and heads do not."""
+        alike = (tip for tip in tips if self._unlike(self.cells[cell], self.cells[tip]) < TWINS)
+        return next(alike, None) if self._is_aside(cell) else None
+
+    def _is_aside(self, cell: int) -> bool:
+        return bool(2 * abs(self.cells[cell, 0] - self.middle) > TWINS * self.unit)
+
+    def _say_other_heads(self, branches: Sequence[LimbCurve]) -> None:
+        """Name ends that are nearly as much like a head as the one that was taken, and are no ears or horns of it."""
+        for branch in branches:
+            end = int(branch.cells[0])
+            close = self.like_heads.get(end, -np.inf) > self.like_heads.get(self.head, np.inf) - DOUBT
+            close &= bool(np.linalg.norm(self.cells[end] - self.cells[self.head]) > LOW * self.height)  # no jaw
+            close &= self._twin(end, self.skeleton.tips.tolist()) is None
+            if close and self._shoulder_place(branch) < self._chin:
+                here, there = (self._text(self.cells[cell]) for cell in (self.head, end))
+                self.notes.append(
+                    f"The head could be at {here} or at {there}: the first was taken. "
+                    f"If that is wrong: --limb 'head={there}'"
+                )
 
     def _bulb(self, cell: int) -> float:
         """Return how thick the end of a limb is at most, as a share of the height."""
@@ -320,11 +372,22 @@ class _Finder:
         pair = [by_end.get(self.ends.get(f"{side} {limb}", -1)) for side in ("left", "right")]
         return (pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
 
+    def _hidden_arm(self, side: str) -> Points:
+        """Return an arm that is one with the body: straight from where shoulders are to the end that the user knows."""
+        hand, root = self.cells[self.ends[f"{side} arm"]], self.trunk.at(SHOULDER_HEIGHT * self.trunk.length)
+        beside = self.cells[np.abs(self.cells[:, 1] - root[1]) < self.solid.size, 0] - root[0]
+        sign = 1.0 if side == "left" else -1.0
+        width = SHOULDER_WIDTH * max(float((sign * beside).max()), 0.0)
+        shoulder = root + np.array([sign * width, 0.0, 0.0])
+        shares = np.array([0.0, UPPER_ARM * WRIST, WRIST, 1.0])[:, None]
+        return np.asarray(shoulder + shares * (hand - shoulder))
+
     def _arms(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
         """Return the pair of branches that is most like arms, the left one first."""
-        given = self._given(branches, "arm")
-        if given is not None:
-            return given
+        if "left arm" in self.ends:
+            given = self._given(branches, "arm")
+            free = given is not None and all(self._is_free(branch) for branch in given)
+            return given if free else None
         scores: dict[tuple[int, int], float] = {}
         shoulders = [self._shoulder_place(branch) for branch in branches]
         for i, one in enumerate(branches):
@@ -337,6 +400,11 @@ class _Finder:
             return None
         one, other = (branches[i] for i in best)
         return (one, other) if self._aside(one) > self._aside(other) else (other, one)
+
+    def _is_free(self, branch: LimbCurve) -> bool:
+        """Return whether a branch is most of the way from its end to the trunk: an arm that hangs into it is not."""
+        away = np.linalg.norm(self.trunk.at(SHOULDER_HEIGHT * self.trunk.length) - branch.points[0])
+        return bool(branch.length > 0.5 * away)
 
     def _below_head(self, branch: LimbCurve, shoulder: float) -> bool:
         """Return whether a branch with its shoulder there is no ear, horn or leg."""
@@ -479,7 +547,7 @@ class _Finder:
         trunk = self.trunk
         near = cKDTree(trunk.points)
         legs, arms = ("hind leg", "front leg") if self.four_legged else ("leg", "arm")
-        low, high = trunk.points[0], trunk.at(0.6 * trunk.length)
+        low, high = trunk.points[0], trunk.at(SHOULDER_HEIGHT * trunk.length)
         if f"left {legs}" in found:
             low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
         if f"left {arms}" in found:

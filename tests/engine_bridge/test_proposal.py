@@ -70,7 +70,7 @@ REAL = {
     "homer_6k.obj": PERSON,
     "human_crane_10k.obj": PERSON,
     "makehuman_base.obj": PERSON,
-    "armadillo.obj": {**PERSON, "head": "turn", **TAIL},
+    "armadillo.obj": {**PERSON, **NECK, "head": "turn", **TAIL},
     "dinosaur_14k.obj": {**TURNING, **TAIL},
     "dog_10k.off": {**FOUR_LEGGED, **NECK, **TAIL},
     "cat_7k.obj": {**FOUR_LEGGED, **NECK, **TAIL},

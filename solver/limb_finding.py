@@ -73,6 +73,9 @@ BULB = 12.0
 TWINS = 0.1
 """Ends that are this far apart, and mirror each other but for this, are a pair and no head: shares of the unit."""
 
+NECK, THICKER_THAN_EARS = 0.8, 1.5
+"""A neck is thinner than this share of the head, and a head this many times as thick as an ear."""
+
 LESS_LIKE = 0.5
 """If a pair is most like a head, an end may be less like one by this; else the head is where the pair branches off."""
 
@@ -299,12 +302,21 @@ class _Finder:
             return best
         single = [cell for cell in tips if cell not in twins and not self._is_aside(cell)]
         close = [cell for cell in single if self.like_heads[cell] > self.like_heads[best] - LESS_LIKE]
-        return max(close, key=lambda cell: self.like_heads[cell], default=self.skeleton.fork(best, twins[best]))
+        return max(close, key=lambda cell: self.like_heads[cell], default=self._below_ears(best, twins[best]))
 
     def _twin(self, cell: int, tips: Sequence[int]) -> int | None:
         """Return the end that mirrors another, as ears and hands do, and heads do not."""
         alike = (tip for tip in tips if self._unlike(self.cells[cell], self.cells[tip]) < TWINS)
         return next(alike, None) if self._is_aside(cell) else None
+
+    def _below_ears(self, one: int, other: int) -> int:
+        """Return the thickest place below an ear, before the neck; where there is no neck, where the ears meet."""
+        way = self.skeleton.path(one)
+        depth = self.solid.depth[way]
+        thickest = np.maximum.accumulate(depth)
+        past_ear = thickest > THICKER_THAN_EARS * np.median(depth[: len(depth) // 2])
+        neck = np.flatnonzero(past_ear & (depth < NECK * thickest))
+        return way[int(depth[: neck[0]].argmax())] if len(neck) else self.skeleton.fork(one, other)
 
     def _is_aside(self, cell: int) -> bool:
         return bool(2 * abs(self.cells[cell, 0] - self.middle) > TWINS * self.unit)

@@ -181,7 +181,7 @@ def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDA
     straight = min(max(clear, joint + 0.1 * (top - joint)), top)
     bone = limb.at(straight) - limb.at(joint)
     bone /= max(float(np.linalg.norm(bone)), 1e-12)
-    return np.asarray(limb.at(straight) + max((limb.at(top) - limb.at(straight)) @ bone, 0.0) * bone)
+    return np.asarray(limb.at(straight) + max(float((limb.at(top) - limb.at(straight)) @ bone), 0.0) * bone)
 
 
 def _corner(

@@ -12,33 +12,13 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from solver.curve_skeleton import curve_skeleton
+from solver.hidden_limbs import hidden_arm, uncovered
 from solver.limb_chain import LimbChain, Limbs, evenly
-from solver.limb_curve import UPPER_ARM, WRIST, LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
+from solver.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
+from solver.limb_ends import LIKE, LOW, ONE_IMAGE, LimbEnds, Points
 from solver.mesh import SolverMesh
-from solver.solid import fill
-
-LOW, GROUND = 0.2, 0.1
-"""Legs end below the first of these shares of the height, and one of each pair below the second."""
-
-LEVEL = 0.05
-"""Two feet stand on the ground within this share of the height; of several pairs the one that is farthest apart."""
-
-TOES = 0.15
-"""Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
-
-THINNEST_FOOT = 0.3
-"""What is thinner than this share of the thickest foot, as the hem of a cape, is no foot."""
-
-UNEQUAL = 0.3
-"""What the thickness of two feet counts beside their place: a sword's point beside a foot differs by nearly this."""
-
-STRIDE = 0.25
-"""Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
-and length."""
 
 MIDDLE, BEHIND = 0.15, -0.15
 """How far aside a tail may end, and how far to the front."""
@@ -46,8 +26,8 @@ MIDDLE, BEHIND = 0.15, -0.15
 LEAST_ARM = -0.2
 """What is less like arms than this is none."""
 
-SHOULDER_HEIGHT, SHOULDER_WIDTH = 0.6, 0.7
-"""Where shoulders are that do not show: this share of the way from hips to crown, and of half the width there."""
+SHOULDER_HEIGHT = 0.6
+"""Where shoulders are that do not show: this share of the way from hips to crown."""
 
 SHORTEST_ARM, LONGEST_ARM = 0.06, 0.35
 """An arm reaches at least this far out of the body; beyond the second length it is no better an arm."""
@@ -61,23 +41,8 @@ MEET = 1.0
 SHORTEST_WING = 0.25
 """A wing is at least this long."""
 
-LIKE = 0.3
-"""Feet, ears or wings whose places differ by more than this from mirroring each other are no pair."""
-
 SYMMETRIC = 0.06
 """Limbs of left and right that mirror each other to this share of the height are made equal."""
-
-BULB = 12.0
-"""What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
-
-TWINS = 0.1
-"""Ends that are this far apart, and mirror each other but for this, are a pair and no head: shares of the unit."""
-
-NECK, THICKER_THAN_EARS = 0.8, 1.5
-"""A neck is thinner than this share of the head, and a head this many times as thick as an ear."""
-
-LESS_LIKE = 0.5
-"""If a pair is most like a head, an end may be less like one by this; else the head is where the pair branches off."""
 
 DOUBT = 0.15
 """If another end is less like a head by no more than this, either may be the head."""
@@ -98,20 +63,8 @@ HEAD_WIDTH = 1.5
 LONG_NECK = 0.3
 """A neck of at least this share of the trunk's length is a limb of its own."""
 
-HIDDEN = 1.3
-"""Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
-LONG_LEGS = 0.75
-"""Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
-HIP_HEIGHT, HIP_WIDTH = 0.63, 0.5
-"""Height of the hips, and distance between them, as a share of those of the shoulders."""
-
 UPRIGHT = np.cos(np.radians(50))
 """Cosine between up and the way from trunk to head up to which the head stands on the trunk."""
-
-ONE_IMAGE = np.array([-1.0, 1.0, 1.0])
-
-Points = NDArray[np.float64]
-_Pair = tuple[int, int]
 
 
 def find_limbs(
@@ -132,23 +85,12 @@ def find_limbs(
     return Limbs(chains, tuple(finder.notes))
 
 
-class _Finder:
-    """A character in its own directions: left, up, front."""
+class _Finder(LimbEnds):
+    """Names what branches off the trunk, and places the joints."""
 
     def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
-        self.basis, self.notes = basis, list[str]()
-        self.solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
-        self.skeleton = curve_skeleton(self.solid)
-        self.cells = self.solid.centers
-        self.ends = {name: int(np.linalg.norm(self.cells - end, axis=1).argmin()) for name, end in ends.items()}
-        self.low, self.high = self.cells.min(axis=0), self.cells.max(axis=0)
-        self.height = float(self.high[1] - self.low[1]) + self.solid.size
-        self.unit = float((self.high - self.low).max()) + self.solid.size
-        self.middle = float(np.average(self.cells[:, 0], weights=self.solid.depth**2))  # the trunk's, not a shield's
-        self.like_heads: dict[int, float] = {}
-        self.feet = self._feet()
-        self.four_legged = len(self.feet) > 1
-        self.head = self._head()
+        super().__init__(mesh, basis, ends)
+        self.notes = list[str]()
         self.legs: dict[str, Points] = {}
         self.thighs: set[int] = set()
         for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
@@ -161,7 +103,7 @@ class _Finder:
             for curve in curves:
                 self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
         if not self.feet:
-            self.trunk = curve_through(self.solid, self.skeleton.between(self._base(), self.head))
+            self.trunk = curve_through(self.solid, self.skeleton.between(self.base(), self.head))
 
     def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
         """Return the curve from between the hips to the end of the head.
@@ -218,137 +160,19 @@ class _Finder:
         self._say_what_is_missing(found)
         return self._trunk_and_head(found) | found
 
-    def _place(self, cell: int) -> Points:
-        """Return how far left of the middle, over the ground and before the middle a cell is."""
-        middle = np.array([self.middle, self.low[1], (self.low[2] + self.high[2]) / 2])
-        return np.asarray((self.cells[cell] - middle) / [self.unit, self.height, self.unit])
-
-    def _unlike(self, one: Points, other: Points) -> float:
-        """Return how far two places are from mirroring each other."""
-        image = other * ONE_IMAGE + [2 * self.middle, 0.0, 0.0]
-        return float(np.linalg.norm(one - image) / self.unit)
-
-    # feet and head ---------------------------------------------------------------------------------------------------
-
-    def _feet(self) -> list[_Pair]:
-        """Return no feet, a pair of feet, or hind feet and front feet; of a pair the left one first."""
-        candidates = [tip for tip in self.skeleton.tips.tolist() if self._place(tip)[1] < LOW]
-        stout = max((self._thicknesses(tip)[0] for tip in candidates), default=0.0)
-        low: list[int] = []
-        for tip in candidates:
-            if self._thicknesses(tip)[0] < THINNEST_FOOT * stout:
-                continue
-            others = [other for other in low if self._same_foot(tip, other)]
-            if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
-                low = [*(other for other in low if other not in others), tip]
-        left = [tip for tip in low if self._place(tip)[0] > 0]
-        right = [tip for tip in low if self._place(tip)[0] <= 0]
-        unlike = np.array([[self._unlike_feet(a, b) for b in right] for a in left])
-        rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
-        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True)]
-        pairs = [pair for pair in pairs if self._unlike_feet(*pair, stride=0.0) < LIKE]
-        pairs = [pair for pair in pairs if min(self._place(tip)[1] for tip in pair) < GROUND]
-        pairs.sort(key=lambda pair: sum(self._place(tip)[2] for tip in pair))
-        for given in ("leg", "hind leg", "front leg"):
-            if {f"left {given}", f"right {given}"} <= self.ends.keys():
-                pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
-                pairs = [pair] if given != "front leg" else [pairs[0], pair]
-        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > STRIDE:
-            return [pairs[0], pairs[-1]]
-        heights = [max(self._place(tip)[1] for tip in pair) for pair in pairs]
-        lowest = [pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + LEVEL]
-        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
-
-    def _unlike_feet(self, one: int, other: int, stride: float = 1.0) -> float:
-        """Return how far two feet are from mirroring each other in place and thickness.
-
-        Parameters
-        ----------
-        one, other : int
-        stride : float
-            Factor on how far one is before the other.
-        """
-        counts = np.array([1.0, 1.0, stride])
-        thickness = sorted((self._thicknesses(one)[0], self._thicknesses(other)[0]))
-        return self._unlike(counts * self.cells[one], counts * self.cells[other]) + UNEQUAL * (
-            1 - thickness[0] / thickness[1]
-        )
-
-    def _stride(self, hind: _Pair, front: _Pair) -> float:
-        places = [np.mean([self._place(tip)[2] for tip in pair]) for pair in (hind, front)]
-        return float(places[1] - places[0])
-
-    def _same_foot(self, tip: int, other: int) -> bool:
-        if self._place(self.skeleton.fork(tip, other))[1] < TOES:
-            return True
-        one_side = (self._place(tip)[0] > 0) == (self._place(other)[0] > 0)
-        return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOES * self.unit)
-
-    def _head(self) -> int:
-        """Return the end of the head: far to the front and up, near the middle, and thick."""
-        if "head" in self.ends:
-            return self.ends["head"]
-        extent = np.array([self.unit, self.height, self.unit])
-        left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
-        left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
-        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
-        feet = [foot for pair in self.feet for foot in pair]
-        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
-        for cell in [int(forwards.argmax()), *tips]:
-            self.like_heads[cell] = float(forwards[cell]) + BULB * self._bulb(cell)
-        best = max(self.like_heads, key=lambda cell: self.like_heads[cell])
-        twins = {cell: twin for cell in self.like_heads if (twin := self._twin(cell, tips)) is not None}
-        if best not in twins:
-            return best
-        single = [cell for cell in tips if cell not in twins and not self._is_aside(cell)]
-        close = [cell for cell in single if self.like_heads[cell] > self.like_heads[best] - LESS_LIKE]
-        return max(close, key=lambda cell: self.like_heads[cell], default=self._below_ears(best, twins[best]))
-
-    def _twin(self, cell: int, tips: Sequence[int]) -> int | None:
-        """Return the end that mirrors another, as ears and hands do, and heads do not."""
-        alike = (tip for tip in tips if self._unlike(self.cells[cell], self.cells[tip]) < TWINS)
-        return next(alike, None) if self._is_aside(cell) else None
-
-    def _below_ears(self, one: int, other: int) -> int:
-        """Return the thickest place below an ear, before the neck; where there is no neck, where the ears meet."""
-        way = self.skeleton.path(one)
-        depth = self.solid.depth[way]
-        thickest = np.maximum.accumulate(depth)
-        past_ear = thickest > THICKER_THAN_EARS * np.median(depth[: len(depth) // 2])
-        neck = np.flatnonzero(past_ear & (depth < NECK * thickest))
-        return way[int(depth[: neck[0]].argmax())] if len(neck) else self.skeleton.fork(one, other)
-
-    def _is_aside(self, cell: int) -> bool:
-        return bool(2 * abs(self.cells[cell, 0] - self.middle) > TWINS * self.unit)
-
     def _say_other_heads(self, branches: Sequence[LimbCurve]) -> None:
         """Name ends that are nearly as much like a head as the one that was taken, and are no ears or horns of it."""
         for branch in branches:
             end = int(branch.cells[0])
             close = self.like_heads.get(end, -np.inf) > self.like_heads.get(self.head, np.inf) - DOUBT
             close &= bool(np.linalg.norm(self.cells[end] - self.cells[self.head]) > LOW * self.height)  # no jaw
-            close &= self._twin(end, self.skeleton.tips.tolist()) is None
+            close &= self.twin(end, self.skeleton.tips.tolist()) is None
             if close and self._shoulder_place(branch) < self._chin:
-                here, there = (self._text(self.cells[cell]) for cell in (self.head, end))
+                here, there = (self.text(self.cells[cell]) for cell in (self.head, end))
                 self.notes.append(
                     f"The head could be at {here} or at {there}: the first was taken. "
                     f"If that is wrong: --limb 'head={there}'"
                 )
-
-    def _bulb(self, cell: int) -> float:
-        """Return how thick the end of a limb is at most, as a share of the height."""
-        return self._thicknesses(cell)[1]
-
-    def _thicknesses(self, cell: int) -> tuple[float, float]:
-        """Return how thick the end of a limb is in its middle and at most, as shares of the height."""
-        curve = curve_through(self.solid, self.skeleton.path(cell))
-        depth = curve.depth[curve.along <= LOW * self.height] / self.height
-        return float(np.median(depth)), float(depth.max())
-
-    def _base(self) -> int:
-        """Return a cell in the middle of what a body without feet stands on."""
-        low = np.flatnonzero(self.cells[:, 1] < self.low[1] + LOW * self.height)
-        return int(low[self.solid.depth[low].argmax()])
 
     # what branches off the trunk ------------------------------------------------------------------------------------
 
@@ -357,7 +181,7 @@ class _Finder:
         feet = [foot for pair in self.feet for foot in pair]
         near = cKDTree(self.trunk.points)
         found = []
-        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self.same_foot(tip, foot) for foot in feet)]
         for tip in [*self.ends.values(), *tips]:
             way = self.skeleton.between(tip, self.head)
             away, _ = near.query(self.cells[way])
@@ -385,14 +209,11 @@ class _Finder:
         return (pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
 
     def _hidden_arm(self, side: str) -> Points:
-        """Return an arm that is one with the body: straight from where shoulders are to the end that the user knows."""
-        hand, root = self.cells[self.ends[f"{side} arm"]], self.trunk.at(SHOULDER_HEIGHT * self.trunk.length)
-        beside = self.cells[np.abs(self.cells[:, 1] - root[1]) < self.solid.size, 0] - root[0]
-        sign = 1.0 if side == "left" else -1.0
-        width = SHOULDER_WIDTH * max(float((sign * beside).max()), 0.0)
-        shoulder = root + np.array([sign * width, 0.0, 0.0])
-        shares = np.array([0.0, UPPER_ARM * WRIST, WRIST, 1.0])[:, None]
-        return np.asarray(shoulder + shares * (hand - shoulder))
+        """Return an arm that is one with the body."""
+        root = self.trunk.at(SHOULDER_HEIGHT * self.trunk.length)
+        sign = np.array([1.0 if side == "left" else -1.0, 0.0, 0.0])
+        beside = (self.cells[np.abs(self.cells[:, 1] - root[1]) < self.solid.size] - root) @ sign
+        return hidden_arm(root, max(float(beside.max()), 0.0) * sign, self.cells[self.ends[f"{side} arm"]])
 
     def _arms(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
         """Return the pair of branches that is most like arms, the left one first."""
@@ -421,7 +242,7 @@ class _Finder:
     def _below_head(self, branch: LimbCurve, shoulder: float) -> bool:
         """Return whether a branch with its shoulder there is no ear, horn or leg."""
         hangs = branch.points[0, 1] < branch.points[-1, 1]
-        high = self._place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
+        high = self.place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
         return bool(high and (shoulder < self._chin or hangs))
 
     def _like_arms(self, one: LimbCurve, other: LimbCurve) -> float:
@@ -429,14 +250,14 @@ class _Finder:
         lengths = [branch.length / self.height for branch in (one, other)]
         leaves = [self._leaves_at(branch) for branch in (one, other)]
         ends = [self.cells[branch.cells[0]] for branch in (one, other)]
-        behind = -np.mean([self._place(int(branch.cells[0]))[2] for branch in (one, other)])
+        behind = -np.mean([self.place(int(branch.cells[0]))[2] for branch in (one, other)])
         return float(
             min(*lengths, LONGEST_ARM)
             - SHORTEST_ARM
             - 0.3 * abs(lengths[0] - lengths[1]) / sum(lengths)
             - 0.5 * abs(leaves[0] - leaves[1])
             - 0.2 * max(leaves)
-            - 0.25 * min(self._unlike(*ends), LIKE)
+            - 0.25 * min(self.unlike(*ends), LIKE)
             - 0.2 * max(behind, 0.0)
         )
 
@@ -455,7 +276,7 @@ class _Finder:
             return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
         behind = []
         for branch in branches:
-            left, _, front = self._place(int(branch.cells[0]))
+            left, _, front = self.place(int(branch.cells[0]))
             if abs(left) < MIDDLE and front < BEHIND and self._leaves_at(branch) < 0.4 and not self._is_flat(branch):
                 behind.append(branch)
         return max(behind, key=lambda branch: branch.length, default=None)
@@ -478,9 +299,9 @@ class _Finder:
         for i, one in enumerate(branches):
             for other in branches[:i]:
                 shortest = min(one.length, other.length) / self.unit
-                alike = self._unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
+                alike = self.unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
                 below = all(self._shoulder_place(branch) < self._chin for branch in (one, other))
-                below = below and all(self._place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
+                below = below and all(self.place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
                 if shortest > SHORTEST_WING and alike and below:
                     pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
         return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]
@@ -498,12 +319,9 @@ class _Finder:
             if end > 0 and f"{side} arm" not in self.ends:
                 self.notes.append(
                     f"Something long and thin at the end of the {side} arm is not part of it. If it is, give the end "
-                    f"of the arm: --limb '{side} arm={self._text(arm.points[0])}'"
+                    f"of the arm: --limb '{side} arm={self.text(arm.points[0])}'"
                 )
         return points
-
-    def _text(self, place: Points) -> str:
-        return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
     def _sides(self, limb: str, pair: Sequence[Points]) -> dict[str, Points]:
         """Name a left and a right limb; limbs that nearly mirror each other are made equal."""
@@ -530,30 +348,17 @@ class _Finder:
         return cKDTree(self.cells)
 
     def _uncover_legs(self, found: dict[str, Points]) -> None:
-        """Lengthen legs that a skirt hides, by the proportions of people."""
+        """Lengthen legs that a skirt hides."""
         if not {"left leg", "left arm"} <= found.keys():
             return
         legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
-        seen, reach = (
-            np.mean([np.linalg.norm(np.diff(points[:3], axis=0), axis=1).sum() for points in limbs])
-            for limbs in (legs, arms)
-        )
-        shoulders = np.mean([points[0, 1] for points in arms]) - self.low[1]
-        usual = self.low[1] + HIP_HEIGHT * shoulders
-        if reach < LONG_LEGS * seen:
-            for leg in legs:
-                leg[0, 1] = max(leg[0, 1], min(usual, leg[0, 1] + 0.1 * self.height))
-        if reach < HIDDEN * seen:
-            return
-        for side, leg in zip(("left", "right"), legs, strict=True):
-            shoulder = found[f"{side} arm"][0]
-            aside = HIP_WIDTH * (shoulder[0] - self.trunk.points[0, 0])
-            hip = np.array([self.trunk.points[0, 0] + aside, usual, leg[2, 2]])
-            found[f"{side} leg"] = np.array([hip, (hip + leg[2]) / 2, leg[2], leg[3]])
-        self.notes.append(
-            "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If that is "
-            "wrong, change the points of the legs in the puppet file."
-        )
+        middle, ground = float(self.trunk.points[0, 0]), float(self.low[1])
+        (found["left leg"], found["right leg"]), hidden = uncovered(legs, arms, middle, ground, self.height)
+        if hidden:
+            self.notes.append(
+                "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If "
+                "that is wrong, change the points of the legs in the puppet file."
+            )
 
     def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
         trunk = self.trunk

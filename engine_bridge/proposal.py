@@ -41,8 +41,9 @@ MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {
 }
 """What drives a limb of the middle. A tail swings with the head from its second bone on."""
 
-LIMB_GAINS = {"neck": 0.5, "tail": -0.7}
-"""A neck does half of what the head does; a tail swings against the head, and less."""
+LIMB_GAINS = {"neck": 0.5, "tail": -0.7, "left wing": 0.5, "right wing": 0.5}
+"""A neck does half of what the head does; a tail swings against the head, and less. Wings that are spread at rest
+would go through the body where a hanging arm is raised."""
 
 ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
 """Limbs whose ends a user may give."""

@@ -59,10 +59,10 @@ class Smoothing:
         If a value is outside its range.
     """
 
-    alpha: float = 0.5
+    alpha: float = 0.6
     gamma: float = 0.5
     jitter_radius: float = 0.05
-    max_deviation: float = 0.1
+    max_deviation: float = 0.02
     prediction: float = 0.0
 
     def __post_init__(self) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Event, Lost, Tick
@@ -149,7 +150,17 @@ def _frame(path: Path, number: int, time: float, line: dict[str, Any]) -> Skelet
         if trust != LOST and not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
             raise _wrong(path, number, f"p[{joint}]", place, "[x, y, z] in metres, as its confidence is not 0")
     positions = np.array([(np.nan,) * 3 if place is None else place for place in places], dtype=np.float64)
-    return SkeletonFrame(time, user, positions, confidence)
+    return SkeletonFrame(time, user, positions, confidence, _orientations(path, number, line))
+
+
+def _orientations(path: Path, number: int, line: dict[str, Any]) -> NDArray[np.float64] | None:
+    if "o" not in line:
+        return None
+    turns = _of_joints(path, number, "o", line["o"])
+    for joint, turn in enumerate(turns):
+        if turn is not None and not (isinstance(turn, list) and len(turn) == 4 and all(map(_is_number, turn))):
+            raise _wrong(path, number, f"o[{joint}]", turn, "[w, x, y, z] or null")
+    return np.array([(np.nan,) * 4 if turn is None else turn for turn in turns], dtype=np.float64)
 
 
 def _of_joints(path: Path, number: int, key: str, value: object) -> list[Any]:

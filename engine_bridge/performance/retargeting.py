@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
+from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet.puppet import Puppet, axis_mask
@@ -100,7 +100,7 @@ class Retargeting:
             displacement = self._root_displacement(positions - self._rest, confidence > LOST)
             moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
-        motions = self._limbs.step(frame.time, positions, confidence)
+        motions = self._limbs.step(frame.time, positions, confidence, orientations=self._orientations(frame))
         if self._arms is not None:
             self._arms.step(frame.time, positions, confidence, motions, self._limbs.heading)
         trunk = self._limbs.trunk
@@ -144,6 +144,15 @@ class Retargeting:
 
     def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
+
+    def _orientations(self, frame: SkeletonFrame) -> NDArray[np.float64] | None:
+        """Return how the performer's bones are turned (20, 4), character axes, where the frame says so."""
+        if frame.orientations is None:
+            return None
+        mirror = self._puppet.retarget.mirror
+        return orientations.to_character_axes(
+            orientations.mirrored(frame.orientations) if mirror else frame.orientations
+        )
 
 
 def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:

@@ -361,7 +361,7 @@ class Role:
         self._last_second.add(frame)
         if self.next_part is None:
             self._calibrate_when_due(frame.time)
-        levelled = replace(frame, positions=self._level(frame.positions))
+        levelled = self._level.frame(frame)
         if self._part is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._by_itself(frame.time), seen)

@@ -62,6 +62,9 @@ class Reference:
         self.diagonal = self.rig.mesh.diagonal
         self.rest = self.rig.character.vertices
         self._binding = StreamedCharacter(puppet.stem, self.rig, 1).binding
+        steep = np.einsum("e,nex->nx", self.rig.model.weights, np.abs(self._binding._slopes))
+        self.steepest = self.diagonal * np.linalg.norm(steep, axis=1).max()
+        """By how many isolines places change at most over a diagonal along the surface."""
 
     def vertices_and_normals(self, controls):
         return self._binding.vertices_and_normals(controls.astype(np.float32))
@@ -148,6 +151,7 @@ def check_shader(shade, service, puppet, loosest=4.0, **settings):
         first, second = (heard[told[which]].body.astype(float) for which in ("sequence", "next_sequence"))
         between = (1 - told["share"]) * first + told["share"] * second
         lost = np.finfo(np.float32).eps * np.abs(between[..., :3]).max()  # where large transforms cancel out
+        lost *= 1 + reference.steepest  # and normals add up their differences
         where, turned = reference.vertices_and_normals(between)
         assert np.abs(positions - where).max() <= ALIKE * reference.diagonal
         some = np.linalg.norm(turned, axis=1) > 0.5  # where there is no direction, the shader has to make one up

@@ -86,7 +86,7 @@ def _goals(
             "%",
         ),
         Goal("positions and normals / the same by AVX2 in C", _quotient(beside, "vertices_ms", "avx2_ms"), 2, "×"),
-        Goal("… the dearest vertex at any size / the cheapest (linear)", max(each) / min(each), 2, "×"),
+        Goal("… the most expensive vertex at any size / the cheapest (linear)", max(each) / min(each), 2, "×"),
         Goal("ARAP iteration / controls", ratios["arap_to_solve"], 100, "×", least=True),
         Goal("ARAP iteration / frame", ratios["arap_to_frame"], 25, "×", least=True),
         Goal(

@@ -108,7 +108,7 @@ def table(found: dict[str, Any]) -> Iterator[str]:
     )
     yield from ("", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(found))
-    yield from ("", "Beside the goals:", "", "| what | measured |", "| --- | --- |")
+    yield from ("", "Other measurements:", "", "| what | measured |", "| --- | --- |")
     yield from (f"| {what} | {value} |" for what, value in _facts(found))
 
 
@@ -127,7 +127,7 @@ def _goals(found: dict[str, Any]) -> Iterator[Goal]:
         spread = crowd["memory_mb"]["most"] - crowd["memory_mb"]["least"]
         who = f"{CLIENTS} clients, {live_numbers.STALLED} of which never read, {crowd['frames']:,} frames"
         yield Goal(f"{who}: frames that the others lost", crowd["lost"], 0, "")
-        yield Goal("… memory, ± about its middle", spread / 2, 5, "MB")
+        yield Goal("… memory, ± around its midpoint", spread / 2, 5, "MB")
     if "recovery" in found:
         recovery = found["recovery"]
         back = [then - start for then, start in zip(recovery["performing"], recovery["start"], strict=True)]
@@ -171,9 +171,9 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield what, f"{median(recovery[name]):.2f} s, {max(recovery[name]):.2f} s the slowest"
     if "soak" in found:
         soak = found["soak"]
-        yield "soak", f"{soak['seconds'] / 60:.0f} min, {soak['frames'] / soak['seconds']:.0f} frames a second"
+        yield "soak", f"{soak['seconds'] / 60:.0f} min, {soak['frames'] / soak['seconds']:.0f} frames per second"
         yield (
-            "… what befell it",
+            "… faults",
             ", ".join(f"{number} × {name.replace('_', ' ')}" for name, number in soak["done"].items()),
         )
         yield "… datagrams refused; clients refused", f"{sum(soak['refused'].values()):,}; {soak['clients_refused']:,}"

@@ -60,23 +60,23 @@ ONE_THREAD = dict.fromkeys(
 
 FIGURES: dict[str, tuple[str, str]] = {
     "solve_ms": ("ms", "a frame, controls only: filter, retarget, 4 iterations"),
-    "solve_p99_ms": ("ms", "… of 100 such frames the slowest"),
+    "solve_p99_ms": ("ms", "… slowest of 100 such frames"),
     "vertices_ms": ("ms", "positions and normals of a frame"),
     "frame_ms": ("ms", "a frame, controls and vertices"),
-    "p99_ms": ("ms", "… of 100 such frames the slowest"),
+    "p99_ms": ("ms", "… slowest of 100 such frames"),
     "precompute_s": ("s", "a character's first start: welding and the reduced model"),
-    "precompute_peak_mb": ("MB", "… the most memory of that process"),
+    "precompute_peak_mb": ("MB", "… peak memory of that process"),
     "cached_load_ms": ("ms", "its second start, from the cache, after imports"),
-    "first_load_ms": ("ms", "… with the compiled code that this is the first to need"),
-    "character_mb": ("MB", "memory of a character that plays, above interpreter and libraries"),
+    "first_load_ms": ("ms", "… including the first load of compiled code"),
+    "character_mb": ("MB", "memory of a running character, without interpreter and libraries"),
     "convert_s": ("s", "a minute's recording into a .glb"),
-    "convert_fps": ("1/s", "… frames a second"),
-    "peak_mb": ("MB", "… the most memory of that process"),
+    "convert_fps": ("1/s", "… frames per second"),
+    "peak_mb": ("MB", "… peak memory of that process"),
     "startup_ms": ("ms", "puppetline --help"),
     "arap_iteration_ms": ("ms", "for comparison: an iteration of libigl's full-resolution ARAP"),
-    "memcpy_ms": ("ms", "for comparison: a copy of all the bytes that a frame touches"),
-    "constant_ms": ("ms", "for comparison: a loop in Python that always does the same"),
-    "constant_p99_ms": ("ms", "… of 100 such loops the slowest: the machine's own unrest"),
+    "memcpy_ms": ("ms", "for comparison: a copy of all bytes that a frame uses"),
+    "constant_ms": ("ms", "for comparison: a constant loop in Python"),
+    "constant_p99_ms": ("ms", "… slowest of 100 such loops: noise of the machine"),
 }
 """Name to unit and meaning; a value is None where it cannot be measured."""
 
@@ -87,7 +87,7 @@ RATIOS: dict[str, tuple[str, str, str]] = {
     "vertices_to_memcpy": ("vertices_ms", "memcpy_ms", "vertices / copy"),
     "p99_to_solve": ("solve_p99_ms", "solve_ms", "99th percentile / median, controls"),
     "p99_to_frame": ("p99_ms", "frame_ms", "99th percentile / median, frame"),
-    "p99_to_constant": ("constant_p99_ms", "constant_ms", "99th percentile / median, a loop that does the same"),
+    "p99_to_constant": ("constant_p99_ms", "constant_ms", "99th percentile / median, a constant loop"),
 }
 """Name to the two figures and what their quotient is."""
 

@@ -145,7 +145,7 @@ class Part:
         return [self.calibration.memory, self.mirror, self.asked]
 
 
-class Role:
+class CharacterPlayer:
     """A character and whoever plays it.
 
     A calibration takes time to work out. It waits in `next_part` until `begin` is called, so that whoever gives the
@@ -486,7 +486,7 @@ class Role:
         """Take over calibrations, those last in the dict first."""
         self._remembered = dict(list(known.items())[-MOST_REMEMBERED:])
 
-    def succeed(self, other: "Role") -> None:
+    def succeed(self, other: "CharacterPlayer") -> None:
         """Go on for the same character as it was before it was loaded anew, as if nothing had been."""
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
@@ -501,7 +501,7 @@ class Role:
             self.enter(other.user, other._shown_at)
             self._held = self._shown if playing and self.next_part is not None else None
 
-    def _places_of(self, other: "Role") -> Places:
+    def _places_of(self, other: "CharacterPlayer") -> Places:
         """Return where another role's handles and limbs are shown, by name; a new one is where it rests."""
         names = [handle.name for handle in other.character.rig.puppet.handle]
         moved = dict(zip(names, other._shown.targets - other._deformer.handles, strict=True))

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.sensor_tilt import Level
 from capture.skeleton import LOST, SkeletonFrame
-from engine_bridge.service.character_player import Role
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.memory import pack, unpack
 from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.user_assignment import Casting, People, Presence
+from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
 
 VERSION = 3
@@ -55,16 +55,16 @@ class Stage:
     Parameters
     ----------
     name : str
-    roles : sequence of Role
+    roles : sequence of CharacterPlayer
         At least one; each name once.
     direction : Direction
     """
 
-    def __init__(self, name: str, roles: Sequence[Role], direction: Direction) -> None:
+    def __init__(self, name: str, roles: Sequence[CharacterPlayer], direction: Direction) -> None:
         self.name = name
         self.roles = list(roles)
         self._direction = direction
-        self.casting = Casting(direction.people, direction.turn, [None] * len(self.roles))
+        self.casting = UserAssignment(direction.people, direction.turn, [None] * len(self.roles))
         self._latest: dict[int, float] = {}
         self._time = -math.inf
 
@@ -150,7 +150,7 @@ class Stage:
                 for role in chosen:
                     role.set_level(level, cue.time)
 
-    def _named(self, character: str | None) -> list[Role]:
+    def _named(self, character: str | None) -> list[CharacterPlayer]:
         """Return the role of that name, or all roles for None."""
         names = [role.character.name for role in self.roles]
         if character is not None and character not in names:
@@ -162,7 +162,7 @@ class Stage:
             )
         return [role for role in self.roles if character in (None, role.character.name)]
 
-    def _choose(self, role: Role, user: int | None, time: float) -> None:
+    def _choose(self, role: CharacterPlayer, user: int | None, time: float) -> None:
         if user is not None and user not in self.casting.present:
             here = ", ".join(map(str, self.casting.present)) or "nobody"
             raise ServiceError(
@@ -192,7 +192,7 @@ class Stage:
             fix="Calibrate when somebody is there.",
         )
 
-    def replace_roles(self, roles: Sequence[Role]) -> None:
+    def replace_roles(self, roles: Sequence[CharacterPlayer]) -> None:
         """Take over characters that were loaded anew; performers stay with those of the same name."""
         names = [role.character.name for role in self.roles]
         before = [names.index(name) if name in names else None for name in (role.character.name for role in roles)]
@@ -241,7 +241,7 @@ class Stage:
         try:
             values = unpack(dict(memory))
             direction = Direction(**values["direction"])
-            casting = Casting(direction.people, direction.turn, list(values["cast"]), list(values["since"]))
+            casting = UserAssignment(direction.people, direction.turn, list(values["cast"]), list(values["since"]))
             casting.present = {int(user): Presence(*presence) for user, *presence in values["present"]}
             casting.chosen = set(map(int, values["chosen"]))
             for role, role_memory in zip(self.roles, values["roles"], strict=True):

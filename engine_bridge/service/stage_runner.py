@@ -19,7 +19,7 @@ from capture.sources.registry import open_source
 from capture.sources.replay import TakeSource
 from engine_bridge.performance.idle import Idle
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.character_player import Role
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stage import Stage
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 _rarely = OnceASecond(log)
 
 
-class Line:
+class StageRunner:
     """A source and the stage that it feeds.
 
     Parameters
@@ -116,12 +116,12 @@ class Line:
         self._record(cue)
         return frames
 
-    def remap(self, role: Role, puppet: Puppet) -> None:
+    def remap(self, role: CharacterPlayer, puppet: Puppet) -> None:
         """Have other joints move a character's handles."""
         self._recalled = False
         role.remap(puppet, max(self._time, self.source.now()))
 
-    def take_idle(self, role: Role, idle: Idle | None) -> None:
+    def take_idle(self, role: CharacterPlayer, idle: Idle | None) -> None:
         """Let a character do by itself what was worked out for its new mapping."""
         role.take_idle(idle, max(self._time, self.source.now()))
 

@@ -40,7 +40,7 @@ class Presence:
 
 
 @dataclass
-class Casting:
+class UserAssignment:
     """Gives characters to people.
 
     Attributes

@@ -29,7 +29,7 @@ from capture.sensors.openni import (
 )
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
 from .conftest import data_of, read
@@ -262,7 +262,7 @@ class Onlooker:
 def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted_tracker, rng, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "library", lambda: None)
     monkeypatch.setattr(module, "MediaPipePose", lambda: scripted_tracker)
-    with closing(Line("openni:", Onlooker(), tmp_path)) as line:
+    with closing(StageRunner("openni:", Onlooker(), tmp_path)) as line:
         stage = line.stage
 
         def perform_until(what):

@@ -22,7 +22,7 @@ EASE = Manner().ease
 
 
 def with_beginnings(stage, events):
-    """Go through events, and before each one the cues that a `Line` gives a stage for a recording."""
+    """Go through events, and before each one the cues that a `StageRunner` gives a stage for a recording."""
     for event in events:
         for role in stage.roles:
             if role.next_part is not None and event.time >= role.next_part.asked + PREPARATION:

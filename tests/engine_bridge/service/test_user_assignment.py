@@ -2,7 +2,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from engine_bridge.service.user_assignment import FOR_A_WHILE, NEARER, Casting
+from engine_bridge.service.user_assignment import FOR_A_WHILE, NEARER, UserAssignment
 
 USERS = st.integers(1, 6)
 POLICIES = ("each", "nearest", "queue")
@@ -14,7 +14,7 @@ class People(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.time = 0.0
-        self.castings = {policy: Casting(policy, 5.0, [None, None]) for policy in POLICIES}
+        self.castings = {policy: UserAssignment(policy, 5.0, [None, None]) for policy in POLICIES}
 
     @rule(user=USERS, distance=st.floats(0.5, 5.0), seconds=st.floats(0.0, 3.0))
     def see(self, user, distance, seconds):
@@ -56,7 +56,7 @@ TestPeople.settings = settings(max_examples=60, stateful_step_count=40, deadline
 
 
 def test_turns_go_round():
-    casting = Casting("queue", 10.0, [None])
+    casting = UserAssignment("queue", 10.0, [None])
     played = []
     for second in range(60):
         for user in (1, 2, 3):
@@ -67,7 +67,7 @@ def test_turns_go_round():
 
 
 def test_somebody_alone_plays_as_long_as_they_like():
-    casting = Casting("queue", 10.0, [None])
+    casting = UserAssignment("queue", 10.0, [None])
     for second in range(60):
         casting.see(1, float(second), 2.0)
         casting.recast(float(second))
@@ -75,7 +75,7 @@ def test_somebody_alone_plays_as_long_as_they_like():
 
 
 def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():
-    casting = Casting("nearest", 0.0, [None])
+    casting = UserAssignment("nearest", 0.0, [None])
     changes = []
     for k in range(400):
         time = k / 10

@@ -48,7 +48,7 @@ def test_text_is_one_line_to_read(stream, log):
     setup("text", stream=stream)
     log.info("performer found", extra=fields(stage="kinect", user=3))
     assert re.fullmatch(
-        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     live\.stage: performer found \(stage=kinect, user=3\)\n",
+        r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} info     service\.stage: performer found \(stage=kinect, user=3\)\n",
         stream.getvalue(),
     )
 
@@ -85,7 +85,7 @@ def test_what_is_below_the_level_is_left_out_and_a_second_setup_replaces_the_fir
     setup("text", "warning", stream)
     log.info("quiet")
     log.warning("loud")
-    assert stream.getvalue().splitlines()[0].endswith("live.stage: loud")
+    assert stream.getvalue().splitlines()[0].endswith("service.stage: loud")
     assert stream.getvalue().count("\n") == 1
 
 

@@ -23,7 +23,7 @@ from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs import vmc
 from engine_bridge.service.outputs.output import Opening, Output, OutputTable
 from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.protocol.header import NOBODY
+from engine_bridge.service.protocol.header import NO_USER
 from engine_bridge.service.security.endpoints import Text
 from puppetline.errors import PuppetError, ServiceError, at
 from puppetline.toml_schema import mistake
@@ -249,7 +249,7 @@ def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
 
 
 def _performer(base: str, frame: Frame) -> Iterator[bytes]:
-    yield encode(f"{base}/performer", frame.state, NOBODY if frame.user is None else frame.user)
+    yield encode(f"{base}/performer", frame.state, NO_USER if frame.user is None else frame.user)
 
 
 _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable
 
-from engine_bridge.service.protocol.header import NAME, TOPIC, WORDS
+from engine_bridge.service.protocol.header import NAME, TOPIC_BYTES, WORDS
 
 MAX_SUBSCRIPTIONS = 4096
 """Maximum number of different subscriptions at which those to characters that do not exist yet are still kept."""
@@ -73,14 +73,14 @@ class Subscriptions:
 
     def wants(self, field: bytes) -> bool:
         """Tell whether a client subscribes to a topic field."""
-        return any(field[:end] in self._held for end in range(TOPIC + 1))
+        return any(field[:end] in self._held for end in range(TOPIC_BYTES + 1))
 
 
 def _may_come(prefix: bytes) -> bool:
     """Tell whether a subscription could match topics of a character."""
     name, slash, rest = prefix.decode("latin-1").partition("/")
     word, zero, more = rest.partition("\0")
-    if not NAME.fullmatch(name) or len(prefix) > TOPIC:
+    if not NAME.fullmatch(name) or len(prefix) > TOPIC_BYTES:
         return False
     if zero:
         return word in WORDS and not more.strip("\0")

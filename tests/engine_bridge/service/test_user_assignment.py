@@ -2,7 +2,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from engine_bridge.service.user_assignment import FOR_A_WHILE, NEARER, UserAssignment
+from engine_bridge.service.user_assignment import NEARER_METRES, NEARER_SECONDS, UserAssignment
 
 USERS = st.integers(1, 6)
 POLICIES = ("each", "nearest", "queue")
@@ -80,11 +80,11 @@ def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():
     for k in range(400):
         time = k / 10
         casting.see(1, time, 3.0)
-        passing = 10 <= time < 10 + 0.6 * FOR_A_WHILE
+        passing = 10 <= time < 10 + 0.6 * NEARER_SECONDS
         if time >= 5:
-            casting.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER)
+            casting.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER_METRES)
         casting.recast(time)
         if casting.cast[0] == 2 and not changes:
             changes.append(time)
     [change] = changes
-    assert 20 + FOR_A_WHILE <= change < 22
+    assert 20 + NEARER_SECONDS <= change < 22

@@ -28,7 +28,6 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame, to_character_axes
 from capture.timeline import Timeline
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.character.scene import influences
-from engine_bridge.export.rig_bones import rig_bones
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
@@ -36,6 +35,7 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import sheet
 from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.proposal import new_puppet
+from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from solver.model.batch import BatchBinding
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first

@@ -21,7 +21,8 @@ import psutil
 import zmq
 
 from benchmarks.datagrams import bodies
-from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, STATES, TOPIC_BYTES, Header, subscription
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, TOPIC_BYTES, Header, subscription
+from engine_bridge.service.states import STATES
 
 PATIENCE = 300.0
 """Seconds to wait for what must come."""

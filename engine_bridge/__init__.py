@@ -1,1 +1,1 @@
-"""Everything a user touches: puppet files, performances, glTF and the command line."""
+"""Everything a user touches: puppet files, characters, performances, exports, the service and the command line."""

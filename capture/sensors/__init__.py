@@ -1,1 +1,1 @@
-"""Sensors and cameras: devices that give pictures, and trackers that find people in them."""
+"""Sensors and cameras: devices that give pictures."""

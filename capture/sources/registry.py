@@ -5,6 +5,7 @@ from pathlib import Path
 
 from capture.network.source import open_osc, open_vmc
 from capture.source import SkeletonSource
+from capture.sources.demo import open_demo
 from capture.sources.replay import TakeSource
 from puppetline.errors import SourceError
 
@@ -41,18 +42,7 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
 
 
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
-    # as it takes SciPy's filters, half a second
-    from puppetline.examples.performances import PERFORMANCES
-
-    name = rest.removesuffix(LOOP)
-    if name not in PERFORMANCES:
-        raise SourceError(
-            f"source {uri!r}",
-            found=f"no performance {name!r}",
-            expected=f"one of {', '.join(PERFORMANCES)}",
-            fix="Name one of these, as in demo:walk?loop.",
-        )
-    return TakeSource.of_clips(uri, [PERFORMANCES[name]()], rest.endswith(LOOP))
+    return open_demo(uri, rest.removesuffix(LOOP), rest.endswith(LOOP))
 
 
 def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:

@@ -1,16 +1,26 @@
 """A mesh made ready to be deformed: welded and reduced, from the cache where that was done before."""
 
 from dataclasses import astuple, fields
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.cache import Arrays, key_of, recall
+from solver.model.bones import NO_BONES, BoneRegions, Bones
 from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import Repairs, SolverMesh, weld
 
-MODEL = tuple(field.name for field in fields(ReducedModel))
+KEPT = {"bones": Bones, "regions": BoneRegions}
+"""Fields of a model that are groups of arrays themselves."""
+
+MODEL = tuple(
+    f"{field.name}.{part.name}" if field.name in KEPT else field.name
+    for field in fields(ReducedModel)
+    for part in (fields(KEPT[field.name]) if field.name in KEPT else [field])
+)
 
 
 def prepare(
@@ -19,6 +29,9 @@ def prepare(
     parameters: ModelParameters,
     folder: Path,
     name: str = "mesh",
+    *,
+    bones: Bones = NO_BONES,
+    shares: NDArray[np.float64] | None = None,
 ) -> tuple[SolverMesh, ReducedModel]:
     """Weld and reduce a render mesh, or take both from the cache.
 
@@ -31,6 +44,10 @@ def prepare(
         Of the cache, see `engine_bridge.character.cache.recall`.
     name : str
         What an error message calls the mesh.
+    bones : Bones, optional
+        Inside the mesh.
+    shares : (N, b) float64, optional
+        Of each bone in the motion of each render vertex, see `solver.model.reduced_model.build`.
 
     Raises
     ------
@@ -40,16 +57,28 @@ def prepare(
 
     def make() -> Arrays:
         mesh = weld(positions, triangles, name)
-        model = build(mesh, parameters)
-        of_mesh = {
+        of_mesh = None if shares is None else _means(shares, mesh.of_render)
+        model = build(mesh, parameters, bones, of_mesh)
+        welded = {
             "mesh.vertices": mesh.vertices,
             "mesh.faces": mesh.faces,
             "mesh.of_render": mesh.of_render,
             "mesh.repairs": np.array(astuple(mesh.repairs)),
         }
-        return of_mesh | {field: getattr(model, field) for field in MODEL}
+        return welded | {name: attrgetter(name)(model) for name in MODEL}
 
-    made = recall(folder, key_of(MODEL, parameters, positions, triangles), make)
+    made = recall(folder, key_of(MODEL, parameters, positions, triangles, *astuple(bones), shares), make)
     repairs = Repairs(*made["mesh.repairs"].tolist())
     mesh = SolverMesh(made["mesh.vertices"], made["mesh.faces"], made["mesh.of_render"], name, repairs)
-    return mesh, ReducedModel(**{field: made[field] for field in MODEL})
+    groups: dict[str, Any] = {
+        field: kind(*(made[f"{field}.{part.name}"] for part in fields(kind))) for field, kind in KEPT.items()
+    }
+    alone: dict[str, Any] = {field: made[field] for field in MODEL if "." not in field}
+    return mesh, ReducedModel(**alone, **groups)
+
+
+def _means(values: NDArray[np.float64], of_render: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the mean values (n, k) of the render vertices (N, k) that are one vertex of the solver's mesh."""
+    count = int(of_render.max()) + 1
+    sums = np.stack([np.bincount(of_render, column, count) for column in values.T], axis=1)
+    return sums / np.bincount(of_render, minlength=count)[:, None]

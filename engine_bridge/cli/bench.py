@@ -22,13 +22,13 @@ from typing import Any
 
 import igl
 import numpy as np
-from puppetline.examples.characters import CHARACTERS
-from puppetline.examples.performances import PERFORMANCES
 
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
+from capture.sources.demo import performances
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.cli.bench_process import CHARACTER, LOG, WARM_UP
+from engine_bridge.cli.demo import example_character
 from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
@@ -158,7 +158,7 @@ def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
     """
     if mesh is None:
         mesh = folder / f"{EXAMPLE}.glb"
-        made = CHARACTERS[EXAMPLE]()
+        made = example_character(EXAMPLE)
         v, f, *_ = igl.decimate(made.vertices, made.faces, 2 * VERTICES - 4)
         make_character(EXAMPLE, v, f).document.save(mesh)
     character = load_character(mesh)
@@ -186,7 +186,7 @@ def _propose(mesh: Path, output: Path) -> None:
 
 def performance() -> Iterator[SkeletonFrame]:
     """Play the examples' performances at 30 frames a second, one after another, for ever."""
-    clips = cycle([make() for make in PERFORMANCES.values()])
+    clips = cycle([make() for make in performances().values()])
     poses = ((place, known) for clip in clips for place, known in zip(clip.positions, clip.confidence, strict=True))
     for number, (positions, confidence) in enumerate(poses):
         yield SkeletonFrame(number / 30, 1, positions, confidence)

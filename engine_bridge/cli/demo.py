@@ -1,4 +1,8 @@
-"""The embedded default, end to end: characters and performances made by code become animated .glb files."""
+"""The embedded default, end to end: characters and performances made by code become animated .glb files.
+
+This is the only place of the product that reaches the example characters and their puppet files;
+`capture.sources.demo` is the only one that reaches the example performances.
+"""
 
 import shutil
 from collections.abc import Callable
@@ -6,9 +10,10 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from puppetline.examples.characters import CHARACTERS
-from puppetline.examples.performances import PERFORMANCES
+from puppetline.examples.characters.character import Character
 
 from capture.recording import Recorder
+from capture.sources.demo import performances
 from engine_bridge.character.character import make_character
 from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.settings import Settings
@@ -24,6 +29,12 @@ CASTING: dict[str, str] = {
     "human": "kung_fu",
 }
 """Which performance each character plays: the poses of the paper's user study, and a walk."""
+
+
+def example_character(name: str) -> Character:
+    """Make one of the characters that `CASTING` names."""
+    made: Character = CHARACTERS[name]()
+    return made
 
 
 def play(
@@ -93,7 +104,7 @@ def prepare(
         ) from error
     check_writable(folder / f"{name}.glb", ".glb")
     progress("Making the character", 0.0)
-    made = CHARACTERS[name]()
+    made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(folder / f"{name}.glb")
     progress("Making the character", 1.0)
     puppet = folder / f"{name}.toml"
@@ -101,6 +112,6 @@ def prepare(
         shutil.copyfile(example, beside)
     log = folder / f"{CASTING[name]}.log"
     with written_whole(log) as beside, Recorder(beside) as recorder:
-        for frame in PERFORMANCES[CASTING[name]]().frames():
+        for frame in performances()[CASTING[name]]().frames():
             recorder.write(frame)
     return log, puppet

@@ -4,6 +4,7 @@ import gc
 import json
 import sys
 from contextlib import ExitStack
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -370,11 +371,11 @@ def bake(
         click.echo(f"  note: {note}")
 
 
-@click.command()
+@click.command("shader-mesh")
 @click.argument("puppet", type=FILE)
 @click.option("-o", "--output", required=True, type=FILE, help="The .glb to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
-def ladder(puppet: Path, output: Path, as_json: bool) -> None:
+def shader_mesh(puppet: Path, output: Path, as_json: bool) -> None:
     """Make a .glb of PUPPET with ladder coordinates, whose vertices an engine's shader moves by live controls."""
     from engine_bridge.export.shader_mesh import write_ladder
 
@@ -387,6 +388,11 @@ def ladder(puppet: Path, output: Path, as_json: bool) -> None:
     click.echo(f"{summary.output}: {size}, ladder coordinates of {summary.fields} fields")
     for note in summary.notes:
         click.echo(f"  note: {note}")
+
+
+LADDER = copy(shader_mesh)
+"""The name that the command had before; it goes on working and is not listed."""
+LADDER.name, LADDER.hidden = "ladder", True
 
 
 @click.command()
@@ -430,4 +436,4 @@ def keys(file: Path) -> None:
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")
 
 
-COMMANDS = (serve, record, look, align, listen, bake, ladder, doctor, token, keys)
+COMMANDS = (serve, record, look, align, listen, bake, shader_mesh, LADDER, doctor, token, keys)

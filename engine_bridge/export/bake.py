@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from puppetline.examples.performances import PERFORMANCES
 
+from capture.sources.demo import performances
 from capture.timeline import Timeline, resample
 from engine_bridge.export import morph_basis
 from engine_bridge.export.animation import Take, animate
@@ -116,7 +116,9 @@ def bake(
     rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
-    motion = recorded(rig, logs, settings, progress) if logs else made_up(rig, tuple(PERFORMANCES), settings, progress)
+    motion = (
+        recorded(rig, logs, settings, progress) if logs else made_up(rig, tuple(performances()), settings, progress)
+    )
     basis = fit(rig, motion, settings, progress)
     if not len(basis.directions):
         raise PuppetError(
@@ -157,12 +159,12 @@ def recorded(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progr
     return _play(rig, read(), len(logs), settings, progress)
 
 
-def made_up(rig: Rig, performances: Sequence[str], settings: Settings, progress: Progress) -> Motion:
+def made_up(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
     """Play some of the examples' performances, and then exercise the handles."""
-    timelines = {name: resample(PERFORMANCES[name](), settings.fps, settings.max_gap) for name in performances}
+    timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     takes = [(name, timeline, ()) for name, timeline in timelines.items()]
     motion = _play(rig, takes, len(takes), settings, progress)
-    rest = resting_pose(timelines[performances[0]], settings)
+    rest = resting_pose(timelines[names[0]], settings)
     for solved in exercise(rig, rest, CHUNK):
         motion.frames.append(solved)
     return motion

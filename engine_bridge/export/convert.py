@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from engine_bridge.export import forms, frames_animation, skinning
-from engine_bridge.export.rig_bones import require_joints
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Form, Settings
+from engine_bridge.puppet.rig_bones import require_joints
 from puppetline.files import check_writable
 
 

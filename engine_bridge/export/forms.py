@@ -10,10 +10,10 @@ from engine_bridge.character.document import Document
 from engine_bridge.export import frames_animation, morph_basis, skinning
 from engine_bridge.export.animation import Take, animate
 from engine_bridge.export.rig_animation import animate_rig
-from engine_bridge.export.rig_bones import rig_bones
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
+from engine_bridge.puppet.rig_bones import rig_bones
 from solver.model.batch import BatchBinding
 
 

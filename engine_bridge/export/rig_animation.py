@@ -11,8 +11,8 @@ from engine_bridge.character.document import Document
 from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
 from engine_bridge.character.schema import Animation
 from engine_bridge.export.animation import Take, add_channel, show_all
-from engine_bridge.export.rig_bones import RigBones
 from engine_bridge.performance.frame_store import Frames
+from engine_bridge.puppet.rig_bones import RigBones
 from puppetline.errors import MeshError, at
 from solver.model import polar
 

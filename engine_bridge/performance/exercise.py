@@ -9,7 +9,7 @@ from capture import body
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import Rig
-from solver.motion.bones import Bones
+from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, parents_first
 from solver.motion.motion_blend import moved_by
 from solver.motion.quaternions import across

@@ -16,7 +16,7 @@ import scipy
 from numpy.typing import NDArray
 
 from engine_bridge.puppet.puppet import Puppet
-from solver.motion.bones import Bones
+from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 LIMBS: dict[str, tuple[str, ...]] = {

@@ -12,7 +12,7 @@ from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
 from engine_bridge.performance.settings import Settings
-from solver.motion.bones import Bones
+from solver.model.bones import Bones
 from solver.motion.deformer import Deformer
 from solver.motion.motion_blend import difference, moved_by
 

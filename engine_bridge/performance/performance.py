@@ -10,7 +10,6 @@ from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
 from solver.model.reduced_model import ReducedModel
 from solver.motion.deformer import Deformer
-from solver.motion.limbs import bones_of
 from solver.surface.mesh import SolverMesh
 
 
@@ -66,12 +65,11 @@ class Performance:
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:
-    """Bind a character's model to a puppet's handles and bones."""
+    """Bind a character's model to a puppet's handles."""
     return Deformer(
         model,
         mesh,
         puppet.handle_positions,
-        bones=bones_of(puppet.limbs),
         iterations=puppet.solver.iterations,
         mode=puppet.solver.rotations,
     )

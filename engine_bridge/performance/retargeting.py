@@ -16,8 +16,8 @@ from capture import body
 from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet.puppet import Puppet, axis_mask
+from solver.model.bones import Bones
 from solver.motion.arms import Arm, Arms
-from solver.motion.bones import Bones
 from solver.motion.deformer import Deformer
 from solver.motion.feet import Feet, Leg
 from solver.motion.limb_motion import LimbMotion

@@ -10,8 +10,10 @@ from engine_bridge.character.preparation import prepare
 from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.puppet.skin_shares import skin_shares
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
+from solver.motion.limbs import bones_of
 from solver.surface.mesh import SolverMesh
 
 
@@ -69,5 +71,7 @@ def make_rig(puppet: Puppet, character: Character) -> Rig:
         puppet.solver.parameters,
         cache_folder(),
         character.document.name,
+        bones=bones_of(puppet.limbs),
+        shares=skin_shares(character, puppet.limbs),
     )
     return Rig(puppet, character, mesh, model)

@@ -1,1 +1,1 @@
-"""The live service: stages, the wire protocol, the control socket and what keeps it running."""
+"""The live service: stages and the players of characters, and the loop that runs them."""

@@ -27,6 +27,7 @@ from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.memory import restore
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
 from solver.motion.feet import Feet
 from solver.motion.limb_motion import LimbMotion
@@ -35,8 +36,6 @@ from solver.motion.retarget import SmoothReturn, soft_limit
 
 Calibrate = Literal["still", "at_once", "command"]
 """After the first still second; after a moment, in whatever pose; or when somebody says so."""
-
-State = Literal["waiting", "calibrating", "performing", "leaving"]
 
 HELD_UP = 2 * TICK
 """Seconds from one frame to the next that easing takes into account: after a longer pause it would jump."""

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 FIELD_TIE = 100.0
 """Conductance of a contact between two parts that touch, where a cotangent is about 1: fields hardly jump there."""
 
+LOOSE = 1e-5
+"""Conductance of a contact at a joint between two parts, as a share of that of others."""
+
 SHIFT = -0.1
 """Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
 
@@ -53,9 +56,15 @@ def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
     return scipy.sparse.csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
 
 
-def for_fields(L: "csr_matrix", ties: Contacts, diagonal: float) -> "csr_matrix":
-    """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines."""
-    return _tied(L, ties, FIELD_TIE * _nearness(ties, diagonal))
+def for_fields(
+    L: "csr_matrix", ties: Contacts, diagonal: float, holds: NDArray[np.bool_] | None = None
+) -> "csr_matrix":
+    """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines.
+
+    Contacts (k,) that do not hold while bones move are tied loosely: fields may jump there, and stay unique.
+    """
+    loose = 1.0 if holds is None else np.where(holds, 1.0, LOOSE)
+    return _tied(L, ties, FIELD_TIE * loose * _nearness(ties, diagonal))
 
 
 def for_energy(L: "csr_matrix", ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> "csr_matrix":
@@ -109,24 +118,65 @@ def propagation_fields(
     RuntimeError
         A matrix that is singular to SuperLU, or one on which ARPACK does not converge.
     """
-    n = L.shape[0]
-    order = nested_dissection(L.indptr, L.indices, vertices)
-    L, M = scipy.sparse.csr_matrix(L[order][:, order]), scipy.sparse.diags(mass[order])
-    shift = SHIFT / mass.sum()
-    # what is tied all over is no surface any more, and no plane cuts it at a line: COLAMD fills that in far less
-    ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if L.nnz <= 8 * n else "COLAMD"
-    factor = scipy.sparse.linalg.splu(
-        scipy.sparse.csc_matrix(-L - shift * M), permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True}
-    )
-    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=factor.solve, dtype=np.float64)
-    start = np.cos(order.astype(np.float64))
+    n, shift = L.shape[0], SHIFT / mass.sum()
+    ordered = _Ordered(L, mass, vertices)
+    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=ordered.factor(shift).solve, dtype=np.float64)
+    start = np.cos(ordered.order.astype(np.float64))
     values, found = scipy.sparse.linalg.eigsh(
-        -L, k=count + 1, M=M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS
+        -ordered.L, k=count + 1, M=ordered.M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS
     )
     vectors = np.empty((n, count))
-    vectors[order] = found[:, np.argsort(values)[1:]]
+    vectors[ordered.order] = found[:, np.argsort(values)[1:]]
     largest = np.argmax(np.abs(vectors), axis=0)
     return vectors * np.sign(vectors[largest, np.arange(count)])
+
+
+def smoothed(
+    L: "csr_matrix",
+    mass: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    values: NDArray[np.float64],
+    length: float,
+) -> NDArray[np.float64]:
+    """Smooth functions on the surface: solve (M − length² L) f = M values.
+
+    Parameters
+    ----------
+    L : (n, n) sparse
+        From `for_fields`.
+    mass : (n,) float64
+    vertices : (n, 3) float64
+        Places by which the work is ordered; no result depends on them.
+    values : (n, k) float64
+    length : float
+        Over which a step is spread, in the units of L.
+
+    Returns
+    -------
+    (n, k) float64
+        Within the bounds of the values.
+    """
+    ordered = _Ordered(L, mass, vertices)
+    result = np.empty_like(values)
+    load = np.ascontiguousarray((mass[:, None] * values)[ordered.order]) / length**2
+    result[ordered.order] = ordered.factor(-1 / length**2).solve(load)
+    return result
+
+
+class _Ordered:
+    """L and M with their rows in an order that keeps factors sparse."""
+
+    def __init__(self, L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
+        self.order = nested_dissection(L.indptr, L.indices, vertices)
+        self.L = scipy.sparse.csr_matrix(L[self.order][:, self.order])
+        self.M = scipy.sparse.diags(mass[self.order])
+
+    def factor(self, shift: float) -> "scipy.sparse.linalg.SuperLU":
+        """Factor −L − shift M."""
+        # what is tied all over is no surface any more, and no plane cuts it at a line: COLAMD fills that in far less
+        ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if self.L.nnz <= 8 * len(self.order) else "COLAMD"
+        matrix = scipy.sparse.csc_matrix(-self.L - shift * self.M)
+        return scipy.sparse.linalg.splu(matrix, permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True})
 
 
 def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:

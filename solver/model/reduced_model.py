@@ -15,9 +15,10 @@ import scipy
 from numpy.typing import NDArray
 
 from puppetline.errors import MeshError
-from solver.model import clusters, energy_matrices, rotations
+from solver.model import clusters, energy_matrices, limb_fields, rotations
 from solver.model import fields as propagation
-from solver.surface.contacts import contacts
+from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
+from solver.surface.contacts import contacts, only
 from solver.surface.mesh import SolverMesh, snap
 
 if TYPE_CHECKING:
@@ -80,6 +81,10 @@ class ReducedModel:
         Energy where vertices of a cluster turn together, from `clusters.energy`.
     B_clusters : (4m, 3r) float64
         That energy against the stacked rotations of the clusters; its transpose reads them off the surface.
+    bones : Bones
+        That the model was made for.
+    regions : BoneRegions
+        Which part of the surface belongs to each of them.
     """
 
     center: NDArray[np.float64]
@@ -95,6 +100,8 @@ class ReducedModel:
     cluster: NDArray[np.int32]
     A_clusters: NDArray[np.float64]
     B_clusters: NDArray[np.float64]
+    bones: Bones
+    regions: BoneRegions
 
     @property
     def isolines(self) -> int:
@@ -157,13 +164,22 @@ def position_matrix(
     return scipy.sparse.csr_matrix((entries, columns, 4 * phi.indptr), shape=(len(rest), 4 * phi.shape[1]))
 
 
-def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> ReducedModel:
-    """Pre-compute the reduced model of a mesh.
+def build(
+    mesh: SolverMesh,
+    parameters: ModelParameters | None = None,
+    bones: Bones = NO_BONES,
+    shares: NDArray[np.float64] | None = None,
+) -> ReducedModel:
+    """Pre-compute the reduced model of a mesh, and of the bones inside it.
 
     Parameters
     ----------
     mesh : SolverMesh
     parameters : ModelParameters, optional
+    bones : Bones, optional
+    shares : (n, b) float64, optional
+        Share of each bone in the motion of each vertex, where the file has a skin that says so; by default what is
+        near a bone along the surface belongs to it.
 
     Returns
     -------
@@ -187,11 +203,14 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
     rest = (mesh.vertices - center) / diagonal
     unit = SolverMesh(vertices=rest, faces=mesh.faces, of_render=mesh.of_render)
 
+    regions = bone_regions(mesh, bones) if shares is None else regions_of_shares(shares)
+    along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
+    holds = limb_fields.move_together(ties, regions, bones, skinned=shares is not None)
     try:
-        tied = propagation.for_fields(surface, ties, unit.diagonal)
-        modes = propagation.propagation_fields(tied, mass, rest, parameters.fields)
+        tied = propagation.for_fields(surface, ties, unit.diagonal, holds)
+        modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -200,9 +219,14 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
             fix="Remove what lies far away from the character, or remesh it.",
         ) from error
     weights = propagation.field_weights(rest, mass, modes)
+    if along_limbs:
+        limbs = limb_fields.limb_fields(tied, mass, mesh.vertices, bones, regions, along_limbs, shares)
+        modes = np.column_stack([modes, limbs])
+        own = 1 - along_limbs / parameters.fields
+        weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
-    L = propagation.for_energy(surface, ties, mass, unit.diagonal)
+    L = propagation.for_energy(surface, only(ties, holds), mass, unit.diagonal)
     cluster = clusters.rotation_clusters(ladder, weights, mass)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
@@ -223,6 +247,8 @@ def build(mesh: SolverMesh, parameters: ModelParameters | None = None) -> Reduce
         cluster=cluster,
         A_clusters=A_clusters,
         B_clusters=B_clusters,
+        bones=bones,
+        regions=regions,
     )
 
 

@@ -9,8 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.bones import Bones
 from solver.motion.retarget import FARTHEST
 from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, pole
 

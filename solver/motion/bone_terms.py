@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from solver.model.fields import interpolation
 from solver.model.reduced_model import ReducedModel, position_matrix
 from solver.model.rotations import RotationMode
-from solver.motion.bones import BoneRegions
 from solver.surface.mesh import SolverMesh
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ class BoneTerms:
     pull: NDArray[np.float64]
 
 
-def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, count: int, scale: float) -> BoneTerms:
+def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms:
     """Add up the rows of the vertices that each bone holds, weighted by their share of its area.
 
     So each bone counts the same: by area, the head and the hands of a cartoon body would outweigh its arms.
@@ -51,25 +50,21 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, regions: BoneRegions, coun
     ----------
     model : ReducedModel
     mesh : SolverMesh
-    regions : BoneRegions
-        Of the bones on that mesh.
-    count : int
-        Number of bones.
     scale : float
         Trace of the energy's matrix.
     """
-    unknowns = len(model.A)
+    unknowns, count = len(model.A), len(model.bones)
     normal, pull = np.zeros((unknowns, unknowns)), np.zeros((unknowns, 4 * count))
     affine = np.tile(np.eye(4), (unknowns // 4, 1))  # W of it is [X 1]
     for bone in range(count):
-        held = regions.of(bone)
+        held = model.regions.of(bone)
         if not len(held):
             continue
         W = position_matrix(
             model.to_model(mesh.vertices[held]), model.ladder[held].astype(np.float64), model.weights, model.isolines
         )
         there = np.unique(W.indices)
-        area = regions.area[held]
+        area = mesh.vertex_areas[held]
         dense = np.sqrt(area / max(float(area.sum()), 1e-300))[:, None] * W[:, there].toarray()
         product = dense.T @ dense
         normal[np.ix_(there, there)] += product
@@ -112,6 +107,21 @@ def bone_shares(
     return (together.T @ of_bone) / np.maximum(together.T @ area, 1e-300)[:, None]
 
 
+def blended(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]:
+    """Return the map from the stack of the bones' T_b to the mean of those near each isoline, by their shares.
+
+    Returns
+    -------
+    (4m, 4b) float64
+    """
+    count = len(model.bones)
+    around = interpolation(model.ladder.astype(np.float64), model.isolines)
+    shares = _with_the_rest(bone_shares(around, mesh.vertex_areas, model.regions.owner, count))
+    total = shares.sum(axis=1, keepdims=True)
+    whole: NDArray[np.float64] = np.where(total > 0, shares / np.maximum(total, 1e-300), 1 / count)
+    return np.kron(whole, np.eye(4)).astype(np.float64)
+
+
 def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the map from the stack of the bones' T_b to the stack of μ Σ_b a_cb s_c Q_b.
 
@@ -141,7 +151,12 @@ def turns_nearby(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     -------
     (3r, 4b) float64
     """
-    return _of_linear_parts(shares + ELSEWHERE * shares.mean(axis=0))
+    return _of_linear_parts(_with_the_rest(shares))
+
+
+def _with_the_rest(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add a little of what all bones do on average: some surface has no bone."""
+    return shares + ELSEWHERE * shares.mean(axis=0)
 
 
 def _of_linear_parts(weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -15,8 +15,7 @@ from solver.model.polar import nearest_rotations
 from solver.model.reduced_model import Controls, ReducedModel
 from solver.model.rotations import RotationMode
 from solver.motion import twist
-from solver.motion.bone_terms import bone_shares, bone_terms, prior, turned_together, turns_nearby
-from solver.motion.bones import Bones, bone_regions
+from solver.motion.bone_terms import blended, bone_shares, bone_terms, prior, turned_together, turns_nearby
 from solver.surface.mesh import SolverMesh
 
 HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0, "triangles": 1.0}
@@ -26,7 +25,9 @@ clusters withstands them more."""
 ON_A_LINE = 0.02
 """Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
 
-NO_BONES = Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64))
+NEAR_BONES = 3e-5
+"""What a transform's distance from the mean motion of the bones nearby counts, in units of trace(A) / 4m: directions
+that hardly move a vertex do not run away, and no limb turns by 0.5° less."""
 
 
 class _Affine(NamedTuple):
@@ -82,12 +83,11 @@ class Deformer:
         mesh: SolverMesh,
         handles: NDArray[np.float64],
         *,
-        bones: Bones | None = None,
         iterations: int = 4,
         mode: RotationMode | None = None,
     ) -> None:
         handles = np.asarray(handles, dtype=np.float64).reshape(-1, 3)
-        self.bones = NO_BONES if bones is None else bones
+        self.bones = model.bones
         if not len(handles) and not len(self.bones):
             raise ValueError("a deformer needs at least one handle or bone")
         self.model = model
@@ -104,7 +104,7 @@ class Deformer:
             "triangles": (model.A, model.B, model.edges),
         }[self._mode]
         scale = np.trace(A)
-        regions = bone_regions(mesh, self.bones)
+        regions = model.regions
         if not len(handles) and not regions.held.any():
             raise MeshError(
                 mesh.name,
@@ -112,11 +112,13 @@ class Deformer:
                 expected="bones inside the character",
                 fix="Move the points of the limbs into the mesh.",
             )
-        held = bone_terms(model, mesh, regions, len(self.bones), scale)
+        held = bone_terms(model, mesh, scale)
         stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
-        pin = scale / len(A)
+        pinned = scale / len(A) * model.null_space
+        if len(self.bones):
+            pinned[np.diag_indices_from(pinned)] += NEAR_BONES * scale / len(A)
         try:
-            factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pin * model.null_space)
+            factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pinned)
         except np.linalg.LinAlgError as error:
             raise MeshError(
                 mesh.name,
@@ -125,8 +127,9 @@ class Deformer:
                 fix="Remesh it, or ask for fewer fields.",
             ) from error
         from_turns = scipy.linalg.cho_solve(factor, B)
-        from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull]))
-        constant = scipy.linalg.cho_solve(factor, pin * model.null_space @ rest)
+        anchor = blended(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
+        from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull + pinned @ anchor]))
+        constant = np.zeros_like(rest) if len(self.bones) else scipy.linalg.cho_solve(factor, pinned @ rest)
         self._place_of_turns = lanes.of_matrices(B.shape[1] // 3)
         self._place_of_seen = lanes.of_rows(len(reader)) if self._mode == "triangles" else self._place_of_turns
         place_of_inputs = lanes.of_rows(from_inputs.shape[1])
@@ -143,8 +146,9 @@ class Deformer:
             )
 
         together = turned_together(model, self._mode)
-        held_shares = bone_shares(together, regions.area, np.where(regions.held, regions.owner, -1), len(self.bones))
-        near = turns_nearby(bone_shares(together, regions.area, regions.owner, len(self.bones)))
+        area, count = mesh.vertex_areas, len(self.bones)
+        held_shares = bone_shares(together, area, np.where(regions.held, regions.owner, -1), count)
+        near = turns_nearby(bone_shares(together, area, regions.owner, count))
         self._near_bones = lanes.matrix(
             np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, Performer
 
 BENT = 0.25, 0.6

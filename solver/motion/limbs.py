@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.motion.bones import Bones
+from solver.model.bones import Bones
 
 Follow = Literal["direction", "turn"]
 
@@ -95,9 +95,11 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
     heads: list[NDArray[np.float64]] = []
     tails: list[NDArray[np.float64]] = []
     parents: list[int] = []
+    numbers: list[int] = []
+    bases = {limb.parent for limb in limbs} & {limb.name for limb in limbs if limb.parent is None}
     first: dict[str, int] = {}
     count: dict[str, int] = {}
-    for limb in parents_first(limbs):
+    for number, limb in enumerate(parents_first(limbs)):
         first[limb.name], count[limb.name] = len(heads), len(limb.points) - 1
         on = -1
         if limb.parent is not None:
@@ -106,6 +108,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
             on = min(candidates, key=lambda bone: _distance(limb.points[0], heads[bone], tails[bone]))
         for head, tail in zip(limb.points[:-1], limb.points[1:], strict=True):
             parents.append(on)
+            numbers.append(-1 if limb.name in bases else number)
             on = len(heads)
             heads.append(head)
             tails.append(tail)
@@ -113,6 +116,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
         np.array(heads, dtype=np.float64).reshape(-1, 3),
         np.array(tails, dtype=np.float64).reshape(-1, 3),
         np.array(parents, dtype=np.int64),
+        np.array(numbers, dtype=np.int64),
     )
 
 

@@ -4,8 +4,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.bones import Bones
 
 
 def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:

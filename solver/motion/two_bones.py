@@ -6,8 +6,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.bones import Bones
 
 STRAIGHT = 0.9995
 """Share of a limb's length to which it is straightened at most."""

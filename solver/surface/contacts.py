@@ -95,7 +95,7 @@ class PartSeparation:
     def __init__(self, mesh: SolverMesh) -> None:
         self.worst = 0.0
         ties = contacts(mesh)
-        self._jump = _only(ties, ties.gap == 0).difference(len(mesh.vertices))
+        self._jump = only(ties, ties.gap == 0).difference(len(mesh.vertices))
         self._diagonal = mesh.diagonal
 
     def add(self, positions: NDArray[np.floating]) -> None:
@@ -149,7 +149,7 @@ def _contacts(mesh: SolverMesh) -> Contacts:
         facing[some.vertices] = False
     if facing.any():
         across = near.contacts(mesh, facing)
-        found.append(_only(across, _detour(mesh, found, across) <= DETOUR * mesh.diagonal))
+        found.append(only(across, _detour(mesh, found, across) <= DETOUR * mesh.diagonal))
     return _all(found)
 
 
@@ -230,7 +230,8 @@ def _goes_through(mesh: SolverMesh, near: _Near, height: NDArray[np.float64]) ->
     return through
 
 
-def _only(some: Contacts, chosen: NDArray[np.bool_]) -> Contacts:
+def only(some: Contacts, chosen: NDArray[np.bool_]) -> Contacts:
+    """Return the chosen (k,) contacts."""
     return Contacts(some.vertices[chosen], some.corners[chosen], some.blend[chosen], some.gap[chosen])
 
 

@@ -104,6 +104,12 @@ class SolverMesh:
             scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False
         )[1]
 
+    @cached_property
+    def vertex_areas(self) -> NDArray[np.float64]:
+        """(n,) float64: a third of the area of the triangles at each vertex."""
+        area = igl.doublearea(self.vertices, self.faces) / 6
+        return np.bincount(self.faces.ravel(), np.repeat(area, 3), len(self.vertices)).astype(np.float64)
+
     @property
     def parts(self) -> int:
         """How many connected parts there are."""

@@ -1,5 +1,7 @@
 """Small characters, and plain loops that say what the vectorised code must give."""
 
+import tracemalloc
+
 import igl
 import numpy as np
 import pytest
@@ -140,3 +142,23 @@ def surface():
         return (W @ R) * model.diagonal + model.center
 
     return of
+
+
+@pytest.fixture
+def allocated():
+    """Return the most bytes that a call allocates, once it has been made a few times."""
+
+    def peak(call):
+        peaks = []
+        tracemalloc.start()
+        try:
+            for _ in range(100):
+                before = tracemalloc.get_traced_memory()[0]
+                tracemalloc.reset_peak()
+                call()
+                peaks.append(tracemalloc.get_traced_memory()[1] - before)
+        finally:
+            tracemalloc.stop()
+        return max(peaks[50:])  # the first few make what Python and Numba keep for every later call
+
+    return peak

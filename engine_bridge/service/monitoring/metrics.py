@@ -19,7 +19,7 @@ from engine_bridge.service.monitoring.status import (
     StageStatus,
     Status,
 )
-from engine_bridge.service.protocol.header import STATES
+from engine_bridge.service.states import STATES
 from puppetline.errors import ServiceError
 
 CLIENT_SECONDS = 2.0

@@ -50,7 +50,7 @@ class UserStatus:
     user : int
         The source's number for the performer.
     state : str
-        One of `header.STATES`.
+        One of `engine_bridge.service.states.STATES`.
     character : str or None
         The character that the performer drives.
     seen : float
@@ -128,7 +128,7 @@ class CharacterStatus:
     performer : int or None
         User number.
     state : str
-        One of `header.STATES`.
+        One of `engine_bridge.service.states.STATES`.
     frames : int
         Frames sent so far.
     rate : float

@@ -106,7 +106,7 @@ class Frame:
     received : int
         `time.monotonic_ns` at which the skeleton that moved it arrived.
     state : str
-        One of `wire.STATES`.
+        One of `engine_bridge.service.states.STATES`.
     user : int or None
         The performer.
     R : (4m, 3) float64

@@ -11,6 +11,8 @@ from typing import Any, NamedTuple, NoReturn, Self
 
 from typing_extensions import Buffer  # of collections.abc from Python 3.12
 
+from engine_bridge.service.states import STATES
+
 MAJOR, MINOR = 1, 0
 """Clients refuse other major versions, and accept all minor ones."""
 
@@ -21,9 +23,6 @@ PAYLOAD_OFFSET = TOPIC_BYTES + 64
 
 NO_USER = -1
 """User number of a frame without a performer."""
-
-STATES = ("waiting", "calibrating", "performing", "leaving")
-"""No performer; the performer is being calibrated; the performer drives the character; it eases into its rest pose."""
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 """Pattern of a character's name."""

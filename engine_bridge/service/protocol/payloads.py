@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from engine_bridge.service.protocol import quantisation
 from engine_bridge.service.protocol.header import (
     NO_USER,
-    STATES,
     Header,
     Kind,
     WireError,
@@ -19,6 +18,7 @@ from engine_bridge.service.protocol.header import (
     topic,
 )
 from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.states import STATES
 
 if TYPE_CHECKING:
     from engine_bridge.service.protocol.frame import Frame
@@ -63,7 +63,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     Parameters
     ----------
     kind : Kind
-        One of `wire.FRAME_KINDS`.
+        One of `header.FRAME_KINDS`.
     frame : Frame
     published : int
         `time.monotonic_ns`.

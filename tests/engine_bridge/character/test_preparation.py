@@ -7,6 +7,7 @@ import pytest
 from engine_bridge.character import preparation
 from engine_bridge.character.preparation import prepare
 from puppetline.errors import MeshError
+from solver.model.bones import NO_BONES, Bones
 from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import SolverMesh, weld
 
@@ -25,6 +26,9 @@ def same(a, b, kind):
     for field in dataclasses.fields(kind):
         one, other = getattr(a, field.name), getattr(b, field.name)
         assert type(one) is type(other)
+        if dataclasses.is_dataclass(one):
+            assert same(one, other, type(one))
+            continue
         if isinstance(one, np.ndarray):
             assert one.dtype == other.dtype
         np.testing.assert_array_equal(one, other)
@@ -41,6 +45,39 @@ def test_it_is_what_welding_and_building_give_made_or_kept(render_mesh, tmp_path
         assert same(model, build(expected, PARAMETERS), ReducedModel)
         monkeypatch.setattr(preparation, "weld", None)  # the second time neither is called
         monkeypatch.setattr(preparation, "build", None)
+
+
+BONES = Bones(
+    np.array([[0, 0, 0], [0, 0.2, 0]]), np.array([[0, 0.2, 0], [0, 0.9, 0]]), np.array([-1, 0]), np.zeros(2, int)
+)
+
+
+def test_with_bones_and_a_skin_it_is_what_building_with_them_gives(render_mesh, tmp_path, monkeypatch):
+    positions, _ = render_mesh
+    expected = weld(*render_mesh, "ball")
+    upper = np.clip(positions[:, 1] + 0.5, 0, 1)
+    shares = np.stack([1 - upper, upper], axis=1)
+    first = np.unique(expected.of_render, return_index=True)[1]
+    for given, of_mesh in ((None, None), (shares, shares[first])):
+        kept = tmp_path / str(given is None)
+        for _ in range(2):
+            _, model = prepare(*render_mesh, PARAMETERS, kept, "ball", bones=BONES, shares=given)
+            assert same(model, build(expected, PARAMETERS, BONES, of_mesh), ReducedModel)
+        assert len(list(kept.iterdir())) == 1
+
+
+def test_other_bones_or_another_skin_are_prepared_anew(render_mesh, tmp_path):
+    shares = np.tile([0.5, 0.5], (len(render_mesh[0]), 1))
+    longer = dataclasses.replace(BONES, tails=1.01 * BONES.tails)
+    for bones, given in (
+        (NO_BONES, None),
+        (BONES, None),
+        (longer, None),
+        (BONES, shares),
+        (BONES, shares[:, ::-1] ** 2),
+    ):
+        prepare(*render_mesh, PARAMETERS, tmp_path, bones=bones, shares=given)
+    assert len(list(tmp_path.iterdir())) == 5
 
 
 def test_another_mesh_and_other_parameters_are_prepared_anew(render_mesh, tmp_path):

@@ -33,7 +33,7 @@ COMMANDS = [
     "listen",
     "align",
     "bake",
-    "ladder",
+    "shader-mesh",
     "doctor",
     "token",
     "keys",

@@ -17,9 +17,9 @@ from engine_bridge.export import rig_animation
 from engine_bridge.export.animation import Take
 from engine_bridge.export.convert import convert
 from engine_bridge.export.rig_animation import animate_rig
-from engine_bridge.export.rig_bones import rig_bones
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from puppetline.errors import MeshError, PuppetError
 from solver.motion.limbs import Limb, bones_of, parents_first

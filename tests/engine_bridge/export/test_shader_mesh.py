@@ -116,12 +116,24 @@ def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
 
 def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     output = tmp_path / "a.glb"
-    told = CliRunner().invoke(main, ["ladder", str(blob_puppet), "-o", str(output)])
+    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
     assert told.exit_code == 0
     assert told.output.startswith(f"{output}: ")
     assert "ladder coordinates of 5 fields" in told.output
-    told = CliRunner().invoke(main, ["ladder", str(blob_puppet), "-o", str(output), "--json"])
+    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
     assert json.loads(told.output) == json.loads(json.dumps(write_ladder(blob_puppet, output).as_dict()))
+
+
+def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tmp_path):
+    old, new = tmp_path / "old.glb", tmp_path / "new.glb"
+    for name, output in (("ladder", old), ("shader-mesh", new)):
+        assert CliRunner().invoke(main, [name, str(blob_puppet), "-o", str(output)]).exit_code == 0
+    assert old.read_bytes() == new.read_bytes()
+    listed = [
+        line.split()[0] for line in CliRunner().invoke(main, ["--help"]).output.splitlines() if line.startswith("  ")
+    ]
+    assert "shader-mesh" in listed
+    assert "ladder" not in listed
 
 
 @pytest.mark.slow

@@ -17,9 +17,9 @@ from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.character_player import CharacterPlayer, Manner
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import STATES
 from engine_bridge.service.stage import Direction, Stage
 from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.states import STATES
 
 SAID = re.compile(
     r"frame (?P<frame>\d+), (?P<state>\w+), \d+ a second, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n"

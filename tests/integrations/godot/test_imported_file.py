@@ -1,4 +1,4 @@
-"""What `puppetline ladder` writes, behind Godot's importer: every vertex still has what its shader needs."""
+"""What `puppetline shader-mesh` writes, behind Godot's importer: every vertex still has what its shader needs."""
 
 import base64
 import subprocess

@@ -87,7 +87,7 @@ def test_an_imported_character_looks_as_it_does_without_the_addon(run_godot, add
     puppet, own = tmp_path / f"{name}.toml", tmp_path / "own.glb"
     for arguments in (
         ["new", real_data / "mesh" / "gltf" / f"{name}.glb", "-o", puppet],
-        ["ladder", puppet, "-o", own],
+        ["shader-mesh", puppet, "-o", own],
     ):
         subprocess.run([sys.executable, "-m", "puppetline", *arguments], check=True, capture_output=True)
     write_payloads(puppet, tmp_path)

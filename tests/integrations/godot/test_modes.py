@@ -218,7 +218,7 @@ def test_controls(show, playing, blob_puppet, take):
 
 
 def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, take, tmp_path):
-    puppetline("ladder", blob_puppet, "-o", tmp_path / "own.glb")
+    puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
     service = playing(blob_puppet, take)
     check_shader(shade, service, blob_puppet)
     check_shader(shade, service, blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
@@ -235,7 +235,7 @@ def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path):
 
 
 def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path):
-    puppetline("ladder", blob_puppet, "-o", tmp_path / "own.glb")
+    puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
     check_controls(show, playing(blob_puppet, take), blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
 
@@ -346,7 +346,7 @@ def test_characters_by_controls_and_vertices(show, playing, character):
 @pytest.mark.slow
 def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp_path):
     puppet, log = character
-    puppetline("ladder", puppet, "-o", tmp_path / "own.glb")
+    puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
     service = playing(puppet, log)
     # with 80 transforms for 290 places, those of the fox mean little by themselves
     limbs = bool(load(puppet).limb)
@@ -361,7 +361,7 @@ def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp
 def test_characters_by_imported_meshes(show, playing, add_glb, character, tmp_path):
     puppet, log = character
     puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
-    puppetline("ladder", puppet, "-o", tmp_path / "own.glb")
+    puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
     service = playing(puppet, log, "--morphs", tmp_path / "baked.glb")
     check_controls(show, service, puppet, mesh_source=add_glb(tmp_path / "own.glb"))
     check_morphs(show, service, puppet, add_glb(tmp_path / "baked.glb"))

@@ -6,17 +6,20 @@ import pytest
 
 from puppetline.errors import MeshError
 from solver.model import fields, reduced_model
-from solver.model.reduced_model import ModelParameters, ReducedModel, build
+from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh, weld
 
 PARAMETERS = ModelParameters()
 
 
 def same(a, b):
-    for field in dataclasses.fields(ReducedModel):
+    for field in dataclasses.fields(a):
         x, y = getattr(a, field.name), getattr(b, field.name)
-        assert x.dtype == y.dtype
-        np.testing.assert_array_equal(x, y)
+        if dataclasses.is_dataclass(x):
+            assert same(x, y)
+        else:
+            assert x.dtype == y.dtype
+            np.testing.assert_array_equal(x, y)
     return True
 
 

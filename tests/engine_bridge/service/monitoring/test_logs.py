@@ -113,7 +113,7 @@ def test_each_event_is_said_once_a_second_and_then_how_often_it_was_not(stream, 
 
 def test_logs_beside_come_in_order_and_with_their_tracebacks(stream):
     setup("json", stream=stream)
-    log = logging.getLogger("engine_bridge.live.test")
+    log = logging.getLogger("engine_bridge.service.test")
     with beside():
         for number in range(500):
             log.info("event", extra=fields(number=number))
@@ -138,5 +138,5 @@ def test_a_stream_that_is_stuck_costs_records_and_no_time(stream):
     setup("text", stream=stuck)
     with beside():
         for number in range(3 * MAX_QUEUED):
-            logging.getLogger("engine_bridge.live.test").info("event", extra=fields(number=number))
+            logging.getLogger("engine_bridge.service.test").info("event", extra=fields(number=number))
     stuck.going_on.set()

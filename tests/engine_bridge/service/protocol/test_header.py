@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from engine_bridge.service.protocol.header import (
     PAYLOAD_OFFSET,
-    STATES,
     Header,
     Kind,
     WireError,
@@ -18,6 +17,7 @@ from engine_bridge.service.protocol.header import (
     topic_field,
     write_json,
 )
+from engine_bridge.service.states import STATES
 
 HEADER = Header(
     kind=Kind.CONTROLS,

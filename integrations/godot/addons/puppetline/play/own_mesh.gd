@@ -1,5 +1,5 @@
 extends RefCounted
-## The meshes of a user's own character that carry ladder coordinates, which `puppetline ladder` makes.
+## The meshes of a user's own character that carry ladder coordinates, which `puppetline shader-mesh` makes.
 
 const Scene := preload("../wire/scene.gd")
 const Surfaces := preload("surfaces.gd")
@@ -23,7 +23,7 @@ static func find(source: Node3D, scene: Scene, surfaces: Surfaces) -> String:
 			instance.transform = instance.transform * to_file.affine_inverse()
 			surfaces.add(instance, _materials(instance), to_file.basis)
 	if surfaces.instances.is_empty():
-		return "no mesh in mesh_source carries ladder coordinates: make it with `puppetline ladder`"
+		return "no mesh in mesh_source carries ladder coordinates: make it with `puppetline shader-mesh`"
 	return ""
 
 
@@ -59,7 +59,7 @@ static func _difference(mesh: ArrayMesh, scene: Scene) -> String:
 				var expected := scene.ladder[number * scene.field_count + field]
 				same = same and absf(ladder[vertex * 4 + field] - expected) <= _ROUNDING
 			if not same:
-				return "mesh_source is another mesh than the service has: make it anew with `puppetline ladder`"
+				return "mesh_source is another mesh than the service has: make it anew with `puppetline shader-mesh`"
 	return ""
 
 

@@ -36,6 +36,12 @@ it is longer counts as distance."""
 MIDDLE = 0.2, 0.8
 """Part of a bone's length around which the surface is held; towards its joints the surface is left to bend."""
 
+NEARLY_ALL = 0.95
+"""Share of a vertex from which a bone holds it: the skin around it bends."""
+
+ENOUGH = 4
+"""Fewest vertices that determine a bone's motion."""
+
 NEAR = 2.0
 """Greatest distance of held surface from where the rays of its bone meet the surface, in median lengths of its rays.
 This does not bound the end of a limb, whose fingers and hair are part of it."""
@@ -51,11 +57,15 @@ class Bones:
         Mesh file's coordinates.
     parents : (b,) int64
         The bone that each hangs on, −1 for none; parents come before their children.
+    limbs : (b,) int64
+        Number of the limb that each is part of, from 0; −1 for the trunk, on which limbs hang. A limb's bones follow
+        each other from root to tip.
     """
 
     heads: NDArray[np.float64]
     tails: NDArray[np.float64]
     parents: NDArray[np.int64]
+    limbs: NDArray[np.int64]
 
     def __len__(self) -> int:
         """Return the number of bones."""
@@ -79,6 +89,9 @@ class Bones:
         return (self.parents < 0) | beside | branches
 
 
+NO_BONES = Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+
+
 @dataclass(frozen=True, eq=False)
 class BoneRegions:
     """Which part of the surface belongs to each bone.
@@ -86,16 +99,13 @@ class BoneRegions:
     Attributes
     ----------
     owner : (n,) int64
-        The bone that each vertex is nearest to along the surface; −1 for vertices beyond the root of every limb.
+        The bone of each vertex; −1 for vertices beyond the root of every limb.
     held : (n,) bool
-        Vertices that move as their bone does: around its middle, and all of a limb's end.
-    area : (n,) float64
-        Area of each vertex, mesh units².
+        Vertices that move as their bone does.
     """
 
     owner: NDArray[np.int64]
     held: NDArray[np.bool_]
-    area: NDArray[np.float64]
 
     def of(self, bone: int) -> NDArray[np.int64]:
         """Return the vertices that a bone holds."""
@@ -119,7 +129,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     """
     if not len(bones):
         n = len(mesh.vertices)
-        return BoneRegions(np.full(n, -1), np.zeros(n, dtype=bool), _vertex_areas(mesh))
+        return BoneRegions(np.full(n, -1), np.zeros(n, dtype=bool))
     lengths = bones.lengths
     axes = (bones.tails - bones.heads) / lengths[:, None]
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
@@ -135,7 +145,25 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     held = known & np.where(bones.terminal[owner], place >= first, middle)
     coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # few vertices, all of them at joints
     held |= known & coarse[owner]
-    return BoneRegions(owner, held, _vertex_areas(mesh))
+    return BoneRegions(owner, held)
+
+
+def regions_of_shares(shares: NDArray[np.float64]) -> BoneRegions:
+    """Find the part of the surface that belongs to each bone from the weights of a skin.
+
+    A vertex belongs to the bone that has most of it, and is held where that is nearly all. A bone that has nearly all
+    of hardly any vertex holds those that belong to it.
+
+    Parameters
+    ----------
+    shares : (n, b) float64
+        Of each bone in each vertex; rows sum to 1, or to 0 for vertices that follow no bone.
+    """
+    most = shares.max(axis=1, initial=0.0)
+    owner = np.where(most > 0, shares.argmax(axis=1), -1)
+    held = most >= NEARLY_ALL
+    few = np.bincount(owner[held], minlength=shares.shape[1]) < ENOUGH
+    return BoneRegions(owner, held | ((owner >= 0) & few[owner]))
 
 
 def _both_ways(mesh: SolverMesh) -> "csr_matrix":
@@ -150,13 +178,6 @@ def _both_ways(mesh: SolverMesh) -> "csr_matrix":
     n = len(mesh.vertices)
     once = scipy.sparse.coo_matrix((lengths, (a, b)), shape=(n, n)).tocsr()
     return scipy.sparse.csr_matrix(once.maximum(once.T))
-
-
-def _vertex_areas(mesh: SolverMesh) -> NDArray[np.float64]:
-    """Return a third of the area of the triangles at each vertex."""
-    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6
-    return np.bincount(mesh.faces.ravel(), np.repeat(area, 3), len(mesh.vertices)).astype(np.float64)
 
 
 def _where_rays_meet(

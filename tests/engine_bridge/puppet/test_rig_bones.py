@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.export.rig_bones import rig_bones
+from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from solver.motion.limbs import TRUNK, Limb, parents_first
 

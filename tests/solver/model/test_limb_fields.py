@@ -1,0 +1,128 @@
+"""Fields along limbs, and which contacts hold while bones move."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from solver.model import fields
+from solver.model.bones import BoneRegions, Bones, bone_regions, regions_of_shares
+from solver.model.limb_fields import BLUR, limb_field_count, limb_fields, move_together
+from solver.model.reduced_model import ModelParameters, build
+from solver.surface.contacts import contacts
+
+
+def chain(*points, parent=-1, first=0, limb=0):
+    """Heads, tails, parents and limbs of bones from point to point."""
+    count = len(points) - 1
+    parents = [parent, *range(first, first + count - 1)]
+    return np.array(points[:-1], float), np.array(points[1:], float), parents, [limb] * count
+
+
+def bones_of(*chains):
+    heads, tails, parents, limbs = (np.concatenate(parts) for parts in zip(*chains, strict=True))
+    return Bones(heads, tails, parents.astype(int), limbs.astype(int))
+
+
+ARM = [[0.35, 1.15, 0.0], [0.7, 1.2, 0.0], [1.05, 1.25, 0.0], [1.4, 1.3, 0.0]]
+
+
+@pytest.fixture(scope="module")
+def both_arms():
+    """The figure's trunk, and its arms in three bones each."""
+    mirror = np.array([-1, 1, 1])
+    return bones_of(
+        chain([0, 0, 0], [0, 1.2, 0], limb=-1),
+        chain(*ARM, parent=0, first=1),
+        chain(*(np.array(ARM) * mirror), parent=0, first=4, limb=1),
+    )
+
+
+def made(mesh, bones, count, regions=None, shares=None):
+    L, mass = fields.laplacian(mesh)
+    tied = fields.for_fields(L, contacts(mesh), mesh.diagonal)
+    regions = bone_regions(mesh, bones) if regions is None else regions
+    return limb_fields(tied, mass, mesh.vertices, bones, regions, count, shares)
+
+
+def test_a_field_is_0_off_its_limb_and_rises_along_it(figure, both_arms):
+    left, right = made(figure, both_arms, 2).T
+    x = figure.vertices[:, 0]
+    for field, out in ((left, x), (right, -x)):
+        assert np.abs(field[out < 0]).max() < 1e-3
+        arm = (out > 0.45) & (figure.vertices[:, 1] > 0.6)
+        way = np.subtract(ARM[3], ARM[0])
+        along = (
+            (np.abs(figure.vertices[arm] * [1, 0, 0]) + figure.vertices[arm] * [0, 1, 1] - ARM[0]) @ way / (way @ way)
+        )
+        np.testing.assert_allclose(field[arm], (1 + 3 * np.clip(along, 0, 1)) / 4, rtol=0, atol=0.08)
+
+
+def test_what_hangs_on_a_limb_has_the_value_of_its_place(figure):
+    """A hand with a limb of its own: to the arm it is the arm's end."""
+    bones = bones_of(
+        chain([0, 0, 0], [0, 1.2, 0], limb=-1),
+        chain(*ARM[:3], parent=0, first=1),
+        chain(*ARM[2:], parent=2, first=3, limb=1),
+    )
+    arm, _ = made(figure, bones, 2).T
+    assert np.abs(arm[figure.vertices[:, 0] > 1.15] - 1).max() < 0.02
+
+
+def test_more_limbs_than_fields_share_one_with_the_sign_turned_round(figure, both_arms):
+    left, right = made(figure, both_arms, 2).T
+    np.testing.assert_allclose(made(figure, both_arms, 1), (left - right)[:, None], rtol=0, atol=1e-12)
+
+
+def test_limbs_without_surface_get_no_field_and_three_fields_are_the_surfaces_own(figure, both_arms):
+    regions = bone_regions(figure, both_arms)
+    assert [limb_field_count(both_arms, regions, fields) for fields in (2, 3, 4, 5, 8)] == [0, 0, 1, 2, 2]
+    nothing = BoneRegions(np.where(regions.owner > 3, -1, regions.owner), regions.held)
+    assert limb_field_count(both_arms, nothing, 8) == 1
+
+
+def test_by_a_skin_a_field_is_the_mean_over_the_bones_of_each_vertex(figure, both_arms):
+    """Whatever the shares are: the smoothed mean of values that are constant on each bone but for its middle."""
+    shares = np.random.default_rng(0).dirichlet(np.ones(7), len(figure.vertices))
+    found = made(figure, both_arms, 2, regions_of_shares(shares), shares)
+    L, mass = fields.laplacian(figure)
+    axes = both_arms.tails - both_arms.heads
+    along = np.einsum("nbx,bx->nb", figure.vertices[:, None] - both_arms.heads, axes) / both_arms.lengths**2
+    place = 0.25 + 0.5 * np.clip(along, 0, 1)
+    for column, chain_bones in ((0, [1, 2, 3]), (1, [4, 5, 6])):
+        value = np.zeros_like(shares)
+        value[:, chain_bones] = (1 + np.arange(3) + place[:, chain_bones]) / 4
+        expected = np.linalg.solve(np.diag(mass) - BLUR**2 * L.toarray(), mass * np.einsum("nb,nb->n", shares, value))
+        np.testing.assert_allclose(found[:, column], expected, rtol=0, atol=1e-9)
+
+
+def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
+    """The cube is tied to the right hand: to a hand of its own bone, to the hand as its neighbour, to a stranger."""
+    ties = contacts(two_parts)
+    arm = chain(*(np.array(ARM) * [-1, 1, 1]), parent=0, first=1)
+    bones = bones_of(chain([0, 0, 0], [0, 1.2, 0], limb=-1), arm)
+    cube = np.arange(len(two_parts.vertices)) >= len(two_parts.vertices) - 8
+    for owner, neighbours, skinned in ((3, True, True), (2, True, False), (1, False, False), (-1, True, True)):
+        of_cube = np.where(cube, owner, 3)
+        regions = BoneRegions(of_cube, np.ones(len(cube), dtype=bool))
+        assert np.all(move_together(ties, regions, bones, skinned=False) == neighbours)
+        assert np.all(move_together(ties, regions, bones, skinned=True) == skinned)
+
+
+def test_a_model_with_bones_has_the_surfaces_smoothest_fields_and_those_of_the_limbs(figure, figure_model, both_arms):
+    model = build(figure, bones=both_arms)
+    np.testing.assert_array_equal(model.ladder[:, :6], build(figure, ModelParameters(fields=6)).ladder)
+    np.testing.assert_allclose(model.weights[6:], 1 / 8)
+    assert model.weights.sum() == pytest.approx(1)
+    limbs = fields.ladder_coordinates(made_in_model_units(figure, both_arms), 10)
+    np.testing.assert_allclose(model.ladder[:, 6:], limbs, rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(build(figure).ladder, figure_model.ladder)
+
+
+def made_in_model_units(mesh, bones):
+    center = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
+    unit = dataclasses.replace(mesh, vertices=(mesh.vertices - center) / mesh.diagonal)
+    smaller = dataclasses.replace(
+        bones, heads=(bones.heads - center) / mesh.diagonal, tails=(bones.tails - center) / mesh.diagonal
+    )
+    return made(unit, smaller, 2)

@@ -1,0 +1,308 @@
+"""A deformer that bones move."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from puppetline.errors import MeshError
+from solver.model import fields, lanes, polar
+from solver.model.bones import Bones
+from solver.model.clusters import EDGES
+from solver.model.reduced_model import build
+from solver.motion.bone_terms import BONE_STIFFNESS, ELSEWHERE, PRIOR
+from solver.motion.deformer import HANDLE_STIFFNESS, NEAR_BONES, Deformer
+from solver.surface.mesh import SolverMesh
+
+MODES = ["clusters", "covariance", "triangles"]
+
+
+def pulled(deformer, seed=0, size=0.1):
+    """Targets at random, `size` of the diagonal away on each axis."""
+    rng = np.random.default_rng(seed)
+    return deformer.handles + rng.normal(scale=size * deformer.model.diagonal, size=deformer.handles.shape)
+
+
+@pytest.fixture(scope="module")
+def creature_bones():
+    """The tube in three, the horn and the leg in two; see conftest.creature."""
+    tube = np.array([[-1.2, 0.0, 0.0], [-0.5, 0.1, 0.0], [0.0, 0.2, 0.0], [0.9, 0.9, 0.2]])
+    leg = np.array([[0.05, -0.2, 0.07], [0.12, -0.6, 0.18], [0.2, -1.1, 0.3]])
+    horn = np.array([[[-0.91, 0.2, -0.05]], [[-1.0, 0.9, -0.4]]])
+    return Bones(
+        np.concatenate([tube[:-1], leg[:-1], horn[0]]),
+        np.concatenate([tube[1:], leg[1:], horn[1]]),
+        np.array([-1, 0, 1, 1, 3, 0]),
+        np.array([-1, -1, -1, 0, 0, 1]),
+    )
+
+
+@pytest.fixture(scope="module")
+def model(creature, creature_bones):
+    return build(creature, bones=creature_bones)
+
+
+@pytest.fixture
+def bound(creature, model, creature_handles):
+    """Bind the creature and its bones with other options, or other handles."""
+
+    def make(handles=creature_handles, **options):
+        return Deformer(model, creature, handles, **options)
+
+    return make
+
+
+def about(turned, point):
+    """Motions (4, 3) that turn about a point."""
+    return np.vstack([turned, point - point @ turned])
+
+
+def posed(bones, turn, degrees):
+    """Each bone turned about its head, on top of its parent."""
+    motions = np.zeros((len(bones), 4, 3))
+    for b, parent in enumerate(bones.parents):
+        motions[b] = about(turn(b, degrees), bones.heads[b])
+        if parent >= 0:
+            above = motions[parent]
+            motions[b] = np.vstack([motions[b, :3] @ above[:3], motions[b, 3] @ above[:3] + above[3]])
+    return motions
+
+
+ON_A_TRUNK = np.array([-1, 0, 0])
+"""Limb of each bone: an arm of one or two bones on a trunk of one."""
+
+NO_HANDLES = np.zeros((0, 3))
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("some", [0, 5])
+def test_bones_at_rest_leave_every_vertex_where_it_is(
+    bound, creature, model, creature_bones, creature_handles, surface, mode, some
+):
+    deformer = bound(creature_handles[:some], mode=mode)
+    rest = np.tile(np.eye(4, 3), (6, 1, 1))
+    for motions in (None, rest):
+        found = surface(model, creature, deformer.solve(deformer.handles, motions))
+        np.testing.assert_allclose(found, creature.vertices, rtol=0, atol=1e-9 * creature.diagonal)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("seed", "degrees"), [(0, 15), (1, 60), (2, 120), (3, 179)])
+def test_rigid_motion_of_all_bones_is_rigid_motion_of_the_character_at_once(
+    bound, creature, model, creature_bones, creature_handles, surface, turn, mode, seed, degrees
+):
+    rotation, offset = turn(seed, degrees), np.random.default_rng(seed).normal(size=3)
+    motions = np.tile(np.vstack([rotation, offset]), (6, 1, 1))
+    expected = creature.vertices @ rotation + offset
+    for handles in (NO_HANDLES, creature_handles):
+        deformer = bound(handles, mode=mode)
+        found = surface(model, creature, deformer.solve(deformer.handles @ rotation + offset, motions))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
+
+
+def test_a_turn_of_all_bones_is_followed_frame_by_frame(bound, creature, model, creature_bones, surface, turn):
+    """Warm-started: a whole turn in steps of 10° stays rigid all the way, and ends where it began."""
+    deformer = bound(NO_HANDLES)
+    for degrees in range(0, 361, 10):
+        motions = np.tile(np.vstack([turn(5, degrees), np.zeros(3)]), (6, 1, 1))
+        found = surface(model, creature, deformer.solve(NO_HANDLES, motions))
+        expected = creature.vertices @ turn(5, degrees)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * creature.diagonal)
+
+
+def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
+    bound, creature, model, creature_handles, creature_bones, surface, naive_interpolation, turn
+):
+    """Handles, bones and clusters together: W by plain loops, rotations fixed at random, NumPy's lstsq."""
+    rest = model.to_model(creature.vertices)
+    L, mass = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))
+    L = L.toarray()
+    W, _ = naive_interpolation(rest, model.ladder, model.weights, 10, L @ rest)
+    deformer = bound(creature_handles[:2], iterations=0)
+    targets, motions = pulled(deformer), posed(creature_bones, turn, 25)
+    turns = Rotation.from_rotvec(0.4 * np.random.default_rng(1).normal(size=(80, 3))).as_matrix()
+    deformer.solve(targets, motions)
+    deformer._turns[:] = lanes.pack(turns.reshape(-1, 3), lanes.of_matrices(80))
+    found = surface(model, creature, deformer.solve(targets, motions))
+
+    each = turns[model.cluster]
+    bending = np.diag(mass**-0.5) @ L @ W
+    bent = mass[:, None] ** -0.5 * np.einsum("vi,vij->vj", L @ rest, each)
+    i, j = np.nonzero(np.maximum(L - np.diag(np.diag(L)), 0))
+    root = np.sqrt(EDGES * np.trace(bending.T @ bending) / (2 * np.trace(-W.T @ L @ W)) * L[i, j])[:, None]
+    edges, stretched = root * (W[i] - W[j]), root * np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
+    scale = np.sum(bending**2) + np.sum(edges**2)
+    rows = model.rows(creature, creature_handles[:2])
+    handles = np.sqrt(HANDLE_STIFFNESS["clusters"] * scale / np.sum(rows * rows))
+    regions = model.regions
+    held = np.concatenate([regions.of(bone) for bone in range(6)])
+    at = [
+        np.column_stack([creature.vertices[regions.of(b)], np.ones(len(regions.of(b)))]) @ motions[b] for b in range(6)
+    ]
+    shares = [
+        creature.vertex_areas[regions.of(bone)] / creature.vertex_areas[regions.of(bone)].sum() for bone in range(6)
+    ]
+    area = np.sqrt(np.concatenate(shares))[:, None]
+    bones = np.sqrt(BONE_STIFFNESS * scale / np.sum((area * W[held]) ** 2)) * area
+    hats = np.maximum(0, 1 - np.abs(model.ladder[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
+    near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
+    near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
+    near += ELSEWHERE * near.mean(axis=1, keepdims=True)
+    near /= near.sum(axis=0)
+    in_model_units = motions.copy()
+    in_model_units[:, 3] = model.to_model(motions[:, 3] + np.einsum("x,bxk->bk", model.center, motions[:, :3]))
+    mean = np.einsum("bi,bxk->ixk", near, in_model_units).reshape(320, 3)
+    anchor = np.sqrt(NEAR_BONES * scale / 320)
+    left = np.concatenate([bending, edges, handles * rows, bones * W[held], anchor * np.eye(320)])
+    right = np.concatenate(
+        [bent, stretched, handles * model.to_model(targets), bones * model.to_model(np.concatenate(at)), anchor * mean]
+    )
+    expected = W @ np.linalg.lstsq(left, right, rcond=1e-12)[0] * model.diagonal + model.center
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * creature.diagonal)
+
+
+@pytest.mark.parametrize("mode", ["clusters", "covariance"])
+def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model, creature_bones, turn, mode):
+    """One iteration written out: S_c + μ Σ_b a_cb s_c Q_b, with the shares of area added up vertex by vertex."""
+    motions = posed(creature_bones, turn, 25)
+    deformer = bound(NO_HANDLES, mode=mode, iterations=0)
+    R = deformer.solve(NO_HANDLES, motions)
+    deformer.iterations = 1
+    deformer.solve(NO_HANDLES, motions)
+    reader = model.B_clusters.T if mode == "clusters" else model.covariance
+    S, size = (
+        (reader @ R).reshape(80, 3, 3),
+        np.trace((reader @ model.rest_controls).reshape(80, 3, 3), axis1=1, axis2=2),
+    )
+    together = np.eye(80)[model.cluster]
+    if mode == "covariance":
+        ladder = model.ladder.astype(np.float64)[:, :, None]
+        together = np.maximum(0, 1 - np.abs(ladder - np.arange(10))).reshape(len(ladder), 80)
+    regions = model.regions
+    area = creature.vertex_areas
+    for b in range(6):
+        share = together[regions.of(b)].T @ area[regions.of(b)] / np.maximum(together.T @ area, 1e-300)
+        S = S + PRIOR * (share * size / 3)[:, None, None] * motions[b, :3]
+    np.testing.assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
+
+
+def test_what_bones_hold_goes_where_they_go(bound, creature, model, creature_bones, surface, turn):
+    deformer = bound(NO_HANDLES)
+    motions, regions = posed(creature_bones, turn, 30), model.regions
+    found = surface(model, creature, deformer.solve(NO_HANDLES, motions))
+    away = []
+    for b in range(6):
+        held = regions.of(b)
+        expected = np.column_stack([creature.vertices[held], np.ones(len(held))]) @ motions[b]
+        away.append(np.linalg.norm(found[held] - expected, axis=1) / creature.diagonal)
+    away = np.concatenate(away)
+    assert np.median(away) < 2e-3
+    assert away.max() < 2e-2
+
+
+@pytest.mark.parametrize("degrees", [30, 60, 90])
+def test_a_straight_arm_turned_about_its_shoulder_points_where_it_should(figure, surface, degrees):
+    shoulder, tip = np.array([0.35, 1.15, 0.0]), np.array([1.4, 1.3, 0.0])
+    elbow = (shoulder + tip) / 2
+    bones = Bones(
+        np.array([[0, 0, 0], shoulder, elbow]),
+        np.array([[0, 1.2, 0], elbow, tip]),
+        np.array([-1, 0, 1]),
+        ON_A_TRUNK[:3],
+    )
+    model = build(figure, bones=bones)
+    deformer = Deformer(model, figure, NO_HANDLES)
+    down = Rotation.from_rotvec([0, 0, -np.radians(degrees)]).as_matrix().T
+    motions = np.stack([np.eye(4, 3), about(down, shoulder), about(down, shoulder)])
+    found = surface(model, figure, deformer.solve(NO_HANDLES, motions))
+    regions = model.regions
+    for bone in (1, 2):
+        held = regions.of(bone)
+        rest, now = (points[held] - points[held].mean(axis=0) for points in (figure.vertices, found))
+        fitted = Rotation.align_vectors(now, rest)[0].as_matrix().T
+        wanted, pointed = (tip - shoulder) @ down, (tip - shoulder) @ fitted
+        cosine = wanted @ pointed / np.linalg.norm(wanted) / np.linalg.norm(pointed)
+        assert np.degrees(np.arccos(min(1.0, cosine))) < 1.0
+
+
+def test_the_order_of_vertices_does_not_matter_to_bones(creature, model, creature_bones, surface, turn):
+    order = np.random.default_rng(0).permutation(len(creature.vertices))
+    shuffled = SolverMesh(creature.vertices[order], np.argsort(order)[creature.faces], np.arange(len(order)))
+    motions = posed(creature_bones, turn, 30)
+    one, other = (
+        surface(model, mesh, Deformer(model, mesh, NO_HANDLES).solve(NO_HANDLES, motions))
+        for model, mesh in ((model, creature), (build(shuffled, bones=creature_bones), shuffled))
+    )
+    np.testing.assert_allclose(other, one[order], rtol=0, atol=5e-3 * creature.diagonal)
+
+
+def test_a_part_that_hangs_on_an_arm_goes_with_it(two_parts, surface):
+    shoulder, tip = np.array([0.35, 1.15, 0.0]), np.array([1.4, 1.3, 0.0])
+    bones = Bones(np.array([[0, 0, 0], shoulder]), np.array([[0, 1.2, 0], tip]), np.array([-1, 0]), ON_A_TRUNK[:2])
+    model = build(two_parts, bones=bones)
+    up = Rotation.from_rotvec([0, 0, 0.7]).as_matrix().T
+    motions = np.stack([np.eye(4, 3), about(up, shoulder)])
+    found = surface(model, two_parts, Deformer(model, two_parts, NO_HANDLES).solve(NO_HANDLES, motions))
+    expected = about(up, shoulder)
+    cube = two_parts.vertices[-8:] @ expected[:3] + expected[3]
+    np.testing.assert_allclose(found[-8:], cube, rtol=0, atol=0.02 * two_parts.diagonal)
+
+
+def test_bones_settle_in_the_frame_in_which_they_move(bound, creature, model, creature_bones, surface, turn):
+    few, many = bound(NO_HANDLES), bound(NO_HANDLES, iterations=60)
+    for degrees in range(0, 40, 4):
+        motions = posed(creature_bones, turn, degrees)
+        found, settled = (surface(model, creature, d.solve(NO_HANDLES, motions)) for d in (few, many))
+        assert np.linalg.norm(found - settled, axis=1).max() < 1e-2 * creature.diagonal
+
+
+def test_memory_another_and_reset_with_bones(bound, creature_handles, creature_bones, turn):
+    handles = creature_handles[:2]
+    deformer, twin = bound(handles), bound(handles)
+    poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40, 20)]
+    first = deformer.solve(deformer.handles, poses[0])
+    deformer.solve(deformer.handles, poses[1])
+    twin.memory = deformer.memory
+    expected = deformer.solve(deformer.handles, poses[2])
+    np.testing.assert_array_equal(twin.solve(twin.handles, poses[2]), expected)
+    np.testing.assert_array_equal(deformer.another(4).solve(deformer.handles, poses[0]), first)
+    deformer.reset()
+    np.testing.assert_array_equal(deformer.solve(deformer.handles, poses[0]), first)
+
+
+def test_motions_of_other_shapes_or_without_numbers_are_refused(bound, creature_bones):
+    deformer = bound(NO_HANDLES)
+    rest = np.tile(np.eye(4, 3), (6, 1, 1))
+    for motions in (rest[:-1], rest.transpose(0, 2, 1), rest[0]):
+        with pytest.raises(ValueError, match="motions"):
+            deformer.solve(NO_HANDLES, motions)
+    for place in ((0, 0, 0), (5, 3, 2), (2, 1, 1)):
+        motions = rest.copy()
+        motions[place] = np.nan
+        with pytest.raises(ValueError, match="finite"):
+            deformer.solve(NO_HANDLES, motions)
+
+
+def test_where_there_are_bones_rotations_are_those_of_clusters(
+    bound, creature, creature_model, creature_handles, creature_bones, turn
+):
+    motions = posed(creature_bones, turn, 20)
+    with_bones, without = bound(), Deformer(creature_model, creature, creature_handles)
+    for deformer, given, mode in ((with_bones, motions, "clusters"), (without, None, "covariance")):
+        other = Deformer(deformer.model, creature, creature_handles, mode=mode)
+        np.testing.assert_array_equal(deformer.solve(deformer.handles, given), other.solve(deformer.handles, given))
+
+
+def test_bones_that_hold_nothing_are_refused_where_there_is_no_handle(creature, creature_handles):
+    away = Bones(np.array([[50.0, 0, 0]]), np.array([[60.0, 0, 0]]), np.array([-1]), np.array([0]))
+    model = build(creature, bones=away)
+    with pytest.raises(MeshError, match="bones that hold no part of the surface; expected bones inside the character"):
+        Deformer(model, creature, NO_HANDLES)
+    deformer = Deformer(model, creature, creature_handles)
+    np.testing.assert_allclose(deformer.solve(deformer.handles), model.rest_controls, rtol=0, atol=1e-6)
+
+
+def test_frames_after_the_first_allocate_no_array(bound, creature_bones, turn, allocated):
+    deformer, motions = bound(), posed(creature_bones, turn, 20)
+    targets = pulled(deformer)
+    R = deformer.solve(targets, motions)
+    assert allocated(lambda: deformer.solve(targets, motions, R)) < R.nbytes

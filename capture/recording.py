@@ -1,9 +1,9 @@
 """The project's own recording, a *take*: written as it happens, readable after a crash.
 
-JSON Lines in UTF-8. The first line is `HEADER`. Where the take is a stage's, the second says what the stage was like
-when it began. Each further line is one of `capture.events`: what the source gave, or what was asked for in between::
+JSON Lines in UTF-8. The first line is `HEADER`. Each further line is one of `capture.events`: what the source gave, or
+what was asked for in between. A stage's take begins with the cue ``stage``::
 
-    {"beginning": {…}}
+    {"t": 12.4, "do": "stage", "arguments": {…}}
     {"t": 12.5, "user": 1, "p": [[0.1, 0.92, 2.4], null, …], "c": [1.0, 0.0, …]}
     {"t": 12.6, "tick": true}
     {"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}
@@ -83,28 +83,6 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def write_beginning(self, state: dict[str, Any]) -> None:
-        """Say in a new recording, before all events, what the stage is like.
-
-        Parameters
-        ----------
-        state : dict
-            Of JSON's types, numbers finite; it reads back equal, floats to the bit.
-
-        Raises
-        ------
-        OutputError
-            If the recording has begun already, or the system does not take it.
-        """
-        if os.fstat(self._file.fileno()).st_size != len(HEADER):
-            raise OutputError(
-                self.path,
-                found="a recording that has begun already",
-                expected="a new file",
-                fix="Choose another name; the file was left as it is.",
-            )
-        self._append(_line({"beginning": state}))
 
     def write(self, event: Event) -> None:
         """Append one event.

@@ -7,7 +7,6 @@ motion and scaled to the character (`solver.motion.retarget`); a character's tru
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,29 +115,14 @@ class Retargeting:
         return Aim(targets, motions, root, joints)
 
     @property
-    def memory(self) -> dict[str, Any]:
-        """What is carried from frame to frame; setting it goes on where another of the same puppet and rest was."""
-        return {
-            "filter": self._filter.memory,
-            "handles": self._retargeter.memory,
-            "limbs": self._limbs.memory,
-            "arms": {} if self._arms is None else self._arms.memory,
-            "feet": {} if self._feet is None else self._feet.memory,
-            "root": self._root_return.memory,
-            "with_root": self._with_root,
-        }
+    def standing(self) -> NDArray[np.float64]:
+        """(l, 3) float64: where the character's feet are held, mesh file's coordinates; NaN where they are not."""
+        return np.empty((0, 3)) if self._feet is None else self._feet.places
 
-    @memory.setter
-    def memory(self, memory: dict[str, Any]) -> None:
-        self._filter.memory = memory["filter"]
-        self._retargeter.memory = memory["handles"]
-        self._limbs.memory = memory["limbs"]
-        if self._arms is not None:
-            self._arms.memory = memory["arms"]
-        if self._feet is not None:
-            self._feet.memory = memory["feet"]
-        self._root_return.memory = memory["root"]
-        self._with_root = memory["with_root"]
+    def stand(self, places: NDArray[np.float64]) -> None:
+        """Hold feet from the first frame on, as `standing` of another one of the same puppet says; others are not."""
+        if self._feet is not None and places.shape == self.standing.shape:
+            self._feet.hold(places)
 
     def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return joints (20, 3) from the hips and in the axes of a trunk that has moved."""

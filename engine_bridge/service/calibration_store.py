@@ -9,12 +9,11 @@ from typing import Any
 import platformdirs
 
 from engine_bridge.service.character_player import Calibration
-from engine_bridge.service.memory import pack, unpack
 from engine_bridge.service.stage import Stage
 from puppetline.errors import OutputError
 from puppetline.files import written_whole
 
-VERSION = 2
+VERSION = 3
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +36,7 @@ def known_performers(stages: dict[str, tuple[Stage, float]]) -> Any:
     JSON
     """
     ages = [
-        [uri, role.character.name, user, now - seen, pack(calibration.memory)]
+        [uri, role.character.name, user, now - seen, calibration.to_json()]
         for uri, (stage, now) in stages.items()
         for role in stage.roles
         for user, (calibration, seen) in role.remembered().items()
@@ -63,8 +62,8 @@ def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
             return
         away = max(0.0, time.time() - known["written"])
         performers = [
-            (uri, name, int(user), float(age) + away, Calibration.of_memory(unpack(memory)))
-            for uri, name, user, age, memory in known["performers"]
+            (uri, name, int(user), float(age) + away, Calibration.of_json(known_as))
+            for uri, name, user, age, known_as in known["performers"]
         ]
     except FileNotFoundError:
         return

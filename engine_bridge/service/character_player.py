@@ -4,8 +4,8 @@ Every change (a performer found, lost, calibrated anew, mirrored) is a change of
 ease from where they were shown last to what they follow now, so that nothing ever jumps.
 """
 
-import hashlib
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,9 +23,7 @@ from engine_bridge.performance.calibration import NOW, LastSecond, same_body
 from engine_bridge.performance.idle import Idle, Places
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
-from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.memory import restore
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
@@ -91,24 +89,23 @@ class Calibration:
         """How far the performer's hands reach from the shoulders, metres, on average."""
         return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
 
-    @property
-    def memory(self) -> list[Any]:
-        """All of it, for `engine_bridge.service.memory`."""
-        return [self.rest, asdict(self.level)]
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types that `of_json` makes the same calibration of, to the bit."""
+        return {"rest": _rows(self.rest), "sensor": asdict(self.level)}
 
     @classmethod
-    def of_memory(cls, memory: list[Any]) -> "Calibration":
-        """Make one of what `memory` was.
+    def of_json(cls, value: Mapping[str, Any]) -> "Calibration":
+        """Make a calibration of the values of `to_json`.
 
         Raises
         ------
-        ValueError
-            It was something else.
+        KeyError, TypeError, ValueError
+            Other values.
         """
-        rest, level = memory
-        if np.shape(rest) != (len(JOINTS), 3):
-            raise ValueError(f"a pose of shape {np.shape(rest)}")
-        return cls(rest, Level.of_json(level))
+        rest = _of_rows(value["rest"])
+        if rest.shape != (len(JOINTS), 3):
+            raise ValueError(f"a pose of shape {rest.shape}")
+        return cls(rest, Level.of_json(value["sensor"]))
 
 
 @dataclass(frozen=True)
@@ -138,10 +135,9 @@ class Part:
         """Of a part that plays: it has been worked out."""
         return self.working.result()
 
-    @property
-    def memory(self) -> list[Any]:
-        """All of it that can be kept."""
-        return [self.calibration.memory, self.mirror, self.asked]
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types of which `CharacterPlayer.begin` makes the same part."""
+        return self.calibration.to_json() | {"mirror": self.mirror}
 
 
 class CharacterPlayer:
@@ -223,15 +219,6 @@ class CharacterPlayer:
         """How the sensor stands, as far as is known."""
         return self._level
 
-    @property
-    def digest(self) -> str:
-        """What another role must have as well to do the same: puppet, mesh, idle performance."""
-        rig = self.character.rig
-        digest = hashlib.sha256(puppet_file.dumps(rig.puppet).encode() + rig.model.rest_controls.tobytes())
-        if self._idle is not None:
-            digest.update(self._idle.targets.tobytes() + self._idle.motions.tobytes())
-        return digest.hexdigest()
-
     def enter(self, user: int, time: float) -> None:
         """Give the character to somebody."""
         self.user, self.state, self._in_passing = user, "calibrating", False
@@ -311,14 +298,22 @@ class CharacterPlayer:
         """Whether the character moves as its puppet says: for a moment after an edit it moves as it did before."""
         return all(each is None or each.puppet is self.character.rig.puppet for each in (self._part, self._idle))
 
-    def begin(self, time: float) -> None:
+    def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
         """Go over to the calibration that was asked for last, waiting for it if need be.
+
+        Parameters
+        ----------
+        time : float
+        recorded : mapping, optional
+            `Part.to_json` of the calibration that a take says was used, in place of the one that was asked for.
 
         Raises
         ------
         ServiceError
             It could not be worked out; what was before stays.
         """
+        if recorded is not None and self.user is not None:
+            self._take_recorded(recorded, time)
         part, self.next_part = self.next_part, None
         if part is None:
             return
@@ -335,6 +330,22 @@ class CharacterPlayer:
         self._level = part.calibration.level
         self.state = "performing"
         self._ease(time)
+
+    def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
+        """Have the next part be that of a take, if it is another one."""
+        if self.next_part is not None and self.next_part.to_json() == recorded:
+            return
+        try:
+            part = self._recorded_part(recorded, time)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ServiceError(
+                self.character.name,
+                found=f"a damaged calibration in a take ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove this cue from the take.",
+            ) from error
+        self._drop_next()
+        self.next_part = part
 
     def perform(self, frame: SkeletonFrame, received: int) -> Frame:
         """Take a frame of the performer.
@@ -514,62 +525,90 @@ class CharacterPlayer:
             motions = moved_by(self._deformer.bones, motions, apart, 1.0)
         return Places(targets, motions, other._shown.root)
 
-    @property
-    def memory(self) -> dict[str, Any]:
-        """What is carried from frame to frame; setting it goes on where another role of the same puppet was."""
+    def snapshot(self) -> dict[str, Any]:
+        """Return who plays the character and how, as values of JSON's types, for `resume`.
+
+        Filters are not part of it.
+        """
         return {
-            "manner": asdict(self._manner),
             "user": self.user,
             "state": self.state,
             "mirror": self.mirror,
-            "look_again": self._look_again,
-            "in_passing": self._in_passing,
-            "level": asdict(self._level),
+            "manner": asdict(self._manner),
+            "sensor": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
-            "part": None if self._part is None else self._part.memory,
-            "retargeting": None if self._part is None else self._part.retargeting.memory,
-            "next_part": None if self.next_part is None else self.next_part.memory,
-            "times": [self._shown_at, self._idle_since, self._eased_since],
-            "shown": list(self._shown),
-            "eased_from": list(self._eased_from),
-            "apart": self._apart,
-            "held": None if self._held is None else list(self._held),
-            "watched": self._watched.memory,
-            "last_second": self._last_second.memory,
-            "deformer": self._deformer.memory,
-            "remembered": [[user, known.memory, left] for user, (known, left) in self._remembered.items()],
+            "calibration": None if self._part is None else self._part.to_json(),
+            "standing": [] if self._part is None else _rows(self._part.retargeting.standing),
+            "next_calibration": None if self.next_part is None else self.next_part.to_json(),
+            "remembered": [
+                {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
+            ],
+            "shown_at": _finite(self._shown_at),
+            "idle_since": _finite(self._idle_since),
+            "eased_since": _finite(self._eased_since),
         }
 
-    @memory.setter
-    def memory(self, memory: dict[str, Any]) -> None:
-        self._manner = Manner(**memory["manner"])
-        self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
-        self._look_again, self._in_passing = bool(memory["look_again"]), bool(memory["in_passing"])
-        self._level = Level.of_json(memory["level"])
-        self._floor = None if memory["floor"] is None else Level.of_json(memory["floor"])
-        self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
-        if self._part is not None:
-            restore(self._part.retargeting, memory["retargeting"])
-        self._shown_at, self._idle_since, self._eased_since = map(float, memory["times"])
-        self._shown = self._checked(memory["shown"])
-        self._eased_from = self._checked(memory["eased_from"])
-        self._held = None if memory["held"] is None else self._checked(memory["held"])
-        self._apart = memory["apart"]
-        if self._apart is not None and self._apart.shape != (len(self._deformer.bones), 6):
-            raise ValueError(f"differences {self._apart.shape}")
-        restore(self._watched, memory["watched"])
-        self._last_second.memory = memory["last_second"]
-        restore(self._deformer, memory["deformer"])
-        self._remembered = {user: (Calibration.of_memory(known), left) for user, known, left in memory["remembered"]}
+    def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
+        """Continue as `snapshot` says; filters start again.
 
-    def _checked(self, places: list[NDArray[np.float64]]) -> Places:
-        expected = [each.shape for each in self._rest]
-        if [each.shape for each in places] != expected:
-            raise ValueError(f"places {[each.shape for each in places]}, expected {expected}")
-        return Places(*places)
+        Parameters
+        ----------
+        snapshot : mapping
+        time : float
+        shift : float
+            Seconds to add to the times of the snapshot.
 
-    def _part_of(self, memory: list[Any] | None) -> Part | None:
-        if memory is None:
-            return None
-        calibration, mirror, asked = memory
-        return self._new_part(Calibration.of_memory(calibration), bool(mirror), float(asked))
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            Values that are no snapshot.
+        """
+        state: State = "waiting" if snapshot["user"] is None else "calibrating"
+        part = None if snapshot["calibration"] is None else self._recorded_part(snapshot["calibration"], time)
+        if part is not None:
+            part.retargeting.stand(_of_rows(snapshot["standing"]))
+            state = "performing"
+        elif snapshot["state"] == "leaving":
+            state = "leaving"
+        following = snapshot["next_calibration"]
+        remembered = {
+            int(each["user"]): (Calibration.of_json(each), float(each["left"]) + shift)
+            for each in snapshot["remembered"]
+        }
+        shown_at, idle_since, eased_since = (
+            -math.inf if snapshot[name] is None else float(snapshot[name]) + shift
+            for name in ("shown_at", "idle_since", "eased_since")
+        )
+        self._manner = Manner(**snapshot["manner"])
+        self._level = Level.of_json(snapshot["sensor"])
+        self._floor = None if snapshot["floor"] is None else Level.of_json(snapshot["floor"])
+        self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
+        self._drop_next()
+        self._part, self.next_part = part, None if following is None else self._recorded_part(following, time)
+        self._held = None
+        self._watched.reset()
+        self._last_second.forget()
+        self.remember(remembered)
+        self._ease(time)
+        if not self._sequence:  # nothing is shown yet that it could ease from
+            self._eased_since = eased_since
+        self._shown_at, self._idle_since = shown_at, idle_since
+
+    def _recorded_part(self, recorded: Mapping[str, Any], asked: float) -> Part:
+        return self._new_part(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)
+
+
+def _rows(places: NDArray[np.float64]) -> list[list[float] | None]:
+    """Return places (n, 3) as JSON has them."""
+    return [place.tolist() if np.isfinite(place).all() else None for place in places]
+
+
+def _of_rows(places: Iterable[Sequence[float] | None]) -> NDArray[np.float64]:
+    """Return the places that `_rows` was given."""
+    rows = [(np.nan,) * 3 if place is None else place for place in places]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _finite(time: float) -> float | None:
+    """Return a time as JSON has it."""
+    return time if math.isfinite(time) else None

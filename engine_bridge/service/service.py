@@ -312,7 +312,7 @@ class Service:
         else:
             for runner, players in zip(self.runners, loaded.result(), strict=True):
                 self._end_take(runner)
-                runner.stage.replace_roles(players)
+                runner.replace_roles(players)
             self._announce_characters()
             self._jobs.loading.submit(_trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))

@@ -1,11 +1,12 @@
 """A stage: one source of skeletons and the characters that its performers play.
 
 It knows no clock and no socket. What it makes depends on the events it is given and on nothing else, so that a take,
-which is these events, plays to the very same controls again.
+which is these events, plays to the same controls again: to the very same if it was recorded from the start, otherwise
+as soon as the filters, which start again with the take, have forgotten what was before it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -16,13 +17,9 @@ from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.sensor_tilt import Level
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
-from engine_bridge.service.memory import pack, unpack
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
-
-VERSION = 3
-"""Of the memory."""
 
 BLIND = 5 * TICK
 """Seconds without any event after which it was not the people who were away: a source gives ticks while it runs."""
@@ -91,6 +88,9 @@ class Stage:
                 return self._perform(event, received)
             case Lost():
                 self.casting.gone(event.user)
+            case Cue(do="stage"):
+                self._resume(event)
+                return []
             case Cue():
                 self._follow(event)
             case Tick():
@@ -142,7 +142,7 @@ class Stage:
                     role.set_mirror(not role.mirror if on is None else bool(on), cue.time)
             case "begin":
                 for role in chosen:
-                    role.begin(cue.time)
+                    role.begin(cue.time, cue.arguments.get("calibration"))
             case "choose_user":
                 self._choose(chosen[0], cue.arguments.get("user"), cue.time)
             case "level":
@@ -202,62 +202,64 @@ class Stage:
         self.casting.rearrange(before)
         self.roles = list(roles)
 
-    @property
-    def memory(self) -> dict[str, Any]:
-        """What the stage carries from event to event, as JSON has it, for the beginning of a take."""
-        casting = self.casting
-        people = [[user, p.waits_since, p.seen, p.distance, p.nearer_since] for user, p in casting.present.items()]
-        packed: dict[str, Any] = pack(
-            {
-                "version": VERSION,
-                "characters": self._characters(),
-                "direction": asdict(self._direction),
-                "time": self._time,
-                "cast": casting.cast,
-                "since": casting.since,
-                "chosen": sorted(casting.chosen),
-                "present": people,
-                "latest": [[user, time] for user, time in self._latest.items()],
-                "roles": [role.memory for role in self.roles],
-            }
-        )
-        return packed
+    def snapshot(self, now: float) -> dict[str, Any]:
+        """Return who is there and who plays what, for the cue ``stage`` that begins a take.
 
-    def recall(self, memory: Mapping[str, Any]) -> bool:
-        """Go on where another stage of the same characters was, treating people as it did.
-
-        Returns
-        -------
-        bool
-            False, and nothing changes, if it had others.
-
-        Raises
-        ------
-        ValueError
-            The memory is damaged. The stage is of no use after that.
+        Parameters
+        ----------
+        now : float
+            Time on the source's clock, for a stage that was given no event yet; others are as of their last event.
         """
-        if memory.get("version") != VERSION or memory.get("characters") != self._characters():
-            return False
-        try:
-            values = unpack(dict(memory))
-            direction = Direction(**values["direction"])
-            casting = UserAssignment(direction.people, direction.turn, list(values["cast"]), list(values["since"]))
-            casting.present = {int(user): Presence(*presence) for user, *presence in values["present"]}
-            casting.chosen = set(map(int, values["chosen"]))
-            for role, role_memory in zip(self.roles, values["roles"], strict=True):
-                role.memory = role_memory
-            if [role.user for role in self.roles] != casting.cast or len(casting.since) != len(casting.cast):
-                raise ValueError("roles that were given to others")
-            self._latest = {int(user): float(time) for user, time in values["latest"]}
-            self._time = float(values["time"])
-        except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
-            raise ValueError(f"{type(error).__name__}: {error}") from error
-        self._direction, self.casting = direction, casting
-        return True
+        casting = self.casting
+        return {
+            "time": self._time if math.isfinite(self._time) else now,
+            "direction": asdict(self._direction),
+            "people": [
+                {"user": user, "chosen": user in casting.chosen, **asdict(presence)}
+                for user, presence in casting.present.items()
+            ],
+            "characters": {
+                role.character.name: {"since": since, **role.snapshot()}
+                for role, since in zip(self.roles, casting.since, strict=True)
+            },
+        }
 
-    def _characters(self) -> list[list[str]]:
-        """Return what tells whether another stage can go on where this one is."""
-        return [[role.character.name, role.digest] for role in self.roles]
+    def _resume(self, cue: Cue) -> None:
+        """Continue where a take begins; characters that it does not name are nobody's."""
+        try:
+            shift = cue.time - float(cue.arguments["time"])
+            direction = Direction(**cue.arguments["direction"])
+            characters = cue.arguments["characters"]
+            recorded = [characters.get(role.character.name) for role in self.roles]
+            casting = UserAssignment(
+                direction.people,
+                direction.turn,
+                [None if each is None else each["user"] for each in recorded],
+                [0.0 if each is None else float(each["since"]) + shift for each in recorded],
+            )
+            for each in cue.arguments["people"]:
+                nearer = each["nearer_since"]
+                casting.present[int(each["user"])] = Presence(
+                    float(each["waits_since"]) + shift,
+                    float(each["seen"]) + shift,
+                    float(each["distance"]),
+                    None if nearer is None else float(nearer) + shift,
+                )
+                if each["chosen"]:
+                    casting.chosen.add(int(each["user"]))
+            if any(user is not None and user not in casting.present for user in casting.cast):
+                raise ValueError("a performer who is not there")
+            for role, snapshot in zip(self.roles, recorded, strict=True):
+                if snapshot is not None:
+                    role.resume(snapshot, cue.time, shift)
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"a take with a damaged beginning ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove the second line of the take; it then plays like any other recording.",
+            ) from error
+        self._direction, self.casting = direction, casting
 
 
 def _distance(joints: NDArray[np.float64]) -> float:

@@ -7,23 +7,23 @@ logged and costs that event.
 import logging
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from capture.events import Cue, Event
 from capture.reconnecting import Reopening
 from capture.recording import Recorder, as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
-from capture.sources.replay import TakeSource
 from engine_bridge.performance.idle import Idle
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stage import Stage
-from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
+from puppetline.errors import OutputError, PuppetlineError, ServiceError
 
 PREPARATION = 0.3
 """Seconds from a calibration to its use where a recording is played, which must do the same each time. It takes less
@@ -58,7 +58,7 @@ class StageRunner:
     Raises
     ------
     PuppetlineError
-        The source cannot be opened, or its take is damaged.
+        The source cannot be opened.
     """
 
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
@@ -67,9 +67,8 @@ class StageRunner:
         self.source = Reopening(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
         self._time = -math.inf
-        self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
-        if self.source.beginning is not None:
-            self._recall(self.source.beginning)
+        self._directed: frozenset[str] = frozenset()  # characters whose calibrations a take says
+        self._overruled = False  # as soon as somebody else has a say, a take is like any other recording
 
     @property
     def recorded(self) -> bool:
@@ -91,6 +90,8 @@ class StageRunner:
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
+            if self._overruled and isinstance(event, Cue) and event.do in ("stage", "begin"):
+                continue
             received = now_ns - int((now - event.time) * 1e9)
             for each in (*self._beginnings(event.time), event):
                 frames += self._perform(each, received)
@@ -104,7 +105,7 @@ class StageRunner:
         ServiceError
             It cannot be done, and nothing was.
         """
-        self._recalled = False
+        self._overrule()
         cue = self._in_order(Cue(self.source.now(), do, arguments))
         try:
             frames = self.stage.step(cue, time.monotonic_ns())
@@ -118,8 +119,13 @@ class StageRunner:
 
     def remap(self, role: CharacterPlayer, puppet: Puppet) -> None:
         """Have other joints move a character's handles."""
-        self._recalled = False
+        self._overrule()
         role.remap(puppet, max(self._time, self.source.now()))
+
+    def replace_roles(self, roles: Sequence[CharacterPlayer]) -> None:
+        """Take over characters that were loaded again."""
+        self._overrule()
+        self.stage.replace_roles(roles)
 
     def take_idle(self, role: CharacterPlayer, idle: Idle | None) -> None:
         """Let a character do by itself what was worked out for its new mapping."""
@@ -134,7 +140,9 @@ class StageRunner:
         """
         recorder = Recorder(path)
         try:
-            recorder.write_beginning(self.stage.memory)
+            snapshot = self.stage.snapshot(self.source.now())
+            self._time = max(self._time, snapshot["time"])
+            recorder.write(Cue(snapshot["time"], "stage", snapshot))
         except BaseException:
             recorder.close()
             raise
@@ -155,32 +163,13 @@ class StageRunner:
         except OutputError as error:
             log.error("the take is not whole: %s", error)
 
-    def _recall(self, beginning: dict[str, Any]) -> None:
-        """Set the stage as it was when the take began."""
-        try:
-            self._recalled = self.stage.recall(beginning)
-        except ValueError as error:
-            raise SourceError(
-                self.source.name,
-                found=f"a damaged beginning ({error})",
-                expected="a take as it was recorded",
-                fix="Remove its second line: it plays without, as any other recording.",
-            ) from error
-        if not self._recalled:
-            log.warning(
-                "the take was made with other characters, puppets, idle performances or by another version: "
-                "it does not play as it did",
-                extra=fields(stage=self.stage.name, source=self.source.name),
-            )
-
     def _beginnings(self, moment: float) -> list[Cue]:
-        """Return cues for the calibrations that are to be used from now on; a take of this stage has them itself."""
-        if self._recalled and isinstance(take := self.source.inner, TakeSource) and take.is_first_pass(moment):
-            return []
+        """Return cues for the calibrations that are to be used from now on; a take has those of its characters."""
         return [
-            Cue(moment, "begin", {"character": role.character.name})
+            Cue(moment, "begin", {"character": role.character.name, "calibration": role.next_part.to_json()})
             for role in self.stage.roles
             if role.next_part is not None
+            and role.character.name not in self._directed
             and (moment >= role.next_part.asked + PREPARATION if self.recorded else role.next_part.working.done())
         ]
 
@@ -192,7 +181,10 @@ class StageRunner:
         self._record(event)
         self.events += 1
         try:
-            return self.stage.step(event, received)
+            frames = self.stage.step(event, received)
+            if isinstance(event, Cue) and event.do == "stage":
+                self._directed = frozenset(event.arguments["characters"])
+            return frames
         except PuppetlineError as error:  # a cue of a take that does not fit here, a pose that is none
             _rarely.warning("an event was refused", stage=self.stage.name, why=str(error))
         except Exception as error:
@@ -200,6 +192,10 @@ class StageRunner:
             _rarely.warning("a fault cost a frame", stage=self.stage.name, why=f"{type(error).__name__}: {error}")
             log.debug("a fault cost a frame", exc_info=True)
         return []
+
+    def _overrule(self) -> None:
+        """Give the take no say any more in who is calibrated when."""
+        self._directed, self._overruled = frozenset(), True
 
     def _in_order(self, event: _AnyEvent) -> _AnyEvent:
         """Return an event at no earlier a time than the one before: what a take plays must be in order."""

@@ -137,15 +137,6 @@ class Arms:
         """
         _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same arms was."""
-        return {"clock": self._state.clock.copy()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._state.clock[:] = memory["clock"]
-
 
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, motions, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202

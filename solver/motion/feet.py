@@ -179,14 +179,15 @@ class Feet:
         return self._state.held > 0
 
     @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same legs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
+    def places(self) -> NDArray[np.float64]:
+        """(l, 3) float64: where the feet are held, mesh file's coordinates; NaN where they are not."""
+        return np.where(self.held[:, None], self._state.place, np.nan)
 
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
+    def hold(self, places: NDArray[np.float64]) -> None:
+        """Hold feet from the first frame on, as `places` of another one says."""
+        held = np.isfinite(places).all(axis=1)
+        self._state.place[held], self._state.held[:] = places[held], held
+        self._state.votes[held], self._state.flat[held] = 1.0, 1.0
 
 
 @numba.njit(cache=True, nogil=True)

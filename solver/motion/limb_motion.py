@@ -158,16 +158,6 @@ class LimbMotion:
         """The first bone of the trunk, if there is one."""
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same limbs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
-
 
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202

@@ -129,17 +129,3 @@ def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_t
     np.testing.assert_allclose(aims[-1].root[[0, 2]], characters / performers * np.array([-0.5, 0.8]), rtol=0.02)
     over = [(np.append(bones.tails[b], 1) @ aims[-1].motions[b] + aims[-1].root - bones.tails[b])[1] for b in (8, 10)]
     assert min(over) == pytest.approx(0, abs=1e-9)
-
-
-def test_a_memory_continues_where_it_was_taken(puppet, retargeting, frames, dance):
-    sequence = frames(dance(30))
-    one, _ = retargeting(puppet, sequence[0].positions)
-    other, _ = retargeting(puppet, sequence[0].positions)
-    for frame in sequence[:14]:
-        one.step(frame)
-    other.memory = one.memory
-    for frame in sequence[14:]:
-        ours, theirs = one.step(frame), other.step(frame)
-        np.testing.assert_array_equal(ours.motions, theirs.motions)
-        np.testing.assert_array_equal(ours.root, theirs.root)
-        np.testing.assert_array_equal(ours.targets, theirs.targets)

@@ -136,16 +136,63 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
         each.close()
 
 
-def test_a_damaged_beginning_is_told(make_stage, tmp_path, short, kung_fu):
-    line = StageRunner(short, make_stage(), tmp_path)
-    run(line, until=lambda: line.skeletons == 3)
+def recorded_from_the_middle(make_stage, tmp_path, kung_fu):
+    """Record a take, from before the performer is calibrated on, and return the calibration."""
+    with Recorder(tmp_path / "log") as recorder:
+        for frame in kung_fu[:90]:
+            recorder.write(frame)
+    line = StageRunner("replay:log", make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons >= 20)
     line.start_recording(tmp_path / "take.log")
-    run(line, until=lambda: line.skeletons == 10)
+    run(line, until=lambda: line.skeletons == 90)
+    [role] = line.stage.roles
     line.close()
+    return role.calibration
+
+
+def test_a_take_uses_the_calibration_that_was_used_though_its_still_second_began_before(make_stage, tmp_path, kung_fu):
+    calibration = recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    [role] = line.stage.roles
+    frames = run(line, until=lambda: line.skeletons >= 60)
+    assert frames[-1].state == "performing"
+    np.testing.assert_array_equal(role.calibration.rest, calibration.rest)
+    line.close()
+
+
+def test_as_soon_as_somebody_has_a_say_a_take_is_like_any_other_recording(make_stage, tmp_path, kung_fu):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log?loop", make_stage(), tmp_path)
+    [role] = line.stage.roles
+    run(line, until=lambda: line.skeletons >= 5)
+    line.cue("mirror", on=True)
+    run(line, until=lambda: line.skeletons >= 60)
+    assert role.calibration is None  # and nobody stood still for a second since
+    run(line, until=lambda: line.skeletons >= 80)  # the second pass
+    assert role.mirror
+    line.close()
+
+
+def test_a_take_plays_on_when_its_characters_are_loaded_again(make_stage, make_role, tmp_path, kung_fu):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons >= 60)
+    assert line.stage.roles[0].state == "performing"
+    line.replace_roles([make_role("dog")])
+    run(line, until=lambda: line.stage.roles[0].state == "performing")
+    line.close()
+
+
+def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(make_stage, tmp_path, kung_fu, caplog):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     text = (tmp_path / "take.log").read_text()
-    (tmp_path / "take.log").write_text(text.replace('"cast": [1]', '"cast": [1, 2]'))
-    with pytest.raises(SourceError, match="a damaged beginning"):
-        StageRunner("replay:take.log", make_stage(), tmp_path)
+    (tmp_path / "take.log").write_text(text.replace('"people": "each"', '"peoples": "each"'))
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    frames = run(line, until=lambda: line.skeletons >= 65)
+    assert caplog.messages == ["an event was refused"]
+    assert "a take with a damaged beginning" in caplog.records[0].fields["why"]
+    assert frames[-1].state == "performing"
+    line.close()
 
 
 def test_a_fault_costs_one_event(short, make_stage, tmp_path):

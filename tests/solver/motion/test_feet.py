@@ -203,11 +203,14 @@ def test_what_hangs_on_a_foot_is_taken_along(walked):
         np.testing.assert_allclose(motions[on, :3].T @ motions[6, :3], against.as_matrix(), atol=1e-12)
 
 
-def test_a_memory_continues_where_it_was_taken(walked):
+def test_feet_are_held_from_the_first_frame_on_where_those_of_another_were(walked):
     one, other = stand_on(), stand_on()
-    play(walked[0][:25], both=one)
-    other[0].memory, other[1].memory = one[0].memory, one[1].memory
-    for ours, theirs in zip(
-        play(walked[0][25:], both=one, start=25), play(walked[0][25:], both=other, start=25), strict=True
-    ):
-        np.testing.assert_array_equal(ours, theirs)
+    held = play(walked[0][:25], both=one)[2][-1]
+    assert held.tolist() == [True, False]
+    other[1].hold(one[1].places)
+    assert other[1].held.tolist() == held.tolist()
+    rest = walked[0][25:]
+    (ours, _, ours_held), (theirs, _, theirs_held) = (play(rest, both=each, start=25) for each in (one, other))
+    both = (ours_held & theirs_held)[:, 0]
+    assert both[:5].all()
+    np.testing.assert_allclose(theirs[:5, 4, [0, 2]], ours[:5, 4, [0, 2]], atol=1e-6)

@@ -377,17 +377,6 @@ def test_noise_of_a_single_frame_turns_no_upper_arm_faster_than_a_human():
     np.testing.assert_allclose(angles[[0, 1, 2, 3, 6, 7, 8]], 0, atol=1e-6)
 
 
-def test_a_memory_continues_where_it_was_taken():
-    rng = np.random.default_rng(7)
-    poses = HANGING + np.cumsum(rng.normal(0, 0.01, (40, len(NAMES), 3)), axis=0)
-    poses[12:18, 5:8] = np.nan
-    one = LimbMotion(character(T_POSE), SIDES, HANGING)
-    play(one, poses[:15])
-    other = LimbMotion(character(T_POSE), SIDES, HANGING)
-    other.memory = one.memory
-    np.testing.assert_array_equal(play(one, poses[15:], start=0.5), play(other, poses[15:], start=0.5))
-
-
 def test_parents_come_first_whatever_the_order():
     limbs = [limb(T_POSE, "hat", "shoulder_center", "head", parent="head"), *character(T_POSE)[::-1]]
     names = [each.name for each in parents_first(limbs)]

@@ -50,9 +50,9 @@ def test_prometheus_reads_the_whole_status(server):
     }
     assert samples(body) == states | {
         ("puppetline_info", ("version", "1.2.3")): 1,
-        ("puppetline_uptime_seconds",): 3725.4,
+        ("puppetline_uptime_seconds",): 3725.5,
         ("puppetline_resident_memory_bytes",): 123e6,
-        ("puppetline_cpu_share",): 0.256,
+        ("puppetline_cpu_share",): 0.25,
         ("puppetline_clients_connected",): 3,
         ("puppetline_clients_limit",): 64,
         ("puppetline_clients_refused_total",): 2,

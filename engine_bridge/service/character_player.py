@@ -5,8 +5,8 @@ ease from where they were shown last to what they follow now, so that nothing ev
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,16 +14,17 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
 from capture.events import TICK
 from capture.sensor_tilt import MOVED, Level, level_of
-from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED, SkeletonFrame
+from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.calibration import NOW, LastSecond, same_body
 from engine_bridge.performance.idle import Idle, Places
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
+from engine_bridge.service.performer_calibration import Calibration, PreparedCalibration, places_of, rows_of
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
@@ -35,10 +36,7 @@ from solver.motion.retarget import SmoothReturn, soft_limit
 Calibrate = Literal["still", "at_once", "command"]
 """After the first still second; after a moment, in whatever pose; or when somebody says so."""
 
-HELD_UP = 2 * TICK
-"""Seconds from one frame to the next that easing takes into account: after a longer pause it would jump."""
-
-MOST_REMEMBERED = 16
+MAX_REMEMBERED = 16
 """Performers whose calibration is kept after they have left."""
 
 
@@ -62,82 +60,6 @@ class Manner:
     remember: float = 30.0
     tilt: float | None = None
     height: float | None = None
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """What a performer looked like in the pose that stands for the character's rest pose.
-
-    Attributes
-    ----------
-    rest : (20, 3) float64
-        Metres, sensor frame.
-    level : Level
-        How the sensor stood.
-    """
-
-    rest: NDArray[np.float64]
-    level: Level
-
-    @property
-    def height(self) -> float:
-        """How tall the performer is, metres."""
-        return body.height(self.rest)
-
-    @property
-    def reach(self) -> float:
-        """How far the performer's hands reach from the shoulders, metres, on average."""
-        return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
-
-    def to_json(self) -> dict[str, Any]:
-        """Return values of JSON's types that `of_json` makes the same calibration of, to the bit."""
-        return {"rest": _rows(self.rest), "sensor": asdict(self.level)}
-
-    @classmethod
-    def of_json(cls, value: Mapping[str, Any]) -> "Calibration":
-        """Make a calibration of the values of `to_json`.
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            Other values.
-        """
-        rest = _of_rows(value["rest"])
-        if rest.shape != (len(JOINTS), 3):
-            raise ValueError(f"a pose of shape {rest.shape}")
-        return cls(rest, Level.of_json(value["sensor"]))
-
-
-@dataclass(frozen=True)
-class Part:
-    """A calibrated performer, and how they move the character.
-
-    Attributes
-    ----------
-    calibration : Calibration
-    mirror : bool
-    asked : float
-        When it was asked for.
-    puppet : Puppet
-        Whose mapping it was made with.
-    working : Future
-        Works the retargeting out, which takes a tenth of a second.
-    """
-
-    calibration: Calibration
-    mirror: bool
-    asked: float
-    puppet: Puppet
-    working: Future[Retargeting]
-
-    @property
-    def retargeting(self) -> Retargeting:
-        """Of a part that plays: it has been worked out."""
-        return self.working.result()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return values of JSON's types of which `CharacterPlayer.begin` makes the same part."""
-        return self.calibration.to_json() | {"mirror": self.mirror}
 
 
 class CharacterPlayer:
@@ -174,8 +96,8 @@ class CharacterPlayer:
         self._idle_log = idle
         self._idle: Idle | None = None
         self._idle = self.make_idle()
-        self.next_part: Part | None = None
-        self._part: Part | None = None
+        self.next_part: PreparedCalibration | None = None
+        self._part: PreparedCalibration | None = None
         self._held: Places | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # of who is not calibrated yet
         self._last_second = LastSecond()
@@ -185,12 +107,11 @@ class CharacterPlayer:
         self._floor: Level | None = None  # how the sensor stands by the floor that it sees
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
-        self._shown_at = self._idle_since = self._eased_since = -math.inf
+        self._idle_since = -math.inf
         self._rest = Places(
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
-        self._shown = self._eased_from = self._rest
-        self._apart: NDArray[np.float64] | None = None  # from what bones follow to where they eased from
+        self._easing = Easing(self._deformer.bones, self._rest, manner.ease)
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -204,8 +125,9 @@ class CharacterPlayer:
         motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
         if legs := legs_of(puppet):
             Feet(self._deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
-        self._eased(self._rest, 0.5)
-        self._apart = None
+        easing = Easing(self._deformer.bones, self._rest, 1.0)
+        easing.begin(0.0)
+        easing.show(MAX_STEP_SECONDS, self._rest)
         self._deformer.solve(self._deformer.handles)
         self._deformer.reset()
 
@@ -239,7 +161,7 @@ class CharacterPlayer:
         if self._part is not None or self._held is not None:
             self.state = "leaving"
             self._idle_since = time
-            self._ease(time)
+            self._easing.begin(time)
         self.user = self._part = self._held = None
         self._drop_next()
 
@@ -291,7 +213,7 @@ class CharacterPlayer:
         if idle.puppet is self.character.rig.puppet:
             self._idle = idle
             if self._part is None:
-                self._ease(time)
+                self._easing.begin(time)
 
     @property
     def settled(self) -> bool:
@@ -305,7 +227,7 @@ class CharacterPlayer:
         ----------
         time : float
         recorded : mapping, optional
-            `Part.to_json` of the calibration that a take says was used, in place of the one that was asked for.
+            `PreparedCalibration.to_json` of the calibration in a take, used instead of the one that was requested.
 
         Raises
         ------
@@ -329,7 +251,7 @@ class CharacterPlayer:
         self._part, self._held = part, None
         self._level = part.calibration.level
         self.state = "performing"
-        self._ease(time)
+        self._easing.begin(time)
 
     def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
         """Have the next part be that of a take, if it is another one."""
@@ -370,9 +292,9 @@ class CharacterPlayer:
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Let time pass without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._shown_at < 0.75 * TICK:
+        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK:
             return None
-        if self.state == "leaving" and time - self._eased_since >= self._manner.ease:
+        if self.state == "leaving" and self._easing.finished(time):
             self.state = "waiting"
         return self._show(time, received, self._by_itself(time), None)
 
@@ -422,9 +344,9 @@ class CharacterPlayer:
             self.next_part.working.cancel()
         self.next_part = None
 
-    def _new_part(self, calibration: Calibration, mirror: bool, asked: float) -> Part:
+    def _new_part(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
         puppet = self.character.rig.puppet
-        return Part(
+        return PreparedCalibration(
             calibration, mirror, asked, puppet, self._executor.submit(self._retarget, puppet, calibration, mirror)
         )
 
@@ -443,32 +365,8 @@ class CharacterPlayer:
             self._idle_since = time
         return self._idle.at(time - self._idle_since)
 
-    def _ease(self, time: float) -> None:
-        """Go over from where handles and bones are shown to what they follow from now on."""
-        self._eased_from, self._eased_since, self._apart = self._shown, time, None
-
-    def _eased(self, places: Places, share: float) -> Places:
-        """Return where handles and bones are after a share of the way to what they follow.
-
-        What is left of the way is a rotation against what a bone follows that was worked out when it began: a bone
-        that follows on the other side of a half turn would jump otherwise.
-        """
-        start, bones = self._eased_from, self._deformer.bones
-        if self._apart is None:
-            self._apart = difference(bones, places.motions, start.motions)
-        return Places(
-            start.targets + share * (places.targets - start.targets),
-            moved_by(bones, places.motions, self._apart, 1.0 - share),
-            start.root + share * (places.root - start.root),
-        )
-
     def _show(self, time: float, received: int, places: Places, seen: SkeletonFrame | None) -> Frame:
-        if math.isfinite(self._eased_since):
-            self._eased_since += max(0.0, time - max(self._shown_at, self._eased_since) - HELD_UP)
-        share = min((time - self._eased_since) / self._manner.ease, 1.0) if self._manner.ease > 0 else 1.0
-        if share < 1.0:
-            places = self._eased(places, share * share * (3.0 - 2.0 * share))
-        self._shown, self._shown_at = places, time
+        places = self._easing.show(time, places)
         self._sequence += 1
         return Frame(
             character=self.character,
@@ -490,11 +388,11 @@ class CharacterPlayer:
         part = self._part or self.next_part
         if self.user is None or part is None:
             return self._remembered
-        return self._remembered | {self.user: (part.calibration, self._shown_at)}
+        return self._remembered | {self.user: (part.calibration, self._easing.shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
         """Take over calibrations, those last in the dict first."""
-        self._remembered = dict(list(known.items())[-MOST_REMEMBERED:])
+        self._remembered = dict(list(known.items())[-MAX_REMEMBERED:])
 
     def succeed(self, other: "CharacterPlayer") -> None:
         """Go on for the same character as it was before it was loaded anew, as if nothing had been."""
@@ -502,28 +400,28 @@ class CharacterPlayer:
             self.mirror = other.mirror
         self.remember(other.remembered())
         self._level, self._floor, self._sequence = other._level, other._floor, other._sequence
-        self._shown_at, self._idle_since = other._shown_at, other._idle_since
-        self._shown = self._places_of(other)
-        self._eased_from, self._eased_since, self._apart = self._shown, self._shown_at, None
+        self._idle_since = other._idle_since
+        self._easing.shown, self._easing.shown_at = self._places_of(other), other._easing.shown_at
+        self._easing.begin(other._easing.shown_at)
         self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
             playing = other._part is not None
-            self.enter(other.user, other._shown_at)
-            self._held = self._shown if playing and self.next_part is not None else None
+            self.enter(other.user, other._easing.shown_at)
+            self._held = self._easing.shown if playing and self.next_part is not None else None
 
     def _places_of(self, other: "CharacterPlayer") -> Places:
         """Return where another role's handles and limbs are shown, by name; a new one is where it rests."""
         names = [handle.name for handle in other.character.rig.puppet.handle]
-        moved = dict(zip(names, other._shown.targets - other._deformer.handles, strict=True))
+        moved = dict(zip(names, other._easing.shown.targets - other._deformer.handles, strict=True))
         ours = [handle.name for handle in self.character.rig.puppet.handle]
         targets = self._rest.targets + np.reshape([moved.get(name, np.zeros(3)) for name in ours], (-1, 3))
         motions, theirs = self._rest.motions, other.character.rig.puppet.limbs
         if [(limb.name, len(limb.points)) for limb in self.character.rig.puppet.limbs] == [
             (limb.name, len(limb.points)) for limb in theirs
         ]:
-            apart = difference(other._deformer.bones, other._rest.motions, other._shown.motions)
+            apart = difference(other._deformer.bones, other._rest.motions, other._easing.shown.motions)
             motions = moved_by(self._deformer.bones, motions, apart, 1.0)
-        return Places(targets, motions, other._shown.root)
+        return Places(targets, motions, other._easing.shown.root)
 
     def snapshot(self) -> dict[str, Any]:
         """Return who plays the character and how, as values of JSON's types, for `resume`.
@@ -538,14 +436,14 @@ class CharacterPlayer:
             "sensor": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._part is None else self._part.to_json(),
-            "standing": [] if self._part is None else _rows(self._part.retargeting.standing),
+            "standing": [] if self._part is None else rows_of(self._part.retargeting.standing),
             "next_calibration": None if self.next_part is None else self.next_part.to_json(),
             "remembered": [
                 {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
             ],
-            "shown_at": _finite(self._shown_at),
+            "shown_at": _finite(self._easing.shown_at),
             "idle_since": _finite(self._idle_since),
-            "eased_since": _finite(self._eased_since),
+            "eased_since": _finite(self._easing.since),
         }
 
     def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
@@ -566,7 +464,7 @@ class CharacterPlayer:
         state: State = "waiting" if snapshot["user"] is None else "calibrating"
         part = None if snapshot["calibration"] is None else self._recorded_part(snapshot["calibration"], time)
         if part is not None:
-            part.retargeting.stand(_of_rows(snapshot["standing"]))
+            part.retargeting.stand(places_of(snapshot["standing"]))
             state = "performing"
         elif snapshot["state"] == "leaving":
             state = "leaving"
@@ -580,6 +478,7 @@ class CharacterPlayer:
             for name in ("shown_at", "idle_since", "eased_since")
         )
         self._manner = Manner(**snapshot["manner"])
+        self._easing.seconds = self._manner.ease
         self._level = Level.of_json(snapshot["sensor"])
         self._floor = None if snapshot["floor"] is None else Level.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
@@ -589,24 +488,13 @@ class CharacterPlayer:
         self._watched.reset()
         self._last_second.forget()
         self.remember(remembered)
-        self._ease(time)
+        self._easing.begin(time)
         if not self._sequence:  # nothing is shown yet that it could ease from
-            self._eased_since = eased_since
-        self._shown_at, self._idle_since = shown_at, idle_since
+            self._easing.since = eased_since
+        self._easing.shown_at, self._idle_since = shown_at, idle_since
 
-    def _recorded_part(self, recorded: Mapping[str, Any], asked: float) -> Part:
+    def _recorded_part(self, recorded: Mapping[str, Any], asked: float) -> PreparedCalibration:
         return self._new_part(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)
-
-
-def _rows(places: NDArray[np.float64]) -> list[list[float] | None]:
-    """Return places (n, 3) as JSON has them."""
-    return [place.tolist() if np.isfinite(place).all() else None for place in places]
-
-
-def _of_rows(places: Iterable[Sequence[float] | None]) -> NDArray[np.float64]:
-    """Return the places that `_rows` was given."""
-    rows = [(np.nan,) * 3 if place is None else place for place in places]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def _finite(time: float) -> float | None:

@@ -6,7 +6,7 @@ import pytest
 
 from capture.sensor_tilt import Level
 from engine_bridge.service import calibration_store
-from engine_bridge.service.character_player import Calibration
+from engine_bridge.service.performer_calibration import Calibration
 
 
 @pytest.fixture

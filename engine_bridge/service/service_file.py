@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
-from engine_bridge.service.character_player import Calibrate, Manner
+from engine_bridge.service.automatic_calibration import Calibrate
+from engine_bridge.service.character_player import Manner
 from engine_bridge.service.outputs.registry import OutputTables
 from engine_bridge.service.security.endpoints import Text
 from engine_bridge.service.stage import Direction

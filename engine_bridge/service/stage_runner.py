@@ -166,11 +166,15 @@ class StageRunner:
     def _beginnings(self, moment: float) -> list[Cue]:
         """Return cues for the calibrations that are to be used from now on; a take has those of its characters."""
         return [
-            Cue(moment, "begin", {"character": role.character.name, "calibration": role.next_part.to_json()})
+            Cue(moment, "begin", {"character": role.character.name, "calibration": role.next_calibration.to_json()})
             for role in self.stage.roles
-            if role.next_part is not None
+            if role.next_calibration is not None
             and role.character.name not in self._directed
-            and (moment >= role.next_part.asked + PREPARATION if self.recorded else role.next_part.working.done())
+            and (
+                moment >= role.next_calibration.asked + PREPARATION
+                if self.recorded
+                else role.next_calibration.working.done()
+            )
         ]
 
     def _perform(self, event: Event, received: int) -> list[Frame]:

@@ -24,7 +24,7 @@ def play(stage, events):
     frames = []
     for event in events:
         for role in stage.roles:
-            if role.next_part is not None and event.time >= role.next_part.asked + PREPARATION:
+            if role.next_calibration is not None and event.time >= role.next_calibration.asked + PREPARATION:
                 frames += stage.step(Cue(event.time, "begin", {"character": role.character.name}), 0)
         frames += stage.step(event, 0)
     return frames

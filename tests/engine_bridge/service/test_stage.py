@@ -25,8 +25,8 @@ def with_beginnings(stage, events):
     """Go through events, and before each one the cues that a `StageRunner` gives a stage for a recording."""
     for event in events:
         for role in stage.roles:
-            if role.next_part is not None and event.time >= role.next_part.asked + PREPARATION:
-                calibration = json.loads(json.dumps(role.next_part.to_json(), allow_nan=False))
+            if role.next_calibration is not None and event.time >= role.next_calibration.asked + PREPARATION:
+                calibration = json.loads(json.dumps(role.next_calibration.to_json(), allow_nan=False))
                 yield Cue(event.time, "begin", {"character": role.character.name, "calibration": calibration})
         yield event
 
@@ -564,7 +564,7 @@ def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage
     for between, known in (([], True), ([opened_again], True), ([level(last + 2.0, tilt=20.0)], False)):
         stage = make_stage()
         play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:150], *away, *between, *back[:1]])
-        assert (stage.roles[0].next_part is not None) == known
+        assert (stage.roles[0].next_calibration is not None) == known
 
 
 @pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])

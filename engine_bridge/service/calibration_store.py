@@ -36,10 +36,10 @@ def known_performers(stages: dict[str, tuple[Stage, float]]) -> Any:
     JSON
     """
     ages = [
-        [uri, role.character.name, user, now - seen, calibration.to_json()]
+        [uri, player.character.name, user, now - seen, calibration.to_json()]
         for uri, (stage, now) in stages.items()
-        for role in stage.roles
-        for user, (calibration, seen) in role.remembered().items()
+        for player in stage.players
+        for user, (calibration, seen) in player.remembered().items()
     ]
     return {"version": VERSION, "written": time.time(), "performers": ages}
 
@@ -71,11 +71,11 @@ def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
         log.warning("calibrations of the last run cannot be read (%s): %s", path, error)
         return
     for uri, (stage, now) in stages.items():
-        for role in stage.roles:
-            role.remember(
+        for player in stage.players:
+            player.remember(
                 {
                     user: (calibration, now - age)
                     for at, name, user, age, calibration in performers
-                    if (at, name) == (uri, role.character.name)
+                    if (at, name) == (uri, player.character.name)
                 }
             )

@@ -31,7 +31,9 @@ class _Commands:
 
     def list(self, _: requests.Nothing) -> dict[str, Any]:
         return {
-            "characters": [player.character.name for runner in self._service.runners for player in runner.stage.roles],
+            "characters": [
+                player.character.name for runner in self._service.runners for player in runner.stage.players
+            ],
             "stages": [runner.stage.name for runner in self._service.runners],
             "takes": self._service.takes.all(),
             "commands": [*requests.ARGUMENTS],
@@ -43,7 +45,7 @@ class _Commands:
             "protocol": 1,
             "stream": service.stream,
             "control": service.control.endpoints,
-            "characters": [_described(runner, player) for runner in service.runners for player in runner.stage.roles],
+            "characters": [_described(runner, player) for runner in service.runners for player in runner.stage.players],
             "status": service.status.as_json(),
         }
 
@@ -59,7 +61,7 @@ class _Commands:
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
         runner = self._runner(asked.stage)
         _refuse_while_recording(runner)
-        for player in runner.stage.roles:
+        for player in runner.stage.players:
             if not player.settled:
                 raise ServiceError(
                     f"stage {runner.stage.name}",
@@ -168,10 +170,10 @@ class _Commands:
 
     def _player(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
         for runner in self._service.runners:
-            for player in runner.stage.roles:
+            for player in runner.stage.players:
                 if player.character.name == character:
                     return runner, player
-        names = [player.character.name for runner in self._service.runners for player in runner.stage.roles]
+        names = [player.character.name for runner in self._service.runners for player in runner.stage.players]
         raise ServiceError(
             "the request, character",
             found=f"no character {character!r}",

@@ -43,7 +43,7 @@ class Reporter:
 
     def status(self, runners: Sequence[StageRunner], clients: ClientsStatus, outputs: Sequence[OutputStatus]) -> Status:
         """Return the status of now; figures of stages and characters that no longer exist are forgotten."""
-        players = [player for runner in runners for player in runner.stage.roles]
+        players = [player for runner in runners for player in runner.stage.players]
         names = {player.character.name for player in players}
         self._statistics.keep({runner.stage.name for runner in runners}, names)
         return Status(
@@ -57,7 +57,7 @@ class Reporter:
     def _stage(self, runner: StageRunner) -> StageStatus:
         stage, source = runner.stage, runner.source
         frames, rate, latency = self._statistics.stage(stage.name)
-        level = next((player.level for player in stage.roles if player.level != Level()), Level())
+        level = next((player.level for player in stage.players if player.level != Level()), Level())
         return StageStatus(
             name=stage.name,
             source=source.name,
@@ -88,9 +88,9 @@ class Reporter:
 
 def _users(runner: StageRunner) -> list[UserStatus]:
     now, stage = runner.source.now(), runner.stage
-    playing = {player.user: player for player in stage.roles if player.user is not None}
+    playing = {player.user: player for player in stage.players if player.user is not None}
     users = []
-    for user, presence in stage.casting.present.items():
+    for user, presence in stage.assignment.present.items():
         player = playing.get(user)
         calibration = None if player is None else player.calibration
         users.append(

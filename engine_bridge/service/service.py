@@ -312,7 +312,7 @@ class Service:
         else:
             for runner, players in zip(self.runners, loaded.result(), strict=True):
                 self._end_take(runner)
-                runner.replace_roles(players)
+                runner.replace_players(players)
             self._announce_characters()
             self._jobs.loading.submit(_trim_memory)
             log.info("reloaded", extra=fields(characters=self._names()))
@@ -331,7 +331,7 @@ class Service:
         self.control.finish(deferred, result(done.result()) if error is None else error)
 
     def _characters(self) -> list[StreamedCharacter]:
-        return [player.character for runner in self.runners for player in runner.stage.roles]
+        return [player.character for runner in self.runners for player in runner.stage.players]
 
     def _names(self) -> list[str]:
         return [character.name for character in self._characters()]

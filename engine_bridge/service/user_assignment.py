@@ -48,7 +48,7 @@ class UserAssignment:
     people : {"each", "nearest", "queue"}
     turn : float
         Time after which a performer is replaced while others wait, in seconds; with ``"queue"``.
-    cast : list of (int or None)
+    performers : list of (int or None)
         User number of each character's performer.
     since : list of float
         Time at which each of them began.
@@ -60,13 +60,13 @@ class UserAssignment:
 
     people: People
     turn: float
-    cast: list[int | None]
+    performers: list[int | None]
     since: list[float] = field(default_factory=list)
     present: dict[int, Presence] = field(default_factory=dict)
     chosen: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.since = self.since or [0.0] * len(self.cast)
+        self.since = self.since or [0.0] * len(self.performers)
 
     def see(self, user: int, time: float, distance: float) -> None:
         """Record that a performer is in view."""
@@ -81,29 +81,29 @@ class UserAssignment:
         """Record that a performer has left."""
         self.present.pop(user, None)
         self.chosen.discard(user)
-        self.cast = [None if performer == user else performer for performer in self.cast]
+        self.performers = [None if performer == user else performer for performer in self.performers]
 
     def choose(self, character: int, user: int | None, time: float) -> None:
         """Assign a performer to a character; its present performer takes over the other's character, if there is one.
 
         None frees the character until the next assignment.
         """
-        performer = self.cast[character]
+        performer = self.performers[character]
         if performer is not None:
             self.chosen.discard(performer)
         if user is not None:
             self.chosen.add(user)
-        if user is not None and user in self.cast:
-            self._give(self.cast.index(user), performer, time)
+        if user is not None and user in self.performers:
+            self._give(self.performers.index(user), performer, time)
         self._give(character, user, time)
 
-    def recast(self, time: float) -> None:
+    def assign(self, time: float) -> None:
         """Assign free characters to waiting performers."""
         if self.people == "queue":
             self._end_turns(time)
         if self.people == "nearest":
             self._make_room_for_nearer(time)
-        for character, performer in enumerate(self.cast):
+        for character, performer in enumerate(self.performers):
             waiting = self._waiting()
             if performer is None and waiting:
                 self._give(character, waiting[0], time)
@@ -116,25 +116,25 @@ class UserAssignment:
     def rearrange(self, before: list[int | None]) -> None:
         """Replace the characters; `before` has the previous index of each, or None for a new one."""
         self.since = [0.0 if k is None else self.since[k] for k in before]
-        self.cast = [None if k is None else self.cast[k] for k in before]
+        self.performers = [None if k is None else self.performers[k] for k in before]
 
     def _give(self, character: int, user: int | None, time: float) -> None:
-        self.cast[character], self.since[character] = user, time
+        self.performers[character], self.since[character] = user, time
         if user in self.present:
             self.present[user].nearer_since = None
 
     def _waiting(self) -> list[int]:
         """Return the performers without a character, the next one first."""
-        idle = [user for user in self.present if user not in self.cast]
+        idle = [user for user in self.present if user not in self.performers]
         if self.people == "nearest":
             return sorted(idle, key=lambda user: self.present[user].distance)
         return sorted(idle, key=lambda user: self.present[user].waits_since)
 
     def _end_turns(self, time: float) -> None:
         """Move performers whose turn is over to the end of the queue, as far as others wait."""
-        by_age = sorted(range(len(self.cast)), key=lambda character: self.since[character])
+        by_age = sorted(range(len(self.performers)), key=lambda character: self.since[character])
         for character, _ in zip(by_age, self._waiting(), strict=False):
-            performer = self.cast[character]
+            performer = self.performers[character]
             over = time - self.since[character] >= self.turn
             if performer is not None and performer not in self.chosen and over:
                 self.present[performer].waits_since = time
@@ -142,8 +142,8 @@ class UserAssignment:
 
     def _make_room_for_nearer(self, time: float) -> None:
         """Free the farthest performer's character if a waiting one has been nearer for `NEARER_SECONDS`."""
-        playing = [user for user in self.cast if user in self.present and user not in self.chosen]
-        if not playing or None in self.cast:
+        playing = [user for user in self.performers if user in self.present and user not in self.chosen]
+        if not playing or None in self.performers:
             return
         farthest = max(playing, key=lambda user: self.present[user].distance)
         limit = self.present[farthest].distance - NEARER_METRES
@@ -159,4 +159,4 @@ class UserAssignment:
         since = self.present[nearest].nearer_since
         if since is not None and time - since >= NEARER_SECONDS:
             self.present[nearest].nearer_since = None
-            self._give(self.cast.index(farthest), None, time)
+            self._give(self.performers.index(farthest), None, time)

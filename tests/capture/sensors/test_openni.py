@@ -249,7 +249,7 @@ def test_a_sensor_that_is_unplugged_is_an_error_and_comes_back_when_it_is_plugge
 class Onlooker:
     """Stands in for a stage: keeps what is performed."""
 
-    name, roles = "onlooker", ()
+    name, players = "onlooker", ()
 
     def __init__(self):
         self.events = []

@@ -50,8 +50,8 @@ def executor():
 
 
 @pytest.fixture
-def make_role(blob_rig, executor):
-    """Give the small figure a role."""
+def make_player(blob_rig, executor):
+    """Make a player for the small figure."""
 
     def make(name="dog", manner=MANNER, idle=None, rig=blob_rig):
         return CharacterPlayer(StreamedCharacter(name, rig, 1), manner, executor, idle)
@@ -60,11 +60,11 @@ def make_role(blob_rig, executor):
 
 
 @pytest.fixture
-def make_stage(make_role):
+def make_stage(make_player):
     """Make a stage of some characters of the same figure."""
 
     def make(names=("dog",), manner=MANNER, direction=DIRECTION, **more):
-        return Stage("stage", [make_role(name, manner, **more) for name in names], direction)
+        return Stage("stage", [make_player(name, manner, **more) for name in names], direction)
 
     return make
 

@@ -91,10 +91,10 @@ def log(puppet, kung_fu):
 def line(puppet, baked, log, executor):
     """The same recording, played here."""
     rig = load_rig(puppet)
-    role = CharacterPlayer(
+    player = CharacterPlayer(
         StreamedCharacter("parts", rig, 1, LiveBasis.load(baked, rig)), Manner(calibrate="at_once"), executor
     )
-    playing = StageRunner(f"replay:{log}", Stage("stage", [role], Direction()), log.parent)
+    playing = StageRunner(f"replay:{log}", Stage("stage", [player], Direction()), log.parent)
     yield playing
     playing.close()
 

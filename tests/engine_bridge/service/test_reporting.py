@@ -50,7 +50,7 @@ def test_the_status_is_put_together_from_the_stage_the_counts_and_what_is_given(
 def test_a_calibrated_performer_has_a_height_and_a_reach(runner, kung_fu):
     for frame in kung_fu[:30]:
         runner.stage.step(frame, 0)
-    player = runner.stage.roles[0]
+    player = runner.stage.players[0]
     assert player.calibrate(kung_fu[29].time)
     player.begin(kung_fu[29].time)
     status = Reporter().status([runner], CLIENTS, OUTPUTS)

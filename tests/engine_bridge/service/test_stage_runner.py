@@ -145,41 +145,41 @@ def recorded_from_the_middle(make_stage, tmp_path, kung_fu):
     run(line, until=lambda: line.skeletons >= 20)
     line.start_recording(tmp_path / "take.log")
     run(line, until=lambda: line.skeletons == 90)
-    [role] = line.stage.roles
+    [player] = line.stage.players
     line.close()
-    return role.calibration
+    return player.calibration
 
 
 def test_a_take_uses_the_calibration_that_was_used_though_its_still_second_began_before(make_stage, tmp_path, kung_fu):
     calibration = recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     line = StageRunner("replay:take.log", make_stage(), tmp_path)
-    [role] = line.stage.roles
+    [player] = line.stage.players
     frames = run(line, until=lambda: line.skeletons >= 60)
     assert frames[-1].state == "performing"
-    np.testing.assert_array_equal(role.calibration.rest, calibration.rest)
+    np.testing.assert_array_equal(player.calibration.rest, calibration.rest)
     line.close()
 
 
 def test_as_soon_as_somebody_has_a_say_a_take_is_like_any_other_recording(make_stage, tmp_path, kung_fu):
     recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     line = StageRunner("replay:take.log?loop", make_stage(), tmp_path)
-    [role] = line.stage.roles
+    [player] = line.stage.players
     run(line, until=lambda: line.skeletons >= 5)
     line.cue("mirror", on=True)
     run(line, until=lambda: line.skeletons >= 60)
-    assert role.calibration is None  # and nobody stood still for a second since
+    assert player.calibration is None  # and nobody stood still for a second since
     run(line, until=lambda: line.skeletons >= 80)  # the second pass
-    assert role.mirror
+    assert player.mirror
     line.close()
 
 
-def test_a_take_plays_on_when_its_characters_are_loaded_again(make_stage, make_role, tmp_path, kung_fu):
+def test_a_take_plays_on_when_its_characters_are_loaded_again(make_stage, make_player, tmp_path, kung_fu):
     recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     line = StageRunner("replay:take.log", make_stage(), tmp_path)
     run(line, until=lambda: line.skeletons >= 60)
-    assert line.stage.roles[0].state == "performing"
-    line.replace_roles([make_role("dog")])
-    run(line, until=lambda: line.stage.roles[0].state == "performing")
+    assert line.stage.players[0].state == "performing"
+    line.replace_players([make_player("dog")])
+    run(line, until=lambda: line.stage.players[0].state == "performing")
     line.close()
 
 

@@ -6,7 +6,7 @@ Nothing here waits: a client that does not read loses messages, and does not slo
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import zmq
 
@@ -26,7 +26,7 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import encode, header
-from engine_bridge.service.security.endpoints import NetworkSettings
+from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
 
 QUEUED_FRAMES = 2
 """Number of frames of all kinds queued for a slow client; later ones are dropped for that client."""
@@ -52,17 +52,6 @@ class NetworkTable(NetworkSettings, OutputTable):
         return output
 
 
-class Address(Protocol):
-    """What an output binds to; see `engine_bridge.service.security.endpoints.Endpoint`."""
-
-    @property
-    def stream(self) -> str:
-        """Address such as ``tcp://127.0.0.1:7400``."""
-
-    def prepare(self, socket: zmq.Socket[bytes]) -> None:
-        """Set which clients may connect, and how large their messages may be, before the socket is bound."""
-
-
 @dataclass
 class _Stream:
     """A socket's side of things; `kinds` are those wanted of a character, as long as subscriptions stay the same."""
@@ -83,8 +72,8 @@ class ZeroMqOutput(Output):
     Parameters
     ----------
     context : zmq.Context
-    addresses : sequence of Address
-        One socket is bound per address.
+    endpoints : sequence of Endpoint
+        One socket is bound per endpoint.
     characters : sequence of StreamedCharacter
         See `announce`.
     clock : callable
@@ -99,7 +88,7 @@ class ZeroMqOutput(Output):
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        addresses: Sequence[Address],
+        endpoints: Sequence[Endpoint],
         characters: Sequence[StreamedCharacter],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -112,14 +101,14 @@ class ZeroMqOutput(Output):
         self._streams: dict[zmq.Socket[bytes], _Stream] = {}
         waiting = QUEUED_FRAMES * len(FRAME_KINDS) * len(characters) + QUEUED_OTHERS
         try:
-            for address in addresses:
-                self._open(context.socket(zmq.XPUB), address, waiting)
+            for endpoint in endpoints:
+                self._open(context.socket(zmq.XPUB), endpoint, waiting)
         except zmq.ZMQError:
             self.close()
             raise
         self.announce(characters)
 
-    def _open(self, socket: zmq.Socket[bytes], address: Address, waiting: int) -> None:
+    def _open(self, socket: zmq.Socket[bytes], endpoint: Endpoint, waiting: int) -> None:
         self._streams[socket] = _Stream()
         for option, value in (
             (zmq.XPUB_VERBOSER, 1),
@@ -128,12 +117,12 @@ class ZeroMqOutput(Output):
             (zmq.LINGER, 0),
         ):
             socket.setsockopt(option, value)
-        address.prepare(socket)
-        socket.bind(address.stream)
+        endpoint.prepare(socket)
+        socket.bind(endpoint.stream)
 
     @property
     def sockets(self) -> list[zmq.Socket[bytes]]:
-        """One socket per address, in their order."""
+        """One socket per endpoint, in their order."""
         return list(self._streams)
 
     @property

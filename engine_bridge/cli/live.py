@@ -89,7 +89,7 @@ def _run(
         stack.enter_context(logs.beside())
         display = None
         if status:
-            from engine_bridge.service.monitoring.status import StatusDisplay
+            from engine_bridge.service.monitoring.status_table import StatusDisplay
 
             display = StatusDisplay()
             stack.callback(display.close)
@@ -342,7 +342,7 @@ def listen(
     from dataclasses import asdict
 
     from engine_bridge.client import listening
-    from engine_bridge.service.security.endpoints import read_token
+    from engine_bridge.service.security.credentials import read_token
 
     token = read_token(token_file)
     report = listening.listen(
@@ -434,7 +434,7 @@ def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
 @click.argument("file", type=FILE)
 def token(file: Path) -> None:
     """Write a new token to FILE, for serve and for its clients."""
-    from engine_bridge.service.security.endpoints import make_token
+    from engine_bridge.service.security.credentials import make_token
 
     make_token(file)
     click.echo(f"{file}: give it to puppetline serve --token-file, and to the clients.")
@@ -444,7 +444,7 @@ def token(file: Path) -> None:
 @click.argument("file", type=FILE)
 def keys(file: Path) -> None:
     """Write new CURVE keys to FILE, NAME.key_secret, and NAME.key."""
-    from engine_bridge.service.security.endpoints import make_curve_keys
+    from engine_bridge.service.security.credentials import make_curve_keys
 
     make_curve_keys(file)
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")

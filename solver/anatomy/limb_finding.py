@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from solver.anatomy.hidden_limbs import hidden_arm, uncovered
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
 from solver.anatomy.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
-from solver.hidden_limbs import hidden_arm, uncovered
-from solver.limb_ends import LIKE, LOW, ONE_IMAGE, LimbEnds, Points
+from solver.anatomy.limb_ends import LIKE, LOW, ONE_IMAGE, LimbEnds, Points
 from solver.surface.mesh import SolverMesh
 
 MIDDLE, BEHIND = 0.15, -0.15

@@ -92,7 +92,7 @@ def test_what_cannot_be_served_is_one_line_and_exit_code_1(run, blob_puppet, arg
 def test_a_port_that_is_taken_is_one_line(run, serve, blob_puppet):
     port = serve("--puppet", blob_puppet, "--source", "osc:0").port
     result = run("serve", "--puppet", blob_puppet, "--source", "osc:0", "--port", port, "--no-announce", code=1)
-    assert f"cannot listen at tcp://127.0.0.1:{port}" in result.stderr
+    assert f"addresses that cannot be bound: tcp://127.0.0.1:{port}" in result.stderr
 
 
 def test_listen_says_what_arrives(run, serve, blob_puppet):

@@ -307,7 +307,7 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
         thread.join()
     assert answers == [{"characters": ["blob"]}] * 3
     assert playing.ask("describe")["status"]["stages"][0]["recording"] is None
-    assert playing.logged("the take ends with the reload")
+    assert playing.logged("the reload ends the take")
     assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
 
 

@@ -14,7 +14,7 @@ from capture.smoothing import JointFilter
 from engine_bridge.performance.performance import Performance
 from engine_bridge.service.character_player import Manner
 from engine_bridge.service.stage import Direction
-from engine_bridge.service.stage_runner import PREPARATION
+from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
 from solver.motion.limbs import parents_first
 
@@ -22,18 +22,21 @@ EASE = Manner().ease
 
 
 def with_beginnings(stage, events):
-    """Go through events, and before each one the cues that a `Line` gives a stage for a recording."""
+    """Go through events, and before each one the cues that a `StageRunner` gives a stage for a recording."""
     for event in events:
-        for role in stage.roles:
-            if role.next_part is not None and event.time >= role.next_part.asked + PREPARATION:
-                calibration = json.loads(json.dumps(role.next_part.to_json(), allow_nan=False))
-                yield Cue(event.time, "begin", {"character": role.character.name, "calibration": calibration})
+        for player in stage.players:
+            if (
+                player.next_calibration is not None
+                and event.time >= player.next_calibration.asked + PREPARATION_SECONDS
+            ):
+                calibration = json.loads(json.dumps(player.next_calibration.to_json(), allow_nan=False))
+                yield Cue(event.time, "begin", {"character": player.character.name, "calibration": calibration})
         yield event
 
 
 def play(stage, events):
     """Step through events; return the frames of each character."""
-    shown = {role.character.name: [] for role in stage.roles}
+    shown = {player.character.name: [] for player in stage.players}
     for event in with_beginnings(stage, events):
         for frame in stage.step(event, 0):
             shown[frame.character.name].append(frame)
@@ -102,9 +105,9 @@ def test_a_performer_is_calibrated_by_standing_still_and_then_plays_what_convert
     begun = states.index("performing")
     assert set(states[:begun]) == {"calibrating"}
     assert set(states[begun:]) == {"performing"}
-    assert 0.9 + PREPARATION <= frames[begun].time <= 1.4
+    assert 0.9 + PREPARATION_SECONDS <= frames[begun].time <= 1.4
     # once it has eased in, it is the offline pipeline, frame by frame; only the deformation's warm start differs
-    rest = next(role for role in stage.roles).remembered()[kung_fu[0].user][0].rest
+    rest = next(player for player in stage.players).remembered()[kung_fu[0].user][0].rest
     performance = Performance(blob_rig.puppet, blob_rig.mesh, blob_rig.model, rest)
     for event, frame in zip(kung_fu[begun:], frames[begun:], strict=True):
         aim = performance.retargeting.step(event)
@@ -127,7 +130,7 @@ def test_nothing_jumps_when_a_performer_comes_goes_and_comes_back(make_stage, bl
     assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
     assert largest_step(frames, diagonal) <= 1.5 * steady
     back = next(frame.time for frame in frames if frame.time > away and frame.state == "performing")
-    assert back - away <= PREPARATION + 3 * TICK  # remembered: no second still second
+    assert back - away <= PREPARATION_SECONDS + 3 * TICK  # remembered: no second still second
 
 
 def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blob_rig, kung_fu):
@@ -156,14 +159,14 @@ def test_who_steps_in_is_a_character_with_limbs_after_a_moment_and_plays_what_co
     make_stage, limbed_rig, kung_fu
 ):
     stage = make_stage(manner=Manner(tilt=0.0, height=0.0), rig=limbed_rig)
-    (role,), frames, calibrations = stage.roles, [], []
+    (player,), frames, calibrations = stage.players, [], []
     for event in with_beginnings(stage, kung_fu):
         frames += stage.step(event, 0)
-        if role.calibration is not None and all(role.calibration is not each for each, _ in calibrations):
-            calibrations.append((role.calibration, len(frames)))
+        if player.calibration is not None and all(player.calibration is not each for each, _ in calibrations):
+            calibrations.append((player.calibration, len(frames)))
     (_, in_passing), (calibration, begun) = calibrations  # again as soon as they have stood still
-    assert frames[in_passing].time - kung_fu[0].time <= 0.4 + PREPARATION + 3 * TICK
-    assert frames[begun].time - kung_fu[0].time <= 1.4 + PREPARATION
+    assert frames[in_passing].time - kung_fu[0].time <= 0.4 + PREPARATION_SECONDS + 3 * TICK
+    assert frames[begun].time - kung_fu[0].time <= 1.4 + PREPARATION_SECONDS
     performance = Performance(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model, calibration.rest)
     for event, frame in zip(kung_fu[begun:], frames[begun:], strict=True):
         aim = performance.retargeting.step(event)
@@ -228,7 +231,7 @@ def test_a_take_treats_people_as_its_stage_did(make_stage, kung_fu, moved):
     given = with_beginnings_of(stage, events[:200])
     begin = beginning(stage)
     given = with_beginnings_of(stage, events[200:])
-    assert stage.roles[0].user == 9  # after six seconds, four of which are the take's
+    assert stage.players[0].user == 9  # after six seconds, four of which are the take's
     frames = replay(other, [begin, *given])
     assert (frames[0].user, frames[-1].user) == (kung_fu[0].user, 9)
     assert other.snapshot(0.0)["direction"] == stage.snapshot(0.0)["direction"]
@@ -240,10 +243,10 @@ def test_a_take_gives_its_calibrations_to_other_puppets_of_the_same_name(make_st
     given = with_beginnings_of(stage, kung_fu[:100])
     frames = replay(other, [beginning(stage), *kung_fu[100:]])
     assert {frame.state for frame in frames} == {"performing"}
-    np.testing.assert_array_equal(other.roles[0].calibration.rest, stage.roles[0].calibration.rest)
+    np.testing.assert_array_equal(other.players[0].calibration.rest, stage.players[0].calibration.rest)
     begun = make_stage(rig=limbed_rig)
     replay(begun, given)  # as well where the take was begun before
-    np.testing.assert_array_equal(begun.roles[0].calibration.rest, stage.roles[0].calibration.rest)
+    np.testing.assert_array_equal(begun.players[0].calibration.rest, stage.players[0].calibration.rest)
 
 
 def test_a_loop_resumes_at_the_times_of_each_pass(make_stage, kung_fu, moved):
@@ -278,9 +281,9 @@ def test_the_queue_goes_on_when_somebody_leaves_or_their_turn_is_over(make_stage
     stage = make_stage(direction=Direction(people="queue", turn=6.0))
     second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
     play(stage, sorted([*kung_fu, *second], key=lambda event: event.time))
-    assert stage.roles[0].user == 9  # after ten seconds: the second one's turn
+    assert stage.players[0].user == 9  # after ten seconds: the second one's turn
     stage.step(Lost(kung_fu[-1].time + 0.02, 9), 0)
-    assert stage.roles[0].user == kung_fu[0].user
+    assert stage.players[0].user == kung_fu[0].user
 
 
 def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage, kung_fu, moved):
@@ -291,7 +294,7 @@ def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage,
             moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds
         ]
         play(stage, sorted([*kung_fu[60:], *rival], key=lambda event: event.time)[: 2 * len(rival)])
-        return stage.roles[0].user
+        return stage.players[0].user
 
     assert user_after(0.2, 6.0) == kung_fu[0].user
     assert user_after(1.0, 0.5) == kung_fu[0].user
@@ -301,10 +304,10 @@ def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage,
 def test_somebody_can_be_chosen(make_stage, kung_fu, moved):
     stage = make_stage()
     play(stage, [event for frame in kung_fu[:60] for event in (frame, moved(frame, time=frame.time + 0.005, user=9))])
-    assert stage.roles[0].user == kung_fu[0].user
+    assert stage.players[0].user == kung_fu[0].user
     stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 9}), 0)
-    assert stage.roles[0].user == 9
-    with pytest.raises(ServiceError, match="no user 12 before the sensor"):
+    assert stage.players[0].user == 9
+    with pytest.raises(ServiceError, match="no user 12 in view of the sensor"):
         stage.step(Cue(kung_fu[60].time, "choose_user", {"character": "dog", "user": 12}), 0)
     with pytest.raises(ServiceError, match="no character 'horse'"):
         stage.step(Cue(kung_fu[60].time, "mirror", {"character": "horse"}), 0)
@@ -316,7 +319,7 @@ def test_a_performer_can_be_calibrated_on_command_only(make_stage, kung_fu):
     stage.step(Cue(kung_fu[99].time, "calibrate", {"character": "dog"}), 0)
     assert play(stage, kung_fu[100:])["dog"][-1].state == "performing"
     empty = make_stage()
-    with pytest.raises(ServiceError, match="nobody who plays dog"):
+    with pytest.raises(ServiceError, match="no performer for dog"):
         empty.step(Cue(0.0, "calibrate", {"character": "dog"}), 0)
 
 
@@ -357,7 +360,7 @@ def test_frames_that_do_not_go_forward_are_left_out(make_stage, kung_fu, moved):
 
 
 @pytest.mark.parametrize("state", ["performing", "leaving"])
-def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_role, kung_fu, blob_rig, state):
+def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_player, kung_fu, blob_rig, state):
     plain, stage = make_stage(("dog", "cat")), make_stage(("dog", "cat"))
     cut = kung_fu[150].time
     rest = kung_fu[150:] if state == "performing" else ticks(cut, 2.0)
@@ -366,22 +369,22 @@ def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_ro
         each.step(Cue(0.0, "mirror", {"on": True}), 0)
     steady = largest_step(play(plain, [*kung_fu[:150], *away, *rest])["dog"], blob_rig.mesh.diagonal)
     before = play(stage, [*kung_fu[:150], *away, *rest[:5]])["dog"]
-    stage.replace_roles([make_role("dog"), make_role("horse")])
+    stage.replace_players([make_player("dog"), make_player("horse")])
     after = play(stage, rest[5:])["dog"]
     assert after[0].sequence == before[-1].sequence + 1
     assert after[0].user == before[-1].user
-    assert stage.roles[0].mirror
+    assert stage.players[0].mirror
     assert after[-1].state == ("performing" if state == "performing" else "waiting")
     assert largest_step([*before, *after], blob_rig.mesh.diagonal) <= 1.2 * steady
 
 
-def test_a_turn_goes_on_over_a_reload(make_stage, make_role, kung_fu, moved):
+def test_a_turn_goes_on_over_a_reload(make_stage, make_player, kung_fu, moved):
     stage = make_stage(direction=Direction(people="queue", turn=60.0))
     late = [moved(frame, time=1000.0 + frame.time) for frame in kung_fu]
     rival = [moved(frame, time=frame.time + 0.005, user=9) for frame in late]
     events = sorted([*late, *rival], key=lambda event: event.time)
     play(stage, events[:100])
-    stage.replace_roles([make_role("dog")])
+    stage.replace_players([make_player("dog")])
     assert {frame.user for frame in play(stage, events[100:])["dog"]} == {1}
 
 
@@ -422,18 +425,18 @@ def test_who_was_chosen_stays_though_others_are_nearer(make_stage, kung_fu, move
     near = [moved(frame, time=frame.time + 0.005, user=9, by=(0, 0, -1.5)) for frame in kung_fu]
     both = [event for pair in zip(kung_fu, near, strict=True) for event in pair]
     play(stage, both[:200])
-    assert stage.roles[0].user == 9
+    assert stage.players[0].user == 9
     stage.step(Cue(both[200].time, "choose_user", {"character": "dog", "user": 1}), 0)
     play(stage, both[200:])
-    assert stage.roles[0].user == 1
+    assert stage.players[0].user == 1
     stage.step(Cue(both[-1].time, "choose_user", {"character": "dog", "user": None}), 0)
-    assert stage.roles[0].user == 9
+    assert stage.players[0].user == 9
 
 
 def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, kung_fu, monkeypatch):
     stage = make_stage(manner=Manner(calibrate="at_once"))
-    [role] = stage.roles
-    retarget, calls = role._retarget, []
+    [player] = stage.players
+    retarget, calls = player._retarget, []
 
     def stumbling(*arguments):
         calls.append(1)
@@ -441,7 +444,7 @@ def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, ku
             raise FloatingPointError("no body")
         return retarget(*arguments)
 
-    monkeypatch.setattr(role, "_retarget", stumbling)
+    monkeypatch.setattr(player, "_retarget", stumbling)
     told = []
     for event in with_beginnings(stage, kung_fu[:100]):
         try:
@@ -450,7 +453,7 @@ def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, ku
             told.append(str(error))
     [line] = told
     assert "cannot be calibrated (FloatingPointError: no body)" in line
-    assert role.state == "performing"
+    assert player.state == "performing"
 
 
 @pytest.mark.parametrize(
@@ -485,10 +488,10 @@ def test_a_take_with_a_damaged_beginning_is_refused_and_changes_nothing(make_sta
 def test_a_damaged_calibration_of_a_take_is_refused_and_that_before_stays(make_stage, kung_fu, calibration):
     stage = make_stage()
     play(stage, kung_fu[:100])
-    before = stage.roles[0].calibration
+    before = stage.players[0].calibration
     with pytest.raises(ServiceError, match="dog: found a damaged calibration in a take"):
         stage.step(Cue(kung_fu[99].time, "begin", {"calibration": calibration}), 0)
-    assert stage.roles[0].calibration is before
+    assert stage.players[0].calibration is before
 
 
 def test_joints_are_filtered_and_levelled_before_the_calibration_as_well(make_stage, kung_fu):
@@ -524,7 +527,7 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
 def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
     stage = make_stage(manner=Manner(tilt=3.0, height=0.7))
     play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:60]])
-    assert stage.roles[0].level == Level(3.0, 0.7, 4.0)
+    assert stage.players[0].level == Level(3.0, 0.7, 4.0)
 
 
 def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
@@ -537,7 +540,7 @@ def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage,
         np.testing.assert_array_equal(one.targets, other.targets)
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
-    assert moved_stage.roles[0].level == Level(12.0, 1.3, 4.0)
+    assert moved_stage.players[0].level == Level(12.0, 1.3, 4.0)
 
 
 def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
@@ -547,8 +550,8 @@ def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_st
     late_stage = make_stage()
     late = play(late_stage, [*seen[:moment], level(seen[moment - 1].time), *seen[moment:]])["dog"]
     assert late[moment].state == "performing"
-    assert late_stage.roles[0].level == Level(12.0, 1.3, 4.0)
-    settled = kung_fu[moment].time + PREPARATION + EASE + TICK
+    assert late_stage.players[0].level == Level(12.0, 1.3, 4.0)
+    settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK
     pairs = [(e, la) for e, la in zip(early[-len(late) :], late, strict=True) if la.time > settled]
     assert len(pairs) > 60
     for one, other in pairs:
@@ -564,17 +567,17 @@ def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage
     for between, known in (([], True), ([opened_again], True), ([level(last + 2.0, tilt=20.0)], False)):
         stage = make_stage()
         play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:150], *away, *between, *back[:1]])
-        assert (stage.roles[0].next_part is not None) == known
+        assert (stage.players[0].next_calibration is not None) == known
 
 
 @pytest.mark.parametrize("wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}])
 def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(make_stage, wrong):
     stage = make_stage()
-    with pytest.raises(ServiceError, match="a sensor that stands like"):
+    with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(level(1.0, **wrong), 0)
-    with pytest.raises(ServiceError, match="a sensor that stands like"):
+    with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(Cue(1.0, "level", {}), 0)
-    assert stage.roles[0].level == Level()
+    assert stage.players[0].level == Level()
 
 
 def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
@@ -584,4 +587,4 @@ def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
     stage, other = make_stage(), make_stage()
     replay(stage, events[:100])
     replay(other, [beginning(stage)])
-    assert other.roles[0].level == stage.roles[0].level == Level(12.0, 1.3, 4.0)
+    assert other.players[0].level == stage.players[0].level == Level(12.0, 1.3, 4.0)

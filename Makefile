@@ -12,7 +12,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-setup: .venv/.installed ## Make .venv from the pinned requirements (the other targets do this by themselves)
+setup: .venv/.installed ## Create .venv from the pinned requirements (other targets do this automatically)
 
 # Python's own pip may be old, and looks for a minute at all files that there ever were of each package; what is compiled
 # is what is used, when it is used
@@ -49,7 +49,7 @@ test-camera: .venv-camera/.installed ## Run the tests of cameras, and a quick ro
 	.venv-camera/bin/pytest -n 2 tests/capture/sensors tests/capture/trackers tests/engine_bridge/service/test_video.py
 	.venv-camera/bin/pytest -n 2 -m "not slow" tests/solver tests/capture --ignore tests/capture/sensors --ignore tests/capture/trackers
 
-lint: setup ## Check style, types and which package may import which
+lint: setup ## Check style, types and imports between packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -57,16 +57,16 @@ lint: setup ## Check style, types and which package may import which
 	$(BIN)/gdformat --check --line-length 120 $(GDSCRIPT)
 	$(BIN)/gdlint $(GDSCRIPT)
 
-format: setup ## Rewrite the code in the project's style
+format: setup ## Format the code
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/gdformat --line-length 120 $(GDSCRIPT)
 
-bench: setup ## Make the tables and plots of docs/performance.md anew (BENCH="--data FOLDER" with the Armadillo)
+bench: setup ## Repeat the measurements of docs/performance.md (BENCH="--data FOLDER" with the Armadillo)
 	$(BIN)/python -m benchmarks.performance $(BENCH)
 
 # Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
-peers: .venv-blender/.required ## Install the outside programs that some tests compare with (needs npm)
+peers: .venv-blender/.required ## Install programs that some tests compare with (needs npm)
 	cd tests/peers && npm ci --no-audit --no-fund
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -78,5 +78,5 @@ lock: ## Pin the newest versions of all dependencies (needs uv)
 	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
 	echo pip | $(COMPILE) - -o requirements-pip.txt
 
-clean: ## Remove the environment and everything made
+clean: ## Remove the environment and all generated files
 	rm -rf .venv .venv-camera .venv-blender $(OUT) build *.egg-info .mypy_cache .pytest_cache .ruff_cache

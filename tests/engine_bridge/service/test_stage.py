@@ -192,7 +192,7 @@ def test_bones_ease_to_rest_and_back_without_a_jump(make_stage, limbed_rig, kung
 
 @pytest.mark.parametrize("cut", [15, 45, 90, 120, 200, 240])
 def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(make_stage, limbed_rig, kung_fu, cut):
-    """A foot that comes to rest in the first second may stand elsewhere until it is lifted."""
+    """A foot that comes to rest in the first second may stand elsewhere until it is lifted, the character with it."""
     events = with_beginnings_of(make_stage(rig=limbed_rig), [as_recorded(frame) for frame in kung_fu])
     ours, theirs, times = from_the_middle(lambda: make_stage(rig=limbed_rig), events, cut)
     legs = [limb.name for limb in limbed_rig.puppet.limbs if "leg" in limb.name]
@@ -203,7 +203,7 @@ def test_a_take_with_limbs_moves_the_bones_as_before_one_second_after_its_start(
     )
     assert turned[times > 1].max() < 0.02
     assert turned[times > 2].max(initial=0) < 1e-3
-    assert apart(ours, theirs, "root")[times > 1].max() < 1e-3 * limbed_rig.mesh.diagonal
+    assert apart(ours, theirs, "root")[times > 1].max() < 1e-2 * limbed_rig.mesh.diagonal
 
 
 @pytest.mark.parametrize("cut", [20, 71, 78, 85, 300, 310, 318, 400])

@@ -6,6 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES
 
 from engine_bridge.cli import bench, bench_process
@@ -124,5 +125,5 @@ def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_fi
 @pytest.mark.slow
 def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path, example_character, monkeypatch):
     made = example_character(bench.EXAMPLE)
-    monkeypatch.setitem(bench.CHARACTERS, bench.EXAMPLE, lambda: made)
+    monkeypatch.setitem(CHARACTERS, bench.EXAMPLE, lambda: made)
     assert bench.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

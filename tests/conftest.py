@@ -8,7 +8,7 @@ import os
 import pickle
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from .commands import Commands
 
 ROOT = Path(__file__).parent.parent
 PEERS = ROOT / "tests" / "peers"
@@ -122,6 +124,14 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, and PUPPETLINE_TEST_REQUIRE forbids to go without {what}", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def commands() -> Iterator[Commands]:
+    """Start commands as a user does, without loading Python and its libraries for each of them."""
+    started = Commands()
+    yield started
+    started.close()
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 Loading takes longer than most commands that tests run. A command is a process all the same, with its own arguments,
 environment, folder, standard streams, signals and exit code. The only argument is the file descriptor of a socket. A
 request on it is JSON with four file descriptors: the command's standard streams, and a pipe, to which its process id
-and later its exit code are written, a line each.
+and later its exit code are written, a line each. Instead of a command, ``-c`` and a program can be given, as to Python.
 """
 
 import contextlib
@@ -24,6 +24,8 @@ LOADED = (
     "engine_bridge.cli.inspection",
     "engine_bridge.cli.main",
     "engine_bridge.cli.record",
+    "engine_bridge.cli.screen",
+    "engine_bridge.cli.view",
     "engine_bridge.client.listening",
     "engine_bridge.export.bake",
     "engine_bridge.export.convert",
@@ -81,9 +83,9 @@ def _become(request: dict, descriptors: list[int]) -> None:
     os.environ.clear()
     os.environ.update(request["env"])
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.stdin = sys.__stdin__ = open(0, closefd=False)
-    sys.stdout = sys.__stdout__ = open(1, "w", buffering=1 if os.isatty(1) else -1, closefd=False)
-    sys.stderr = sys.__stderr__ = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+    sys.stdin = sys.__stdin__ = os.fdopen(0, closefd=False)
+    sys.stdout = sys.__stdout__ = os.fdopen(1, "w", buffering=1 if os.isatty(1) else -1, closefd=False)
+    sys.stderr = sys.__stderr__ = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
     sys.argv = ["puppetline", *request["arguments"]]
 
 
@@ -94,4 +96,7 @@ if __name__ == "__main__":
     gc.collect()
     gc.freeze()
     main(socket.socket(fileno=int(sys.argv[1])))
-    run()
+    if sys.argv[1:2] == ["-c"]:
+        exec(sys.argv[2], {"__name__": "__main__"})
+    else:
+        run()

@@ -18,14 +18,14 @@ SERVER = Path(__file__).with_name("command_server.py")
 class Process:
     """A running command, with what tests use of `subprocess.Popen`."""
 
-    def __init__(self, pid, told, stdout, stderr):
+    def __init__(self, pid, life, stdout, stderr):
         self.pid, self.returncode, self.stdout, self.stderr = pid, None, stdout, stderr
-        self._told, self._ended = told, threading.Event()
+        self._life, self._ended = life, threading.Event()
         threading.Thread(target=self._wait, daemon=True).start()
 
     def _wait(self):
-        with self._told:
-            self.returncode = int(self._told.readline() or -signal.SIGKILL)  # nothing where the server was killed
+        with self._life:
+            self.returncode = int(self._life.readline() or -signal.SIGKILL)  # nothing where the server was killed
         self._ended.set()
 
     def poll(self):
@@ -67,8 +67,12 @@ class Commands:
     def __init__(self):
         self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
+            descriptor = theirs.fileno()
             self._server = subprocess.Popen(
-                [sys.executable, "-P", SERVER, str(theirs.fileno())], pass_fds=[theirs.fileno()], stdin=subprocess.DEVNULL
+                [sys.executable, "-P", SERVER, str(descriptor)],
+                pass_fds=[descriptor],
+                stdin=subprocess.DEVNULL,
+                env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # a process with threads cannot be forked
             )
 
     def start(self, *arguments, stdin=None, stdout=None, stderr=None, text=True, cwd=None, env=None, terminal=False):
@@ -86,11 +90,11 @@ class Commands:
         terminal : bool
             Whether its standard input becomes the terminal that it is controlled by.
         """
-        with open(os.devnull, "r+b") as nothing:
+        with Path(os.devnull).open("r+b") as nothing:
             ours, theirs = [], []
             for stream in (stdout, stderr):
                 ends = os.pipe() if stream == subprocess.PIPE else None
-                ours.append(None if ends is None else open(ends[0], "r" if text else "rb"))
+                ours.append(None if ends is None else os.fdopen(ends[0], "r" if text else "rb"))
                 theirs.append(nothing.fileno() if stream is None else stream if ends is None else ends[1])
             told, tell = os.pipe()
             request = {
@@ -105,8 +109,8 @@ class Commands:
                 if stream == subprocess.PIPE:
                     os.close(end)
             os.close(tell)
-        told = open(told)
-        return Process(int(told.readline()), told, *ours)
+        life = os.fdopen(told)
+        return Process(int(life.readline()), life, *ours)
 
     def run(self, *arguments, **more):
         """Run a command to its end; return a `subprocess.CompletedProcess` with what it has written."""

@@ -7,8 +7,6 @@ import pty
 import re
 import select
 import struct
-import subprocess
-import sys
 import termios
 import time
 
@@ -108,7 +106,7 @@ class Emulated:
 
 
 class Terminal:
-    """A Python program on a pseudo-terminal of its own, which answers as terminals do.
+    """A program on a pseudo-terminal of its own, which answers as terminals do.
 
     Attributes
     ----------
@@ -118,21 +116,20 @@ class Terminal:
         All that was read so far.
     """
 
-    def __init__(self, *arguments, columns=80, lines=24, answers=True, cwd=None, **environment):
+    def __init__(self, commands, *arguments, columns=80, lines=24, answers=True, cwd=None, **environment):
         self._answers = answers
         self._master, slave = pty.openpty()
         self.screen = Emulated(columns, lines)
         self.resize(columns, lines)
         inherited = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLUMNS", "LINES")}
-        self.process = subprocess.Popen(
-            [sys.executable, *map(str, arguments)],
+        self.process = commands.start(
+            *arguments,
             stdin=slave,
             stdout=slave,
             stderr=slave,
             cwd=cwd,
             env=inherited | {"TERM": "xterm-256color", "COLORTERM": "truecolor"} | environment,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C reaches it
+            terminal=True,
         )
         os.close(slave)
         self._decoder = codecs.getincrementaldecoder("utf-8")()

@@ -20,12 +20,12 @@ def show(screen, text):
 
 
 @pytest.fixture
-def run():
+def run(commands):
     """Run a program on a terminal."""
     started = []
 
     def start(program, **more):
-        started.append(Terminal("-c", PRELUDE + program, **more))
+        started.append(Terminal(commands, "-c", PRELUDE + program, **more))
         return started[-1]
 
     yield start

@@ -17,6 +17,9 @@ import socket
 import sys
 import termios
 
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
+
 from puppetline.__main__ import run
 
 LOADED = (
@@ -34,12 +37,33 @@ LOADED = (
     "engine_bridge.puppet.proposal",
     "engine_bridge.service.commands",
     "engine_bridge.service.service",
+    "puppetline.examples.performances",
+    "scipy.interpolate",
+    "scipy.linalg",
+    "scipy.sparse.linalg",
+    "scipy.spatial.transform",
 )
+
+
+def compiled_functions() -> list[Dispatcher]:
+    """Return all functions that Numba compiles and keeps for other processes."""
+    functions = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
+    return [function for function in functions if isinstance(function._cache, FunctionCache)]
+
+
+def load_compiled(functions: list[Dispatcher]) -> None:
+    """Load what other processes have compiled so far; that takes longer than to run it."""
+    for function in functions:
+        for signature, *_ in function._cache._cache_file._load_index():
+            function.compile(signature)
 
 
 def main(requests: socket.socket) -> None:
     """Answer requests until there are no more; return in each forked process, which then is to run its command."""
+    functions = compiled_functions()
     while True:
+        load_compiled(functions)
+        gc.freeze()  # or the end of each command would look at all of it, and copy it for that
         message, descriptors, _, _ = socket.recv_fds(requests, 2**20, 4)
         with contextlib.suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
@@ -93,8 +117,6 @@ if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the tests' own Ctrl-C; whoever asks goes away
     for name in LOADED:
         importlib.import_module(name)
-    gc.collect()
-    gc.freeze()
     main(socket.socket(fileno=int(sys.argv[1])))
     if sys.argv[1:2] == ["-c"]:
         exec(sys.argv[2], {"__name__": "__main__"})

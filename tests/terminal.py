@@ -114,6 +114,8 @@ class Terminal:
         As it was after the last whole view, and after all when the program has ended.
     heard : str
         All that was read so far.
+    before : list
+        How its keyboard and its lines were set before the program began, as `settings` returns it.
     """
 
     def __init__(self, commands, *arguments, columns=80, lines=24, answers=True, cwd=None, **environment):
@@ -121,6 +123,7 @@ class Terminal:
         self._master, slave = pty.openpty()
         self.screen = Emulated(columns, lines)
         self.resize(columns, lines)
+        self.before = self.settings()
         inherited = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLUMNS", "LINES")}
         self.process = commands.start(
             *arguments,

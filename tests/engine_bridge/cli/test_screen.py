@@ -39,22 +39,20 @@ def shows(words):
 
 def test_the_screen_is_the_alternate_one_without_a_cursor_and_then_all_is_as_before(run):
     terminal = run("with screens.Screen() as screen: show(screen, 'seen')")
-    before = terminal.settings()
     terminal.until(shows("seen"))
     assert (terminal.screen.alternate, terminal.screen.cursor) == (True, False)
     assert terminal.end() == 0
     assert (terminal.screen.alternate, terminal.screen.cursor) == (False, True)
     assert terminal.screen.printed == ""
-    assert terminal.settings() == before
+    assert terminal.settings() == terminal.before
 
 
 def test_after_an_error_all_is_as_before_and_the_error_is_told(run):
     terminal = run("with screens.Screen() as screen: show(screen, 'seen'); raise RuntimeError('a fault')")
-    before = terminal.settings()
     assert terminal.end() == 1
     assert (terminal.screen.alternate, terminal.screen.cursor) == (False, True)
     assert "RuntimeError: a fault" in terminal.screen.printed
-    assert terminal.settings() == before
+    assert terminal.settings() == terminal.before
 
 
 def test_nothing_is_ready_before_the_terminal_has_said_so(run):

@@ -241,12 +241,18 @@ def multicast() -> None:
 
 
 @pytest.fixture(scope="session")
-def example_character(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Callable[[str], Any]:
+def of_all_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Folder of this run in which all workers find what one of them has made."""
+    own = tmp_path_factory.getbasetemp()
+    return own if worker_id == "master" else own.parent
+
+
+@pytest.fixture(scope="session")
+def example_character(of_all_workers: Path) -> Callable[[str], Any]:
     """Make an example character, which takes seconds, once in a run: whichever worker comes first leaves it for all."""
     from puppetline.examples.characters import CHARACTERS
 
-    own = tmp_path_factory.getbasetemp()
-    folder = (own if worker_id == "master" else own.parent) / "characters"
+    folder = of_all_workers / "characters"
     folder.mkdir(exist_ok=True)
 
     def make(name: str) -> Any:

@@ -7,7 +7,6 @@ import base64
 import io
 import json
 import math
-import os
 import re
 import signal
 import struct
@@ -26,8 +25,7 @@ from engine_bridge.cli.inspection import inspect
 from engine_bridge.export.animation import Take, animate
 from puppetline.errors import PuppetlineError
 
-EFFORT = float(os.environ.get("PUPPETLINE_FUZZ", "0.3"))
-"""How much of the work to do; the first numbers are the same for any."""
+from ..effort import EFFORT
 
 RAW = "\ue000"
 """Begins a string that goes into JSON as it is, without quotes."""

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from ...effort import EFFORT
+
 ROOT = Path(__file__).parents[3]
 
 pytestmark = pytest.mark.slow
 
-FRAMES = round(20_000 * float(os.environ.get("PUPPETLINE_FUZZ", "0.3")))
+FRAMES = round(20_000 * EFFORT)
 """With 0.3, everything befalls it six times or so."""
 
 

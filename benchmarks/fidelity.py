@@ -1,6 +1,6 @@
 """How well characters do what performers do, against the file's own rig and the raw recording.
 
-python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER]
+python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER] [--characters …] [--recordings …] [--limbs none rig shape]
 
 prints the table of docs/limbs.md: for each rigged humanoid and recording, with handles and no limbs, with the rig read,
 and with it taken away. In all, the rig says which vertices to measure. Where it is read, its linear blend skinning by
@@ -9,6 +9,9 @@ the same motions is the reference.
 - Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
   gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
   may be turned as a whole by one rotation of at most 12°.
+- Noise of the log: angles of the recording's own limbs to those of the median of three frames.
+- Hands together: share of the frames in which the performer's hands are near each other. The character's are drawn
+  together then, and its arms point elsewhere.
 - Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
 - Distance: of vertices from where skinning has them, in % of the diagonal.
 - Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
@@ -17,18 +20,17 @@ the same motions is the reference.
 
 import argparse
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from capture.skeleton import JOINT_INDEX, SkeletonFrame, to_character_axes
+from capture import body
+from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.timeline import Timeline
 from engine_bridge.character.character import Character, load_character, make_character
-from engine_bridge.character.scene import influences
-from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
@@ -36,8 +38,10 @@ from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import sheet
 from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.proposal import new_puppet
-from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import followed, rig_limbs
 from solver.model.batch import BatchBinding
+from solver.motion.arms import APART
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
@@ -49,6 +53,8 @@ RECORDINGS = (
     "utd_mhad_mat/a22_s1_t1_skeleton.mat",
     "kinect_v2_laban_csv/Ges02_balancinghands.csv",
 )
+KINDS = ("none", "rig", "shape")
+"""Where the limbs of a character come from: it has handles only, from the file's rig, from the shape."""
 SETTINGS = Settings()
 MOMENTS = 120
 """Frames of each recording that are measured."""
@@ -118,22 +124,6 @@ def read_rig(character: Character) -> Truth:
     return Truth(bones, which, share, owners, soles)
 
 
-def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the nodes (N, k) that each vertex follows, and how much."""
-    gltf, found = character.document.gltf, []
-    for part in character.parts:
-        node, count = gltf["nodes"][part.node], len(part.vertices)
-        if "skin" in node:
-            primitive = gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
-            which, share = influences(character.document, primitive, node["skin"], count)
-            found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
-        else:
-            found.append((np.full((count, 1), part.node), np.ones((count, 1))))
-    width = max(which.shape[1] for which, _ in found)
-    padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
-    return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
-
-
 @dataclass(frozen=True)
 class Measured:
     """A character's poses of a recording: vertices (F, N, 3), motions (F, b, 4, 3), and the performer's joints."""
@@ -153,8 +143,7 @@ def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> M
     of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
     kept, motions, feet = [], [], {side: [] for side in soles}
     for number in range(count):
-        joints, confidence = timeline.positions[number], timeline.confidence[number]
-        aim = performance.retargeting.step(SkeletonFrame(timeline.times[number], 0, joints, confidence))
+        aim = performance.retargeting.step(timeline.frame(number))
         R = performance.deformer.solve(aim.targets, aim.motions)[None].astype(np.float32)
         for side, sole in of_soles.items():
             feet[side].append(sole.vertices(R)[:, :, 0].mean(axis=0) + aim.root)
@@ -266,6 +255,24 @@ def feet(timeline: Timeline, shown: Measured, rest: NDArray[np.float64], soles: 
     return f"{slide:.1f} / {away:.1f}"
 
 
+def noise(timeline: Timeline) -> str:
+    """Return the angles between the recording's own limbs and those of the median of three frames."""
+    frames = np.arange(len(timeline.positions))
+    around = timeline.positions[np.clip(frames + np.array([[-1], [0], [1]]), 0, frames[-1])]
+    calm = wanted(replace(timeline, positions=np.median(around, axis=0)), frames)
+    cosines = [np.einsum("fx,fx->f", way, calm[bone]) for bone, way in wanted(timeline, frames).items()]
+    cosine = np.concatenate(cosines)
+    return both(np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1, 1))))
+
+
+def together(timeline: Timeline) -> str:
+    """Return the share of frames in which the performer's hands are so near that the character's are drawn together."""
+    left, right = (timeline.positions[:, JOINT_INDEX[f"hand_{side}"]] for side in ("left", "right"))
+    lengths = body.bone_lengths(resting_pose(timeline, SETTINGS))
+    arm = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
+    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART * arm):.0f}"
+
+
 def both(values: NDArray[np.float64], digits: int = 1) -> str:
     return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}"
 
@@ -276,14 +283,16 @@ def main() -> None:
     parser.add_argument("--sheets", type=Path)
     parser.add_argument("--characters", nargs="*", default=CHARACTERS)
     parser.add_argument("--recordings", nargs="*", default=RECORDINGS)
+    parser.add_argument("--limbs", nargs="*", default=KINDS, choices=KINDS)
     options = parser.parse_args()
     if options.sheets:
         options.sheets.mkdir(parents=True, exist_ok=True)
     print(
-        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | edges p1 / p99 "
-        "| those of skinning | distance, % median / 95 % | feet: sliding / height, % |"
+        "| character | limbs from | recording | upper arms, ° | forearms | thighs | shins | noise of the log, ° "
+        "| hands together, % | edges p1 / p99 | those of skinning | distance, % median / 95 % "
+        "| feet: sliding / height, % |"
     )
-    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    print(f"|{' --- |' * 13}")
     totals: dict[str, list[NDArray[np.float64]]] = {}
     away: list[NDArray[np.float64]] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -293,7 +302,8 @@ def main() -> None:
             truth = read_rig(character)
             bare = Path(folder) / f"{name}.glb"
             make_character(name, character.vertices, character.triangles, character.colors).document.save(bare)
-            for kind, file in (("none", bare), ("rig", source), ("shape", bare)):
+            for kind in options.limbs:
+                file = source if kind == "rig" else bare
                 puppet = Path(folder) / f"{name}_{kind}.toml"
                 puppet.write_text(puppet_file.dumps(new_puppet(file, puppet, limbs=kind != "none").puppet))
                 rig = load_rig(puppet)
@@ -315,6 +325,8 @@ def main() -> None:
                         kind,
                         sensor,
                         *(both(found[each]) for each in SHOWN),
+                        noise(timeline),
+                        together(timeline),
                         stretch(rest, shown.vertices, edges),
                         *reference,
                         feet(timeline, shown, rest, truth.soles),

@@ -1,106 +1,178 @@
 """Joints found from the shape, beside those of the rig that is taken out of the file.
 
-    python -m benchmarks.limb_finding FOLDER
+    python -m benchmarks.limb_finding FOLDER [--poses N]
 
-FOLDER holds the rigged characters (kaykit_Knight.glb, quaternius_Adventurer.glb, quaternius_Witch.glb). Each is
-measured as its file shows it and, with empty hands, with its arms let down by 35° and 70°. `human` and `biped` are made
-by code, which says where their joints are. The table is in percent of body height: one row per character, one column
-per joint, and the larger value of left and right.
+FOLDER holds the rigged characters. Each row is a character as its file shows it, or the same character in N random
+poses (`posed`, 10 if left out): its own skin moved by random turns of its limbs. `human` and `biped` are made by code,
+which says where their joints are. Columns are distances in percent of body height: the larger one of both sides, or the
+95th percentile over the poses. A limb that is not found counts as 100. Axes are those of the file: which way a
+character stands is not measured here.
+
+The people as made helped to choose the constants of `solver.anatomy.limb_finding`.
 """
 
-import sys
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from engine_bridge.export.rig_bones import rig_bones
 from numpy.typing import NDArray
 from puppetline.examples.characters import biped, human
+from scipy.spatial.transform import Rotation
 
-from engine_bridge.character.character import Character, from_document, load_character
-from engine_bridge.character.scene import world_transforms
+from benchmarks.fidelity import followed
+from engine_bridge.character.character import Character, load_character
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from solver.anatomy.limb_finding import find_limbs
+from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
 
-RIGGED = ("kaykit_Knight.glb", "quaternius_Adventurer.glb", "quaternius_Witch.glb")
-LOWERED = (0, 35, 70)
-"""Degrees."""
-JOINTS = {"arm": ("shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
+PEOPLE = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
+ANIMALS = ("quaternius_Husky", "quaternius_Fox", "quaternius_Frog", "quaternius_Stegosaurus", "quaternius_Trex")
+JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+UPPER = ("arm", "front leg")
+LEFT, UP, FRONT = np.eye(3)
+MIRROR = np.array([-1.0, 1.0, 1.0])
+NOWHERE = np.full(3, np.nan)
 
 Truth = dict[str, NDArray[np.float64]]
 
 
-def with_lowered_arms(character: Character, degrees: float) -> Character:
-    """Turn the upper arms' joints of a character in T-pose down."""
-    document = character.document.copy()
-    nodes = document.gltf["nodes"]
-    world = world_transforms(document)
-    for index, node in enumerate(nodes):
-        if node.get("name", "").startswith("handslot"):  # what it holds would be stuck into its legs
-            for held in node.get("children", []):
-                nodes[held].pop("mesh", None)
-        for sign, side in ((-1, "l"), (1, "r")):
-            if node.get("name", "").lower() == f"upperarm.{side}":
-                angle = np.radians(sign * degrees)
-                turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-                parent = next(world[i] for i, other in enumerate(nodes) if index in other.get("children", []))
-                wanted = world[index].copy()
-                wanted[:3, :3] = turn @ wanted[:3, :3]
-                for key in ("translation", "rotation", "scale"):
-                    node.pop(key, None)
-                node["matrix"] = (np.linalg.inv(parent) @ wanted).T.ravel().tolist()
-    return from_document(document)
+def random_turn(name: str, number: int, way: NDArray[np.float64], rng: np.random.Generator) -> Rotation:
+    """Return how a bone of a limb turns against the one that it hangs on.
+
+    Upper arms point anywhere from 60° below to 45° above the horizon, 15° to the back to 60° to the front; elbows bend
+    to the front by up to 80°. Legs swing by 25°, spread by 15°, and knees bend by 40°; both upper bones of four legs
+    swing by 15°. Heads and tails turn by 20°.
+    """
+    side = 1.0 if name.startswith("left") else -1.0
+    if name.endswith(" arm"):
+        if number == 0:
+            below, front = np.radians([rng.uniform(-45, 60), rng.uniform(-15, 60)])
+            aim = [side * np.cos(below) * np.cos(front), -np.sin(below), np.cos(below) * np.sin(front)]
+            return Rotation.align_vectors(np.array([aim]), way[None])[0]
+        axis = np.cross(way, FRONT + rng.uniform(-0.5, 0.5) * UP)
+        return turn(axis, rng.uniform(0, 80)) if number == 1 else Rotation.identity()
+    if name.endswith(("front leg", "hind leg")):
+        return turn(LEFT, rng.uniform(-15, 15)) if number < 2 else Rotation.identity()
+    if name.endswith("leg"):
+        if number == 0:
+            return turn(FRONT, side * rng.uniform(0, 15)) * turn(LEFT, rng.uniform(-25, 25))
+        return turn(LEFT, rng.uniform(0, 40)) if number == 1 else Rotation.identity()
+    if name in ("head", "tail") and number < 2:
+        return turn(LEFT, rng.uniform(-20, 20)) * turn(UP, rng.uniform(-20, 20))
+    return Rotation.identity()
 
 
-def characters(folder: Path) -> Iterator[tuple[str, SolverMesh, Truth]]:
-    """Return each character's name, mesh and joints."""
-    for file in RIGGED:
-        for degrees in LOWERED:
-            character = load_character(folder / file)
-            character = with_lowered_arms(character, degrees) if degrees else character
-            rig = rig_limbs(character)
-            yield f"{Path(file).stem} {degrees}°", character.solver_mesh(), {} if rig is None else rig.points
+def turn(axis: NDArray[np.float64], degrees: float) -> Rotation:
+    return Rotation.from_rotvec(np.radians(degrees) * axis / np.linalg.norm(axis))
+
+
+def random_motions(names: list[tuple[str, int]], bones: Bones, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return how bones move (b, 4, 3), for row vectors [x 1]."""
+    turns: list[Rotation] = []
+    moved = np.zeros((len(names), 4, 3))
+    for bone, (name, number) in enumerate(names):
+        parent, head = int(bones.parents[bone]), bones.heads[bone]
+        above = turns[parent] if parent >= 0 else Rotation.identity()
+        turns.append(above * random_turn(name, number, bones.tails[bone] - head, rng))
+        there = head if parent < 0 else np.append(head, 1.0) @ moved[parent]
+        moved[bone, :3] = turns[-1].as_matrix().T
+        moved[bone, 3] = there - head @ moved[bone, :3]
+    return moved
+
+
+def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]]:
+    """Yield a character in random poses, the same ones every time: its mesh, moved by its skin, and its joints."""
+    rig, mesh, rng = rig_limbs(character), character.solver_mesh(), np.random.default_rng(1)
+    assert rig is not None
+    parents = {TRUNK: None, "head": "neck" if "neck" in rig.points else TRUNK}
+    limbs = parents_first(
+        [Limb(c.name, c.points, ((),) * len(c.points), parent=parents.get(c.name, TRUNK)) for c in rig.chains]
+    )
+    names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
+    bones = bones_of(limbs)
+    which, share = followed(character)
+    follows = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
+    shown = np.unique(mesh.of_render, return_index=True)[1]
+    rest = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))])
+    for _ in range(count):
+        motions = random_motions(names, bones, rng)
+        blend = np.einsum("nk,nkrc->nrc", share[shown], motions[follows[shown]])
+        vertices = np.einsum("nr,nrc->nc", rest, blend)
+        heads, tails = (
+            np.einsum("br,brc->bc", np.column_stack([ends, np.ones(len(ends))]), motions)
+            for ends in (bones.heads, bones.tails)
+        )
+        truth: Truth = {}
+        for limb in limbs:
+            first = names.index((limb.name, 0))
+            truth[limb.name] = np.concatenate([heads[first : first + 1], tails[first : first + len(limb.points) - 1]])
+        yield SolverMesh(vertices, mesh.faces, mesh.of_render), truth
+
+
+def examples() -> Iterator[tuple[str, SolverMesh, Truth]]:
     made = human.build()
-    scale, mirror = human.SCALE, np.array([-1.0, 1.0, 1.0])
-    nowhere = np.full(3, np.nan)  # the arm is one tube: nothing says where its elbow is
-    arm = scale * np.array([(0.168, 1.372, -0.022), nowhere, (0.468, 0.915, 0.05)])
-    leg = scale * np.array([(0.08, 0.90, -0.01), (0.112, 0.50, 0.012), (0.12, 0.105, -0.02)])
-    truth = {"left arm": arm, "right arm": arm * mirror, "left leg": leg, "right leg": leg * mirror}
+    arm = human.SCALE * np.array([(0.168, 1.372, -0.022), NOWHERE, (0.468, 0.915, 0.05)])  # one tube without an elbow
+    leg = human.SCALE * np.array([(0.08, 0.90, -0.01), (0.112, 0.50, 0.012), (0.12, 0.105, -0.02)])
+    truth = {"left arm": arm, "right arm": arm * MIRROR, "left leg": leg, "right leg": leg * MIRROR}
     yield "human", weld(np.asarray(made.vertices, float), np.asarray(made.faces)), truth
     made = biped.build()
     arm = np.array([biped.SHOULDER, biped.ELBOW, biped.WRIST])
     leg = np.array([biped.HIP, biped.KNEE, biped.ANKLE])
-    truth = {"left arm": arm, "right arm": arm * mirror, "left leg": leg, "right leg": leg * mirror}
+    truth = {"left arm": arm, "right arm": arm * MIRROR, "left leg": leg, "right leg": leg * MIRROR}
     yield "biped", weld(np.asarray(made.vertices, float), np.asarray(made.faces)), truth
 
 
 def errors(mesh: SolverMesh, truth: Truth) -> dict[str, list[float]]:
-    """Return distances of the joints found from the true ones, left and right, in percent of body height."""
+    """Return distances of the joints found from the true ones, by joint, in percent of body height."""
     found = find_limbs(mesh, np.eye(3)).points
     height = float(np.ptp(mesh.vertices[:, 1]))
-    result: dict[str, list[float]] = {}
-    for limb, names in JOINTS.items():
-        for place, name in enumerate(names):
-            pairs = [(found.get(f"{side} {limb}"), truth[f"{side} {limb}"]) for side in ("left", "right")]
-            result[name] = [
-                100.0 if one is None else 100 * float(np.linalg.norm(one[place] - other[place])) / height
-                for one, other in pairs
-                if np.isfinite(other[place]).all()
-            ]
+    result: dict[str, list[float]] = {name: [] for name in JOINTS}
+    for limb, points in truth.items():
+        side, _, kind = limb.partition(" ")
+        if side in ("left", "right") and kind.endswith(("arm", "leg")):
+            for place, name in enumerate(JOINTS[:3] if kind in UPPER else JOINTS[3:]):
+                if np.isfinite(points[place]).all():
+                    there = found[limb][place] if limb in found else NOWHERE
+                    away = 100 * float(np.linalg.norm(there - points[place])) / height
+                    result[name].append(min(away, 100.0) if limb in found else 100.0)
     return result
 
 
+def row(title: str, measured: list[dict[str, list[float]]]) -> list[float]:
+    """Print a row of the table; return all distances."""
+    cells = []
+    for name in JOINTS:
+        values = [away for one in measured for away in one[name]]
+        worst = max(values, default=np.nan) if len(measured) == 1 else np.quantile(values, 0.95)
+        cells.append(f"{worst:9.1f}" if values else "        –")
+    every = [away for one in measured for values in one.values() for away in values]
+    print(title.ljust(32), *cells, f"{np.median(every):9.1f}", flush=True)
+    return every
+
+
 def main() -> None:
-    names = [name for joints in JOINTS.values() for name in joints]
-    print("character".ljust(32), *(name.rjust(9) for name in names))
-    total: dict[str, list[float]] = {"as made": [], "with lowered arms": []}
-    for title, mesh, truth in characters(Path(sys.argv[1])):
-        measured = errors(mesh, truth)
-        cells = [f"{max(measured[name]):9.1f}" if measured[name] else "        –" for name in names]
-        print(title.ljust(32), *cells, flush=True)
-        pose = "with lowered arms" if title.endswith(("35°", "70°")) else "as made"
-        total[pose] += [each for name in names for each in measured[name]]
-    for pose, away in total.items():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--poses", type=int, default=10)
+    parser.add_argument("--characters", nargs="*", default=(*PEOPLE, *ANIMALS))
+    options = parser.parse_args()
+    print("character".ljust(32), *(name.rjust(9) for name in JOINTS), "   median")
+    totals: dict[str, list[float]] = {}
+    for title, mesh, truth in examples():
+        totals.setdefault("people as made", []).extend(row(title, [errors(mesh, truth)]))
+    for name in options.characters:
+        character = load_character(options.folder / f"{name}.glb")
+        rig = rig_limbs(character)
+        assert rig is not None
+        kind = "people" if name in PEOPLE else "animals"
+        totals.setdefault(f"{kind} as made", []).extend(row(name, [errors(character.solver_mesh(), rig.points)]))
+        measured = [errors(mesh, truth) for mesh, truth in posed(character, options.poses)]
+        if measured:
+            totals.setdefault(f"{kind} posed", []).extend(row(f"{name} posed", measured))
+    for pose, away in totals.items():
         print(f"{pose}, {len(away)} joints: median {np.median(away):.1f} %, 95 % {np.quantile(away, 0.95):.1f} %")
 
 

@@ -11,7 +11,7 @@ import zmq
 from numpy.typing import NDArray
 
 from benchmarks.live_peers import PERFORMING, free_tcp_ports, free_udp_port, listener, sender, serving, settings
-from engine_bridge.service.protocol.header import TOPIC, subscription
+from engine_bridge.service.protocol.header import TOPIC_BYTES, subscription
 
 BEGIN = (30.0, 90)
 """With what each sender begins: three seconds, in which the performer is calibrated."""
@@ -216,5 +216,5 @@ def _connecting(endpoint: str, number: int) -> float:
             socket.subscribe(subscription(topic.decode()))
         socket.connect(endpoint)
         while wanted:
-            wanted.discard(socket.recv()[:TOPIC].rstrip(b"\0"))
+            wanted.discard(socket.recv()[:TOPIC_BYTES].rstrip(b"\0"))
     return time.monotonic() - begun

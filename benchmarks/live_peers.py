@@ -21,7 +21,8 @@ import psutil
 import zmq
 
 from benchmarks.datagrams import bodies
-from engine_bridge.service.protocol.header import BEFORE_PAYLOAD, STATES, TOPIC, Header, subscription
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, TOPIC_BYTES, Header, subscription
+from engine_bridge.service.states import STATES
 
 PATIENCE = 300.0
 """Seconds to wait for what must come."""
@@ -290,8 +291,8 @@ def _take(opened: "zmq.Socket[bytes]", found: dict[str, Any]) -> None:
         except zmq.Again:
             return
         arrived = time.monotonic_ns()
-        header = Header.unpack(message[TOPIC:BEFORE_PAYLOAD])
-        topic = message[:TOPIC].rstrip(b"\0").decode()
+        header = Header.unpack(message[TOPIC_BYTES:PAYLOAD_OFFSET])
+        topic = message[:TOPIC_BYTES].rstrip(b"\0").decode()
         record = found.setdefault(topic, {"messages": 0, "first": header.sequence, "last": header.sequence, "lost": 0})
         if record["messages"]:
             record["lost"] += header.sequence - record["last"] - 1

@@ -28,7 +28,7 @@ from benchmarks import datagrams
 from benchmarks.live_faults import Faults
 from benchmarks.live_peers import PERFORMING, Peer, Service, free_udp_port, serving, settings
 from engine_bridge.puppet import puppet as puppet_file
-from engine_bridge.service.protocol.header import BEFORE_PAYLOAD, TOPIC, Header, subscription
+from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, TOPIC_BYTES, Header, subscription
 
 CHARACTERS = ("one", "two", "three", "four")
 
@@ -112,11 +112,11 @@ class GoodClient:
                 message = self._socket.recv(zmq.NOBLOCK)
             except zmq.Again:
                 break
-            topic, payload = message[:TOPIC], message[BEFORE_PAYLOAD:]
+            topic, payload = message[:TOPIC_BYTES], message[PAYLOAD_OFFSET:]
             if topic.startswith(b"service/"):
                 self.status = json.loads(payload)
                 continue
-            header = Header.unpack(message[TOPIC:BEFORE_PAYLOAD])
+            header = Header.unpack(message[TOPIC_BYTES:PAYLOAD_OFFSET])
             before = self._last.get(topic)
             if before is not None:
                 self.lost += header.sequence - before.sequence - 1
@@ -268,7 +268,7 @@ def _late_client(endpoint: str) -> bool:
             if message.startswith(b"one/scene"):
                 scene = True
             else:
-                numbers.append(Header.unpack(message[TOPIC:BEFORE_PAYLOAD]).sequence)
+                numbers.append(Header.unpack(message[TOPIC_BYTES:PAYLOAD_OFFSET]).sequence)
     return scene and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ class SkeletonClip:
         1 tracked, 0.5 inferred, 0 lost.
     notes : tuple of str
         What the reader had to assume or leave out, a sentence each, for the user to read.
+    orientations : (T, 20, 4) float64, optional
+        How the bones are turned (`capture.orientations`), NaN where that is not known.
     """
 
     format: str
@@ -35,12 +38,15 @@ class SkeletonClip:
     positions: NDArray[np.float64]
     confidence: NDArray[np.float32]
     notes: tuple[str, ...] = field(default=())
+    orientations: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         """Check what every later step relies on; a failure here is a reader's fault, not the user's."""
         count = len(self.times)
         if self.positions.shape != (count, len(JOINTS), 3) or self.confidence.shape != (count, len(JOINTS)):
             raise ValueError(f"positions {self.positions.shape}, confidence {self.confidence.shape} for {count} frames")
+        if self.orientations is not None and self.orientations.shape != (count, len(JOINTS), 4):
+            raise ValueError(f"orientations {self.orientations.shape} for {count} frames")
         if np.any(np.diff(self.times) <= 0):
             raise ValueError("times must increase strictly")
         if not np.array_equal(np.isnan(self.positions).any(axis=2), self.confidence == LOST):
@@ -53,5 +59,6 @@ class SkeletonClip:
 
     def frames(self) -> Iterator[SkeletonFrame]:
         """Go through the frames one by one, as a live source would give them."""
-        for time, positions, confidence in zip(self.times, self.positions, self.confidence, strict=True):
-            yield SkeletonFrame(float(time), self.user, positions, confidence)
+        turns = repeat(None) if self.orientations is None else self.orientations
+        for time, positions, confidence, turn in zip(self.times, self.positions, self.confidence, turns, strict=False):
+            yield SkeletonFrame(float(time), self.user, positions, confidence, turn)

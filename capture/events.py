@@ -45,7 +45,8 @@ class Cue:
     time : float
     do : str
         ``"calibrate"``, ``"mirror"``, ``"choose_user"``; ``"begin"`` to use a calibration from now on; ``"level"`` from
-        a sensor that sees the floor: tilt and roll in degrees, height in metres.
+        a sensor that sees the floor: tilt and roll in degrees, height in metres; ``"stage"`` at the beginning of a
+        take: who is there, who plays which character, and how they are calibrated.
     arguments : dict
         Of JSON's types.
     """

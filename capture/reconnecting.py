@@ -28,7 +28,7 @@ class Reopening:
 
     Attributes
     ----------
-    name, counts, beginning, recorded
+    name, counts, recorded
         As of the source. A recording that has ended is not opened again.
     inner : SkeletonSource
         What is open now, or the `Silence` in its place.
@@ -45,7 +45,6 @@ class Reopening:
         self.name = name
         self.inner = opener()
         self.counts = self.inner.counts
-        self.beginning = self.inner.beginning
         self.recorded = self.inner.recorded
         self._opener = opener
         self._reopen_at = math.inf

@@ -1,22 +1,24 @@
 """The project's own recording, a *take*: written as it happens, readable after a crash.
 
-JSON Lines in UTF-8. The first line is `HEADER`. Where the take is a stage's, the second says what the stage was like
-when it began. Each further line is one of `capture.events`: what the source gave, or what was asked for in between::
+JSON Lines in UTF-8. The first line is `HEADER`. Each further line is one of `capture.events`: what the source gave, or
+what was asked for in between. A stage's take begins with the cue ``stage``::
 
-    {"beginning": {…}}
-    {"t": 12.5, "user": 1, "p": [[0.1, 0.92, 2.4], null, …], "c": [1.0, 0.0, …]}
+    {"t": 12.4, "do": "stage", "arguments": {…}}
+    {"t": 12.5, "user": 1, "p": [[0.1, 0.92, 2.4], null, …], "c": [1.0, 0.0, …], "o": [[0.8, 0.0, 0.6, 0.0], null, …]}
     {"t": 12.6, "tick": true}
     {"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}
     {"t": 12.8, "lost": 1}
 
 t is in seconds, p in metres in the sensor frame of `capture.skeleton` rounded to 0.01 mm, c is the confidence; both are
-in the order of the header's joints and a lost joint is null with confidence 0.
+in the order of the header's joints and a lost joint is null with confidence 0. o is there where the source has
+orientations: quaternions of `capture.orientations`, null where unknown.
 
 A file is only ever appended to. A line is whole where it ends in ``}`` and a line feed; anything else was torn by a
 crash, and who goes on with such a file ends the torn line with `TORN`. The reader is `capture.formats.puppetline_log`.
 """
 
 import json
+import math
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -40,7 +42,7 @@ TORN = b"...\n"
 """The end of a line that was torn: it keeps one that broke off at a ``}`` from passing for a whole one."""
 
 DECIMALS = 5
-"""Of a position in metres: 0.01 mm."""
+"""Of a position in metres: 0.01 mm; of a quaternion: 0.001°."""
 
 SYNC_INTERVAL = 1.0
 """Seconds of performance that a power cut may cost; a crash of the program costs none."""
@@ -83,28 +85,6 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def write_beginning(self, state: dict[str, Any]) -> None:
-        """Say in a new recording, before all events, what the stage is like.
-
-        Parameters
-        ----------
-        state : dict
-            Of JSON's types, numbers finite; it reads back equal, floats to the bit.
-
-        Raises
-        ------
-        OutputError
-            If the recording has begun already, or the system does not take it.
-        """
-        if os.fstat(self._file.fileno()).st_size != len(HEADER):
-            raise OutputError(
-                self.path,
-                found="a recording that has begun already",
-                expected="a new file",
-                fix="Choose another name; the file was left as it is.",
-            )
-        self._append(_line({"beginning": state}))
 
     def write(self, event: Event) -> None:
         """Append one event.
@@ -178,11 +158,16 @@ def as_recorded(frame: SkeletonFrame) -> SkeletonFrame:
     """
     rounded = np.round(frame.positions, DECIMALS)
     known = (frame.confidence > LOST) & np.isfinite(rounded).all(axis=1)
+    turns = None
+    if frame.orientations is not None:
+        turns = np.round(frame.orientations, DECIMALS)
+        turns = np.where(np.isfinite(turns).all(axis=1, keepdims=True), turns, np.nan)
     return SkeletonFrame(
         float(frame.time),
         int(frame.user),
         np.where(known[:, None], rounded, np.nan),
         np.where(known, frame.confidence, np.float32(LOST)),
+        turns,
     )
 
 
@@ -197,15 +182,16 @@ def encode(event: Event) -> bytes:
             return _line({"t": time, "do": do, "arguments": arguments})
     frame = as_recorded(event)
     known = (frame.confidence > LOST).tolist()
-    return _line(
-        {
-            "t": frame.time,
-            "user": frame.user,
-            "p": [place if seen else None for place, seen in zip(frame.positions.tolist(), known, strict=True)],
-            # str gives the shortest number that reads back as the same float32.
-            "c": [float(str(value)) for value in frame.confidence],
-        }
-    )
+    line = {
+        "t": frame.time,
+        "user": frame.user,
+        "p": [place if seen else None for place, seen in zip(frame.positions.tolist(), known, strict=True)],
+        # str gives the shortest number that reads back as the same float32.
+        "c": [float(str(value)) for value in frame.confidence],
+    }
+    if frame.orientations is not None:
+        line["o"] = [None if math.isnan(turn[0]) else turn for turn in frame.orientations.tolist()]
+    return _line(line)
 
 
 def _line(value: dict[str, Any]) -> bytes:

@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT
+from capture.orientations import turned
 from capture.pose import Pose
-from capture.skeleton import JOINT_INDEX
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
 STRAIGHT = math.cos(math.radians(20))
 """Thigh and shin, and legs and trunk, that enclose less than this are those of somebody who stands upright."""
@@ -73,9 +74,18 @@ class Level:
 
     def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, from the floor where its height is known."""
+        return positions if self == Level() else self._pose.apply(positions)
+
+    def frame(self, frame: SkeletonFrame) -> SkeletonFrame:
+        """Return a frame with y straight up, and its bones turned with it."""
         if self == Level():
-            return positions
-        return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0])).apply(positions)
+            return frame
+        turns = None if frame.orientations is None else turned(frame.orientations, self._pose.rotation)
+        return replace(frame, positions=self(frame.positions), orientations=turns)
+
+    @property
+    def _pose(self) -> Pose:
+        return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0]))
 
 
 def level_of(pose: NDArray[np.float64]) -> Level | None:

@@ -91,12 +91,15 @@ class SkeletonFrame:
         Metres, sensor frame, in the order of `JOINTS`.
     confidence : (20,) float32
         `TRACKED`, `INFERRED` or `LOST`, or anything between.
+    orientations : (20, 4) float64, optional
+        How the bones are turned, where a log or sensor says so (`capture.orientations`).
     """
 
     time: float
     user: int
     positions: NDArray[np.float64]
     confidence: NDArray[np.float32]
+    orientations: NDArray[np.float64] | None = None
 
 
 def mirrored(positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,8 +34,6 @@ from puppetline.errors import PuppetlineError, at
 FRAME_RATE = 30.0
 """Frames a second that `Smoothing` is meant for, the Kinect's own."""
 
-_CARRIED = ("_measured", "_smoothed", "_trend", "_output")
-
 
 @dataclass(frozen=True, slots=True)
 class Smoothing:
@@ -61,10 +59,10 @@ class Smoothing:
         If a value is outside its range.
     """
 
-    alpha: float = 0.5
+    alpha: float = 0.6
     gamma: float = 0.5
     jitter_radius: float = 0.05
-    max_deviation: float = 0.1
+    max_deviation: float = 0.02
     prediction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -103,17 +101,6 @@ class JointFilter:
         # after a loss, the trend alone after one measurement.
         self._time = math.nan
         self._measured, self._smoothed, self._trend, self._output = np.full((4, len(JOINTS), 3), np.nan)
-
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another filter was."""
-        return {"time": np.array(self._time), "joints": np.stack([getattr(self, name) for name in _CARRIED])}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._time = float(memory["time"])
-        for name, values in zip(_CARRIED, memory["joints"].copy(), strict=True):
-            setattr(self, name, values)
 
     def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
         """Take one frame and return its smoothed positions.

@@ -12,7 +12,7 @@ import select
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 from capture.events import TICK, Event, Tick
 
@@ -53,15 +53,12 @@ class SkeletonSource(Protocol):
     name : str
         The URI that opened it.
     counts : Counts
-    beginning : dict or None
-        What a take says the stage was like when it began (see `capture.recording`); None for all else.
     recorded : bool
         Whether it is a recording, which ends and which nobody performs now.
     """
 
     name: str
     counts: Counts
-    beginning: dict[str, Any] | None
     recorded: bool
 
     def fileno(self) -> int | None:
@@ -111,7 +108,6 @@ class Silence:
         Seconds on the source's clock, which goes on.
     """
 
-    beginning: dict[str, Any] | None = None
     recorded = False
 
     def __init__(self, name: str, counts: Counts, start: float) -> None:

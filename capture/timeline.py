@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from capture import orientations as turns
 from capture.clip import SkeletonClip
-from capture.skeleton import LOST
+from capture.skeleton import LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
 
 MAX_FRAMES = 1_000_000
@@ -33,17 +34,25 @@ class Timeline:
         1 tracked, 0.5 inferred, 0 lost.
     gaps : tuple of (float, float)
         From and to which second nothing of the body was known for too long to bridge.
+    orientations : (T, 20, 4) float64, optional
+        How the bones are turned (`capture.orientations`), NaN where that is not known.
     """
 
     fps: float
     positions: NDArray[np.float64]
     confidence: NDArray[np.float32]
     gaps: tuple[tuple[float, float], ...]
+    orientations: NDArray[np.float64] | None = None
 
     @property
     def times(self) -> NDArray[np.float64]:
         """(T,) seconds, from 0."""
         return np.arange(len(self.positions)) / self.fps
+
+    def frame(self, number: int) -> SkeletonFrame:
+        """Return one frame, of user 0, as a live source would give it."""
+        turns = None if self.orientations is None else self.orientations[number]
+        return SkeletonFrame(number / self.fps, 0, self.positions[number], self.confidence[number], turns)
 
     @property
     def held(self) -> int:
@@ -101,10 +110,13 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
         positions[:, joint], confidence[:, joint] = _resample_joint(
             times, known_times, clip.positions[:, joint], clip.confidence[:, joint], max_gap
         )
+    orientations = None
+    if clip.orientations is not None:
+        orientations = _resample_orientations(times, known_times, clip.orientations, max_gap)
     seen = seen - seen[0]
     before_gap = np.flatnonzero(np.diff(seen) > max_gap + SAME_MOMENT)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
-    return Timeline(fps, positions, confidence, gaps)
+    return Timeline(fps, positions, confidence, gaps, orientations)
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
@@ -164,6 +176,24 @@ def _resample_joint(
     resampled = positions[left] + part * (positions[right] - positions[left])
     lower = np.minimum(confidence[left], confidence[right])
     return resampled, np.where(on_sample, confidence[left], np.where(between, lower, np.float32(LOST)))
+
+
+def _resample_orientations(
+    times: NDArray[np.float64], sample_times: NDArray[np.float64], samples: NDArray[np.float64], max_gap: float
+) -> NDArray[np.float64]:
+    """Resample (S, 20, 4) orientations to (T, 20, 4): NaN where a neighbour in time is not known or too far away."""
+    left = np.maximum(np.searchsorted(sample_times, times + SAME_MOMENT, side="right") - 1, 0)
+    right = np.minimum(left + 1, len(sample_times) - 1)
+    elapsed, span = times - sample_times[left], sample_times[right] - sample_times[left]
+    on_sample = np.abs(elapsed) <= SAME_MOMENT
+    part = np.divide(elapsed, span, out=np.zeros_like(times), where=~on_sample & (span > 0))[:, None]
+    found = [
+        turns.between(joint[left], np.where(part == 0, joint[left], joint[right]), part)
+        for joint in samples.swapaxes(0, 1)
+    ]
+    resampled = np.stack(found, axis=1)
+    resampled[~on_sample & (span > max_gap + SAME_MOMENT)] = np.nan
+    return resampled
 
 
 def _frame_count(clip: SkeletonClip, seen: NDArray[np.float64], fps: float) -> int:

@@ -1,11 +1,35 @@
-"""Results that are there whole or not at all."""
+"""Files that are read whole, and results that are there whole or not at all."""
 
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from puppetline.errors import OutputError
+from puppetline.errors import OutputError, PuppetlineError
+
+
+def read_whole(
+    path: Path, expected: str, family: type[PuppetlineError], fix: str = "Check the path and the file's permissions."
+) -> bytes:
+    """Read a file.
+
+    Parameters
+    ----------
+    path : Path
+    expected, fix : str
+        What an error says should be there, and what to do.
+    family : type
+        Of the error.
+
+    Raises
+    ------
+    PuppetlineError
+        Of that family.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise family(path, found=f"that it cannot be read ({error.strerror})", expected=expected, fix=fix) from error
 
 
 def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None:

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from puppetline.errors import PuppetlineError, at
+from puppetline.files import read_whole
 
 EXPECTED = {
     "model_type": "a table",
@@ -56,9 +57,7 @@ def read_text(path: Path, what: str, fix: str, family: type[PuppetlineError]) ->
         Of that family.
     """
     try:
-        return path.read_bytes().decode()
-    except OSError as error:
-        raise family(path, found=f"that it cannot be read ({error.strerror})", expected=what, fix=fix) from error
+        return read_whole(path, what, family, fix).decode()
     except UnicodeDecodeError as error:
         raise family(
             path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check which file was given."

@@ -3,7 +3,7 @@
 Loading takes longer than most commands that tests run. A command is a process all the same, with its own arguments,
 environment, folder, standard streams, signals and exit code. The only argument is the file descriptor of a socket. A
 request on it is JSON with four file descriptors: the command's standard streams, and a pipe, to which its process id
-and later its exit code are written, a line each. Instead of a command, ``-c`` and a program can be given, as to Python.
+and later its exit code are written, a line each.
 """
 
 import contextlib
@@ -27,8 +27,6 @@ LOADED = (
     "engine_bridge.cli.inspection",
     "engine_bridge.cli.main",
     "engine_bridge.cli.record",
-    "engine_bridge.cli.screen",
-    "engine_bridge.cli.view",
     "engine_bridge.client.listening",
     "engine_bridge.export.bake",
     "engine_bridge.export.convert",
@@ -118,7 +116,4 @@ if __name__ == "__main__":
     for name in LOADED:
         importlib.import_module(name)
     main(socket.socket(fileno=int(sys.argv[1])))
-    if sys.argv[1:2] == ["-c"]:
-        exec(sys.argv[2], {"__name__": "__main__"})
-    else:
-        run()
+    run()

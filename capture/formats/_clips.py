@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
-from capture.skeleton import LOST
+from capture.orientations import checked
+from capture.skeleton import LOST, TRACKED
 from puppetline.errors import SkeletonLogError, at
 
 
@@ -18,6 +19,7 @@ def clip_of(
     positions: NDArray[np.float64],
     confidence: NDArray[np.float32],
     notes: tuple[str, ...] = (),
+    orientations: NDArray[np.float64] | None = None,
 ) -> SkeletonClip:
     """Make one performer's clip of a log's frames.
 
@@ -36,6 +38,9 @@ def clip_of(
         Metres, sensor frame.
     confidence : (T, 20) float32
     notes : tuple of str
+    orientations : (T, 20, 4) float64, optional
+        As of `capture.orientations`; what is no unit quaternion, or of a joint that the sensor did not track, is
+        unknown.
 
     Returns
     -------
@@ -62,7 +67,10 @@ def clip_of(
         )
     positions = np.where(known[..., None], positions, np.nan)
     confidence = np.where(known, confidence, LOST).astype(np.float32)
-    return SkeletonClip(log_format, 0, times, positions, confidence, notes)
+    if orientations is not None:
+        orientations = checked(orientations[keep])
+        orientations[confidence < TRACKED] = np.nan
+    return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations)
 
 
 def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, ...]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of
+from capture.orientations import none as unknown
 from capture.skeleton import LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
@@ -48,8 +49,11 @@ def clips_by_performer(
         times = np.array([frame.time for frame in seen])
         positions = np.stack([frame.positions for frame in seen])
         confidence = np.stack([frame.confidence for frame in seen])
+        turns = [unknown() if frame.orientations is None else frame.orientations for frame in seen]
+        orientations = np.stack(turns) if any(frame.orientations is not None for frame in seen) else None
         if (confidence > LOST).any():
-            clips.append(replace(clip_of(path, log_format, times, positions, confidence, notes), user=user))
+            clip = clip_of(path, log_format, times, positions, confidence, notes, orientations)
+            clips.append(replace(clip, user=user))
     if not clips:
         raise SkeletonLogError(
             path,

@@ -5,18 +5,21 @@ Some descendants add `joint_confidence`, 32 × 0 none, 1 low, 2 medium or 3 high
 
 Positions are in the frame of the depth camera: x to the right of the camera's own view, y down, z forward. Someone who
 faces the camera has the right hand in the left half of its view, at −x. The sensor frame has it at +x and y up:
-(−x, −y, z), which is a half turn about z and so keeps left and right what they are.
+(−x, −y, z), which is a half turn about z and so keeps left and right what they are. `joint_orientations` turn a
+joint's axes to the same frame, 32 × [w, x, y, z], and may be missing; the bone that begins at a joint turns with them.
 """
 
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats._json import Value, load
 from capture.formats._performers import clips_by_performer
-from capture.formats.layouts import K32, to_kinect20
+from capture.formats.layouts import K32, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
+from capture.orientations import turned
 from capture.skeleton import INFERRED, LOST, TRACKED, SkeletonFrame
 
 TO_SENSOR_FRAME = np.array([-1e-3, -1e-3, 1e-3])
@@ -70,7 +73,17 @@ def _body(body: Value, time: float) -> SkeletonFrame:
         raise body["joint_positions"].error(f"{len(joints)} joints", f"the {len(K32)} of the Azure Kinect")
     positions = np.array([joint.numbers(3) for joint in joints]) * TO_SENSOR_FRAME
     levels = _levels(body["joint_confidence"]) if "joint_confidence" in body else [2] * len(K32)
-    return SkeletonFrame(time, body["body_id"].integer(), *to_kinect20(K32, positions, CONFIDENCE[levels]))
+    turns = _turns(body["joint_orientations"]) if "joint_orientations" in body else None
+    return SkeletonFrame(time, body["body_id"].integer(), *to_kinect20(K32, positions, CONFIDENCE[levels]), turns)
+
+
+def _turns(orientations: Value) -> NDArray[np.float64]:
+    """Return the orientations (20, 4), turned with the axes of the positions: half a turn about z."""
+    joints = orientations.items()
+    if len(joints) != len(K32):
+        raise orientations.error(f"{len(joints)} joints", f"the {len(K32)} of the Azure Kinect")
+    wxyz = np.array([joint.numbers(4) for joint in joints])
+    return turned(orientations_to_kinect20(K32, wxyz), np.diag([-1.0, -1.0, 1.0]))
 
 
 def _levels(confidence: Value) -> list[int]:

@@ -19,15 +19,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from capture.clip import SkeletonClip
 from capture.formats._clips import clip_of
 from capture.formats._rows import Line, LineSource, RowLayout, bad_line, count_note, is_number, read_lines
 from capture.formats.bvh_names import kinect_points
 from capture.formats.options import ReadOptions
+from capture.orientations import none as unknown
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED
 from puppetline.errors import SkeletonLogError, at
 
@@ -108,22 +111,29 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     times = frame_time * np.arange(len(motion), dtype=np.float64)
     if (motion == motion[0]).all():
         notes = ("All frames are the same: a pose and not a motion.", *notes)
-    bodies, prop_notes = _bodies(path, nodes, forward_kinematics(nodes, motion))
+    bodies, prop_notes = _bodies(path, nodes, *forward_kinematics(nodes, motion))
     return [
-        replace(_clip(path, times, points, options, (*notes, *prop_notes, *name_notes)), user=user)
-        for user, (points, name_notes) in enumerate(bodies)
+        replace(_clip(path, times, body, options, (*notes, *prop_notes, *body.notes)), user=user)
+        for user, body in enumerate(bodies)
     ]
 
 
+class _Body(NamedTuple):
+    """A human body in a file: points (T, 20, 3), the turn (T, 3, 3) of each joint that has one, and notes."""
+
+    points: NDArray[np.float64]
+    turns: dict[str, NDArray[np.float64]]
+    notes: list[str]
+
+
 def _bodies(
-    path: Path, nodes: list[Node], positions: list[NDArray[np.float64]]
-) -> tuple[list[tuple[NDArray[np.float64], list[str]]], list[str]]:
+    path: Path, nodes: list[Node], positions: list[NDArray[np.float64]], turns: list[NDArray[np.float64]]
+) -> tuple[list[_Body], list[str]]:
     """Find the human bodies among the skeletons of a file.
 
     Returns
     -------
-    bodies : list of ((T, 20, 3) float64, list of str)
-        Points as `kinect_points` has them, and notes.
+    bodies : list of _Body
     notes : list of str
         On the skeletons that are left out.
     """
@@ -133,40 +143,51 @@ def _bodies(
         for start, end in pairwise([*roots, len(nodes)]):
             tree = [(node.name, max(node.parent - start, -1)) for node in nodes[start:end]]
             try:
-                bodies.append(_body(path, tree, positions[start:end]))
+                bodies.append(_body(path, tree, positions[start:end], turns[start:end]))
             except SkeletonLogError:
                 notes.append(f"The skeleton of ROOT {nodes[start].name} has no human joint names. It is omitted.")
     if bodies:
         return bodies, notes
-    return [_body(path, [(node.name, node.parent) for node in nodes], positions)], []
+    return [_body(path, [(node.name, node.parent) for node in nodes], positions, turns)], []
 
 
 def _body(
-    path: Path, tree: list[tuple[str, int]], positions: list[NDArray[np.float64]]
-) -> tuple[NDArray[np.float64], list[str]]:
+    path: Path,
+    tree: list[tuple[str, int]],
+    positions: list[NDArray[np.float64]],
+    turns: list[NDArray[np.float64]],
+) -> _Body:
     """Pick the 20 joints out of a skeleton, and note names that it has more than once."""
-    points, notes = kinect_points(path, tree, positions)
+    points, chosen, notes = kinect_points(path, tree, positions)
     repeated = [name for name, times in Counter(name for name, _ in tree if name).items() if times > 1]
     if repeated:
         notes.append(f"Several joints are named {', '.join(repeated)[:100]}. The first of each name is used.")
-    return points, notes
+    return _Body(points, {name: turns[node] for name, node in chosen.items()}, notes)
 
 
 def _clip(
-    path: Path, times: NDArray[np.float64], points: NDArray[np.float64], options: ReadOptions, notes: tuple[str, ...]
+    path: Path, times: NDArray[np.float64], body: _Body, options: ReadOptions, notes: tuple[str, ...]
 ) -> SkeletonClip:
     """Give a body its unit and put it before the sensor."""
+    points = body.points
     height = _stature(path, points)
     up, up_note = _up(points, options)
     unit, unit_note = _unit(height, options)
     facing_note = f"Turned to face the sensor in the first frame and put {DISTANCE:g} m before it."
-    positions = _face_sensor(path, points * unit, up)
+    basis = _sensor_axes(path, points, up)
+    positions = unit * (points - points[0, JOINT_INDEX["hip_center"]]) @ basis.T + np.array([0.0, 0.0, DISTANCE])
+    orientations = unknown((len(times),))
+    for name, turns in body.turns.items():
+        orientations[:, JOINT_INDEX[name]] = Rotation.from_matrix(basis @ turns).as_quat()[:, [3, 0, 1, 2]]
     confidence = np.where(np.isnan(positions[..., 0]), LOST, TRACKED).astype(np.float32)
-    return clip_of(path, "bvh", times, positions, confidence, (unit_note, up_note, facing_note, *notes))
+    notes = (unit_note, up_note, facing_note, *notes)
+    return clip_of(path, "bvh", times, positions, confidence, notes, orientations)
 
 
-def forward_kinematics(nodes: list[Node], motion: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Compute where every node is in every frame.
+def forward_kinematics(
+    nodes: list[Node], motion: NDArray[np.float64]
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
+    """Compute where every node is, and how it is turned, in every frame.
 
     Parameters
     ----------
@@ -177,8 +198,10 @@ def forward_kinematics(nodes: list[Node], motion: NDArray[np.float64]) -> list[N
 
     Returns
     -------
-    list of (T, 3) float64
+    positions : list of (T, 3) float64
         One for each node, in file units and axes.
+    rotations : list of (T, 3, 3) float64
+        From a node's axes to those of the file.
     """
     positions: list[NDArray[np.float64]] = []
     rotations: list[NDArray[np.float64]] = []
@@ -191,6 +214,7 @@ def forward_kinematics(nodes: list[Node], motion: NDArray[np.float64]) -> list[N
         for (axis, kind), value in zip(node.channels, values, strict=True):
             if kind == "rotation":
                 rotation = rotation @ _turn("XYZ".index(axis), np.radians(value))
+        rotation = np.broadcast_to(rotation, (len(motion), 3, 3))
         if node.parent < 0:
             positions.append(translation)
             rotations.append(rotation)
@@ -198,7 +222,7 @@ def forward_kinematics(nodes: list[Node], motion: NDArray[np.float64]) -> list[N
             parent = rotations[node.parent]
             positions.append(positions[node.parent] + (parent @ translation[..., None])[..., 0])
             rotations.append(parent @ rotation)
-    return positions
+    return positions, rotations
 
 
 def _translation(node: Node, values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -270,8 +294,8 @@ def _stature(path: Path, points: NDArray[np.float64]) -> float:
     return height
 
 
-def _face_sensor(path: Path, points: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn and move the whole take into the sensor frame."""
+def _sensor_axes(path: Path, points: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the file's directions of the sensor frame's axes (3, 3), for a performer who faces it at first."""
     first = {name: points[0, index] for name, index in JOINT_INDEX.items()}
     across = first["hip_right"] - first["hip_left"] + first["shoulder_right"] - first["shoulder_left"]
     right = across - up * (across @ up)
@@ -283,8 +307,7 @@ def _face_sensor(path: Path, points: NDArray[np.float64], up: NDArray[np.float64
             fix="Say which axis points up (y or z), or cut the first frames.",
         )
     right = right / np.linalg.norm(right)
-    basis = np.stack([right, up, np.cross(right, up)])
-    return (points - first["hip_center"]) @ basis.T + np.array([0.0, 0.0, DISTANCE])
+    return np.stack([right, up, np.cross(right, up)])
 
 
 def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.float64], float, tuple[str, ...]]:

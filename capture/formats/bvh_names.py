@@ -73,7 +73,9 @@ def key_of(name: str) -> str:
     return plain
 
 
-def kinect_points(path: Path, tree: Sequence[tuple[str, int]], positions: Sequence[Points]) -> tuple[Points, list[str]]:
+def kinect_points(
+    path: Path, tree: Sequence[tuple[str, int]], positions: Sequence[Points]
+) -> tuple[Points, dict[str, int], list[str]]:
     """Pick the 20 joints out of a BVH skeleton.
 
     Kinect's head is the middle of the head, while a BVH head joint is where the head turns on the neck: the point half
@@ -92,6 +94,8 @@ def kinect_points(path: Path, tree: Sequence[tuple[str, int]], positions: Sequen
     -------
     points : (T, 20, 3) float64
         In the units of `positions`; NaN where a joint cannot be found.
+    chosen : dict
+        Name of a joint to the node that it is.
     notes : list of str
 
     Raises
@@ -129,7 +133,7 @@ def kinect_points(path: Path, tree: Sequence[tuple[str, int]], positions: Sequen
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
-    return points, notes
+    return points, chosen, notes
 
 
 def _choose(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]:

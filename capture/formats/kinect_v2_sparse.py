@@ -6,9 +6,9 @@
     Pos 11
     0 0.069300 -0.644030 1.306038       joint (Kinect v2 number), x y z in metres; 11 of them
     Rot 11
-    0 0.008109 0.994914 0.096044 -0.029243       joint, quaternion; 11 of them, not used here
+    0 0.008109 0.994914 0.096044 -0.029243       joint, quaternion x y z w; 11 of them
 
-A joint that is not listed is lost.
+A joint that is not listed is lost. Its quaternion turns with the bone that ends at it.
 """
 
 import re
@@ -31,8 +31,9 @@ from capture.formats._rows import (
     cut_off,
     read_lines,
 )
-from capture.formats.layouts import K25, to_kinect20
+from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
+from capture.orientations import of_bones_that_begin
 from capture.skeleton import LOST, TRACKED
 
 _START = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\nPos \d+\s*\n")
@@ -57,10 +58,11 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     lines = iter(read_lines(path))
     times: list[float] = []
     positions: list[NDArray[np.float64]] = []
+    turns: list[NDArray[np.float64]] = []
     notes: tuple[str, ...] = ()
     for frame in lines:
         try:
-            time, places = _frame(path, lines, frame)
+            time, places, turned = _frame(path, lines, frame)
         except CutOffError:
             if not times:
                 raise
@@ -68,17 +70,24 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
             break
         times.append(time)
         positions.append(places)
+        turns.append(turned)
     joints = np.array(positions).reshape(-1, len(K25), 3)
     confidence = np.where(np.isnan(joints).any(axis=2), LOST, TRACKED).astype(np.float32)
-    return [clip_of(path, "kinect_v2_sparse", np.array(times), *to_kinect20(K25, joints, confidence), notes)]
+    ours = to_kinect20(K25, joints, confidence)
+    orientations = np.array(turns).reshape(-1, len(K25), 4)[..., [3, 0, 1, 2]]
+    orientations = of_bones_that_begin(orientations_to_kinect20(K25, orientations))
+    return [clip_of(path, "kinect_v2_sparse", np.array(times), *ours, notes, orientations)]
 
 
-def _frame(path: Path, lines: Iterator[Line], frame: Line) -> tuple[float, NDArray[np.float64]]:
-    """Read the frame that begins in a line: its time in seconds, and its (25, 3) positions."""
+def _frame(path: Path, lines: Iterator[Line], frame: Line) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Read the frame that begins in a line: its time in seconds, its (25, 3) positions and (25, 4) quaternions."""
     time = _TIME.numbers(path, frame)[0] / 1000
     places = _joints(path, _block(path, lines, frame, "Pos"))
-    _ROTATION.table(path, _block(path, lines, frame, "Rot"))
-    return time, places
+    turned = np.full((len(K25), 4), np.nan)
+    for number, *quaternion in _ROTATION.table(path, _block(path, lines, frame, "Rot")):
+        if number in range(len(K25)):
+            turned[int(number)] = quaternion
+    return time, places, turned
 
 
 def _block(path: Path, lines: Iterator[Line], frame: Line, name: str) -> list[Line]:

@@ -111,6 +111,15 @@ def to_kinect20(
     return ours, sure
 
 
+def orientations_to_kinect20(order: JointOrder, orientations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Put orientations (..., J, 4) of foreign joints into the order of `capture.skeleton.JOINTS`, NaN for others."""
+    source = [index for index, name in enumerate(order) if name is not None]
+    target = [JOINT_INDEX[name] for name in order if name is not None]
+    ours = np.full((*orientations.shape[:-2], len(JOINTS), 4), np.nan)
+    ours[..., target, :] = orientations[..., source, :]
+    return ours
+
+
 def synthesise_missing(
     positions: NDArray[np.float64], confidence: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:

@@ -2,8 +2,8 @@
 
 The first line counts the frames; each frame starts with a line that counts its bodies (0 where nobody was seen); each
 body is a line of 10 values that starts with its id, a line ``25``, and 25 lines of 12 values: x y z in metres in the
-sensor frame, four pixel coordinates, a quaternion, and the state 0 lost, 1 inferred, 2 tracked. The recordings have no
-clock; the sensor ran at 30 frames a second.
+sensor frame, four pixel coordinates, a quaternion w x y z that turns with the bone that ends at the joint, and the
+state 0 lost, 1 inferred, 2 tracked. The recordings have no clock; the sensor ran at 30 frames a second.
 """
 
 from pathlib import Path
@@ -24,8 +24,9 @@ from capture.formats._rows import (
     head_lines,
     read_lines,
 )
-from capture.formats.layouts import K25, to_kinect20
+from capture.formats.layouts import K25, orientations_to_kinect20, to_kinect20
 from capture.formats.options import ReadOptions
+from capture.orientations import of_bones_that_begin
 from capture.skeleton import INFERRED, LOST, TRACKED, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
 
@@ -111,4 +112,5 @@ def _body(lines: LineSource, time: float) -> SkeletonFrame:
     rows = [lines.take(f"joint {joint} of 25") for joint in range(len(K25))]
     table = JOINT.table(lines.path, rows)
     confidence = confidence_of(lines.path, rows, table[:, -1:], STATES)[:, 0]
-    return SkeletonFrame(time, int(user), *to_kinect20(K25, table[:, :3], confidence))
+    turns = of_bones_that_begin(orientations_to_kinect20(K25, table[:, 7:11]))
+    return SkeletonFrame(time, int(user), *to_kinect20(K25, table[:, :3], confidence), turns)

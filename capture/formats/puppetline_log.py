@@ -6,10 +6,13 @@ A line that was torn in mid-write is left out, with a note. Any other line that 
 import json
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.events import Cue, Event, Lost, Tick
@@ -20,6 +23,7 @@ from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
 
 _MAGIC = b'{"puppetline": "skeleton log"'
+_EARLIER = b'{"beginning": {'  # the second line of takes of an earlier version
 _FIX = "Mend or remove this line."
 
 
@@ -41,16 +45,16 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG00
     return clips_by_performer(path, "puppetline", frames, _notes(torn))
 
 
-def beginning(path: Path) -> dict[str, Any] | None:
-    """Return what a recording says the stage was like when it began, None where it does not say.
+def is_of_an_earlier_version(path: Path) -> bool:
+    """Return whether a take begins with the state of a stage of an earlier version, which is ignored.
 
     Raises
     ------
     SkeletonLogError
-        The file cannot be opened, or one of its first lines is complete but wrong.
+        The file cannot be read.
     """
-    first = next(_contents(path, []), None)
-    return first if isinstance(first, dict) else None
+    with _opened(path) as file:
+        return any(line.startswith(_EARLIER) for line in islice(file, 1, 2))
 
 
 def events(path: Path) -> Iterator[Event]:
@@ -61,26 +65,26 @@ def events(path: Path) -> Iterator[Event]:
     SkeletonLogError
         When it comes to it: the file cannot be read, or a line is complete but wrong.
     """
-    return (event for event in _contents(path, []) if not isinstance(event, dict))
+    return _contents(path, [])
 
 
-def _contents(path: Path, torn: list[int]) -> Iterator[Event | dict[str, Any]]:
-    """Go through the lines after the header: the beginning, which is a dict, and events; note the torn ones."""
-    begun = False
+def _contents(path: Path, torn: list[int]) -> Iterator[Event]:
+    """Go through the events after the header; note the torn lines."""
+    with _opened(path) as file:
+        for number, raw in enumerate(file, 1):
+            if not raw.endswith((b"}\n", b"}\r\n")):
+                torn.append(number)
+            elif number == 1:
+                _check_header(path, _json(path, number, raw))
+            elif number > 2 or not raw.startswith(_EARLIER):
+                yield _event(path, number, _json(path, number, raw))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
     try:
         with path.open("rb") as file:
-            for number, raw in enumerate(file, 1):
-                if not raw.endswith((b"}\n", b"}\r\n")):
-                    torn.append(number)
-                    continue
-                line = _json(path, number, raw)
-                if number == 1:
-                    _check_header(path, line)
-                    continue
-                if "beginning" in line and begun:
-                    raise _wrong(path, number, "beginning", line["beginning"], "that only before all events")
-                yield _content(path, number, line)
-                begun = True
+            yield file
     except OSError as error:
         raise SkeletonLogError(
             path, found=f"“{error.strerror}”", expected="a readable file", fix="Check its path and permissions."
@@ -117,9 +121,7 @@ def _check_header(path: Path, header: dict[str, Any]) -> None:
         raise _wrong(path, 1, "joints", header.get("joints"), "the 20 joint names from hip_center to foot_right")
 
 
-def _content(path: Path, number: int, line: dict[str, Any]) -> Event | dict[str, Any]:
-    if "beginning" in line:
-        return _object(path, number, "beginning", line)
+def _event(path: Path, number: int, line: dict[str, Any]) -> Event:
     time = line.get("t")
     if not _is_number(time):
         raise _wrong(path, number, "t", time, "seconds, a finite number")
@@ -148,7 +150,17 @@ def _frame(path: Path, number: int, time: float, line: dict[str, Any]) -> Skelet
         if trust != LOST and not (isinstance(place, list) and len(place) == 3 and all(map(_is_number, place))):
             raise _wrong(path, number, f"p[{joint}]", place, "[x, y, z] in metres, as its confidence is not 0")
     positions = np.array([(np.nan,) * 3 if place is None else place for place in places], dtype=np.float64)
-    return SkeletonFrame(time, user, positions, confidence)
+    return SkeletonFrame(time, user, positions, confidence, _orientations(path, number, line))
+
+
+def _orientations(path: Path, number: int, line: dict[str, Any]) -> NDArray[np.float64] | None:
+    if "o" not in line:
+        return None
+    turns = _of_joints(path, number, "o", line["o"])
+    for joint, turn in enumerate(turns):
+        if turn is not None and not (isinstance(turn, list) and len(turn) == 4 and all(map(_is_number, turn))):
+            raise _wrong(path, number, f"o[{joint}]", turn, "[w, x, y, z] or null")
+    return np.array([(np.nan,) * 4 if turn is None else turn for turn in turns], dtype=np.float64)
 
 
 def _of_joints(path: Path, number: int, key: str, value: object) -> list[Any]:

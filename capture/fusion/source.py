@@ -67,15 +67,12 @@ class FusedSource:
     name : str
     counts : Counts
         The sum of the members'.
-    beginning : None
 
     Raises
     ------
     PuppetlineError
         A member cannot be opened.
     """
-
-    beginning: dict[str, Any] | None = None
 
     def __init__(
         self, name: str, members: Sequence[Member], opener: Callable[[str], SkeletonSource], recorded: bool = False

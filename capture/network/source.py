@@ -6,7 +6,6 @@ import math
 import socket
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -88,7 +87,6 @@ class OscSource:
     ----------
     name : str
     counts : Counts
-    beginning : None
     port : int
         Where it listens: the system's choice for port 0.
 
@@ -98,7 +96,6 @@ class OscSource:
         The port is taken, or the host is none of this machine's.
     """
 
-    beginning: dict[str, Any] | None = None
     recorded = False
 
     def __init__(self, name: str, address: Address) -> None:

@@ -33,7 +33,7 @@ NEAREST, FARTHEST = 0.8, 4.5
 SILENT = 1.0
 """Seconds without a frame after which a performer has gone, though nobody said so."""
 RECENT = 2.0
-"""Seconds for which somebody who looks on and on wants to know what came."""
+"""Period that a status line is about, in seconds."""
 SLOW = 12.0
 """Frames a second under which a performance is seen to stutter."""
 FROZEN = 10
@@ -300,6 +300,17 @@ def reasons(sight: Sight) -> list[Reason]:
     for user, performer in sorted(sight.performers.items()):
         found += _of_performer(f"User {user}", performer, sight.picture)
     return [*found, _of_failure(sight)] if sight.failure else found
+
+
+def status_line(sight: Sight) -> str:
+    """Return one line that says what is wrong, what to do about it, and how well each performer is seen.
+
+    Texts of drivers and of the network are part of it. Characters that a terminal would obey become spaces.
+    """
+    problem = next(iter(reasons(sight)), Reason("All is well."))
+    performers = [told(performer) for _, performer in sorted(sight.performers.items())]
+    line = " · ".join(text for text in (problem.what, problem.fix, *performers) if text)
+    return "".join(character if character.isprintable() else " " for character in line)
 
 
 def summary(sight: Sight, why: Sequence[Reason]) -> dict[str, Any]:

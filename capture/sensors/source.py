@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, replace
-from typing import Any
 
 import numpy as np
 
@@ -77,12 +76,9 @@ class SensorSource:
     name : str
     counts : Counts
         Received are pictures; dropped are those that were overtaken or too old, and so are frames.
-    beginning : None
     seen : Picture or None
         The newest picture in which people were looked for.
     """
-
-    beginning: dict[str, Any] | None = None
 
     def __init__(
         self,

@@ -1,30 +1,34 @@
 """Recorded skeletons given again as a live source gives them: ``replay:FILE`` and ``demo:NAME``.
 
-A take of a stage (one that says how it began) gives the very events that were recorded. Other recordings are frames and
-little else; where they are silent for longer than `GAP`, ticks are put in, so that what waits or eases goes on.
+A take of a stage (one that begins with the cue ``stage``) gives the very events that were recorded. Other recordings
+are frames and little else; where they are silent for longer than `GAP`, ticks are put in, so that what waits or eases
+goes on.
 
 The clock of the events is the recording's own. It runs as the monotonic clock does from the first call of `receive` on,
 and waits for a caller who was away for longer than `PATIENCE`: what comes then is late, and not all at once.
 """
 
+import logging
 import math
 import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.events import TICK, Event, Lost, Tick
+from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.formats import FARTHEST, puppetline_log, read_log, recognize
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
+
+log = logging.getLogger(__name__)
 
 GAP = 3 * TICK
 """Seconds of silence in a recording that are not filled with ticks: slow sensors give 10 frames a second."""
@@ -47,8 +51,6 @@ class TakeSource:
         Goes through the recording's events from the start.
     loop : bool
         Whether to play it again when it has ended. The times go on then; those of the first pass are the recording's.
-    beginning : dict, optional
-        What the stage was like when the recording began; where it is given, no ticks are put in.
 
     Raises
     ------
@@ -56,18 +58,14 @@ class TakeSource:
         If the recording has no event.
     """
 
-    def __init__(
-        self, name: str, play: Callable[[], Iterable[Event]], loop: bool, beginning: dict[str, Any] | None = None
-    ) -> None:
+    def __init__(self, name: str, play: Callable[[], Iterable[Event]], loop: bool) -> None:
         self.name = name
         self.counts = Counts()
-        self.beginning = beginning
         self.recorded = True
         self._play = play
         self.damaged = False
         """Whether it cannot be read any further, though it has not ended."""
 
-        self._first_end = math.inf
         self._events = self._endless() if loop else self._pass()
         self._end: PuppetlineError = SourceError(
             name, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to play it in a loop."
@@ -94,7 +92,9 @@ class TakeSource:
         """
         if recognize(path) is not puppetline_log:
             return cls.of_clips(name, read_log(path), loop)
-        return cls(name, lambda: _within_reach(path), loop, puppetline_log.beginning(path))
+        if puppetline_log.is_of_an_earlier_version(path):
+            log.warning("%s: recorded by an earlier version: performers are calibrated again", path)
+        return cls(name, lambda: _within_reach(path), loop)
 
     @classmethod
     def of_clips(cls, name: str, clips: Sequence[SkeletonClip], loop: bool = False) -> Self:
@@ -151,10 +151,6 @@ class TakeSource:
         self._next = None
         self._events.close()
 
-    def is_first_pass(self, time: float) -> bool:
-        """Tell whether an event of that time is the recording's own, not one of a later pass of a loop."""
-        return time <= self._first_end
-
     def _endless(self) -> Generator[Event, None, None]:
         """Play again and again, each pass beginning a tick after the end of the one before.
 
@@ -173,13 +169,14 @@ class TakeSource:
                 end = event.time + shift
             if end is None or end == start:
                 return
-            self._first_end = min(self._first_end, end)
             for user in sorted(users):
                 yield Lost(end, user)
 
     def _pass(self) -> Generator[Event, None, None]:
         events = _forward(self._play(), self.counts.refused)
-        return _with_ticks(events) if self.beginning is None else events
+        for first in events:
+            rest = chain([first], events)
+            yield from rest if isinstance(first, Cue) and first.do == "stage" else _with_ticks(rest)
 
     def _following(self) -> Event | None:
         try:

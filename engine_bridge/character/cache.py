@@ -37,7 +37,9 @@ def key_of(*things: object) -> str:
     return digest.hexdigest()[:32]
 
 
-def recall(folder: Path | None, key: str, make: Callable[[], Arrays]) -> Arrays:
+def recall(
+    folder: Path | None, key: str, make: Callable[[], Arrays], is_current: Callable[[Arrays], bool] = lambda _: True
+) -> Arrays:
     """Take arrays from their file, or make them and write that file.
 
     A file that is damaged, or holds something else, is made anew with a warning in the log; a folder that cannot be
@@ -51,13 +53,17 @@ def recall(folder: Path | None, key: str, make: Callable[[], Arrays]) -> Arrays:
         From `key_of`, with all that the arrays depend on.
     make : callable
         Any error of it is passed on.
+    is_current : callable, optional
+        Tells whether arrays that were kept still hold, for what their key cannot say.
     """
     if folder is None:
         return make()
     path = folder / f"{key}.npz"
     if path.exists():
         try:
-            return _read(path, key)
+            arrays = _read(path, key)
+            if is_current(arrays):
+                return arrays
         except Exception as error:  # whatever is wrong with a cache, the cure is the same
             log.warning("%s: %s: it is made anew", path, error)
     arrays = make()

@@ -16,12 +16,14 @@ from numpy.typing import NDArray
 from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.document import MAGIC, Document, damaged
-from engine_bridge.character.readers import SURFACE_FILES, read_surface
+from engine_bridge.character.parsed import read_document
+from engine_bridge.character.readers import SURFACE_FILES
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
 from engine_bridge.character.surfaces.surface import FARTHEST, Piece, Surface, material_for
 from puppetline.errors import MeshError, at
+from puppetline.files import read_whole
 from solver.surface.mesh import SolverMesh, weld
 
 CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
@@ -116,7 +118,7 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
     ----------
     path : Path
     cache : Path, optional
-        Folder for what is computed for a surface file, see `engine_bridge.character.cache.recall`.
+        Folder for documents of surface files, see `engine_bridge.character.parsed.read_document`.
 
     Raises
     ------
@@ -125,19 +127,10 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
         raise MeshError(path, found=found, expected="a mesh", fix="Check the path to the character's mesh.")
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-    except OSError as error:
-        raise MeshError(
-            path,
-            found=f"that it cannot be read ({error.strerror})",
-            expected="a mesh",
-            fix="Check the file's permissions.",
-        ) from error
-    if head[:4] == MAGIC or head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
-        return from_document(Document.load(path))
-    return from_document(assemble(read_surface(path, cache), path.stem, str(path)))
+    content = read_whole(path, "a mesh", MeshError)
+    if content[:4] == MAGIC or content[:4096].lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{"):
+        return from_document(Document.load(path, content))
+    return from_document(read_document(path, content, cache))
 
 
 def make_character(

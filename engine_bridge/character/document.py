@@ -17,7 +17,7 @@ from PIL import Image
 from engine_bridge.character import schema
 from engine_bridge.character.schema import Accessor, BufferView, Gltf, Kind, Primitive
 from puppetline.errors import MeshError, OutputError, at
-from puppetline.files import written_whole
+from puppetline.files import read_whole, written_whole
 
 COMPONENTS: dict[int, type] = {
     5120: np.int8,
@@ -79,20 +79,22 @@ class Document:
         self.notes: list[str] = []
 
     @classmethod
-    def load(cls, path: Path) -> "Document":
+    def load(cls, path: Path, content: bytes | None = None) -> "Document":
         """Read a .glb or .gltf file with its buffers and pictures.
+
+        Parameters
+        ----------
+        path : Path
+        content : bytes, optional
+            Of that file, where it has been read already.
 
         Raises
         ------
         MeshError
             Not glTF 2.0, damaged, packed, or a file beside it that is missing.
         """
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise MeshError(
-                path, found=f"that it cannot be read ({error.strerror})", expected="a glTF file", fix="Check the path."
-            ) from error
+        if content is None:
+            content = read_whole(path, "a glTF file", MeshError)
         text, binary = _chunks(path, content) if content[:4] == MAGIC else (content, b"")
         description, nulls = _description(path, text)
         document = cls(description, name=str(path))

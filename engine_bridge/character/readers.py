@@ -6,6 +6,7 @@ from engine_bridge.character.shading import shaded
 from engine_bridge.character.surfaces import obj, off, ply, ply_tables, stl
 from engine_bridge.character.surfaces.surface import Surface
 from puppetline.errors import MeshError
+from puppetline.files import read_whole
 
 READERS = {".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.read}
 
@@ -15,14 +16,14 @@ HEAD_SIZE = 65536
 """Bytes from which a format is recognised."""
 
 
-def read_surface(path: Path, cache: Path | None = None) -> Surface:
+def read_surface(path: Path, content: bytes | None = None) -> Surface:
     """Read a mesh file, ready to be shown.
 
     Parameters
     ----------
     path : Path
-    cache : Path, optional
-        See `engine_bridge.character.shading.shaded`.
+    content : bytes, optional
+        Of that file, where it has been read already.
 
     Returns
     -------
@@ -34,15 +35,8 @@ def read_surface(path: Path, cache: Path | None = None) -> Surface:
     MeshError
         A file that cannot be opened, that is of another kind or damaged, or that holds no surface.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise MeshError(
-            path,
-            found=f"that it cannot be read ({error.strerror})",
-            expected="a mesh",
-            fix="Check the path and the file's permissions.",
-        ) from error
+    if content is None:
+        content = read_whole(path, "a mesh", MeshError)
     ending = _recognized(path, content)
     if ending is None:
         raise MeshError(
@@ -51,7 +45,7 @@ def read_surface(path: Path, cache: Path | None = None) -> Surface:
             expected=f".glb, .gltf, {', '.join(SURFACE_FILES)}",
             fix="Export the character as .glb from your editor.",
         )
-    return shaded(READERS[ending](path, content), str(path), cache)
+    return shaded(READERS[ending](path, content), str(path))
 
 
 def _recognized(path: Path, content: bytes) -> str | None:

@@ -1,14 +1,12 @@
 """What a surface lacks to be shown: faces that all look outwards, normals, and both sides of what is open."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import igl
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from engine_bridge.character.cache import Arrays, key_of, recall
 from engine_bridge.character.surfaces.corners import alike
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
@@ -28,7 +26,7 @@ UP = (0.0, 1.0, 0.0)
 """The normal of a vertex that is in no face with an area."""
 
 
-def shaded(surface: Surface, name: str, cache: Path | None = None) -> Surface:
+def shaded(surface: Surface, name: str) -> Surface:
     """Complete a surface; the order and number of its vertices and triangles stay.
 
     Where no piece has normals, triangles that contradict their neighbours or look into a closed part are turned over.
@@ -41,8 +39,6 @@ def shaded(surface: Surface, name: str, cache: Path | None = None) -> Surface:
     surface : Surface
     name : str
         What an error message calls it.
-    cache : Path, optional
-        Folder for what is computed, see `engine_bridge.character.cache.recall`.
 
     Raises
     ------
@@ -54,9 +50,7 @@ def shaded(surface: Surface, name: str, cache: Path | None = None) -> Surface:
     triangles = np.concatenate([piece.triangles + start for piece, start in zip(surface.pieces, starts, strict=False)])
     _check_size(positions, triangles, name)
     has_normals = any(piece.normals is not None for piece in surface.pieces)
-    key = key_of("shading", has_normals, surface.faceted, positions, triangles)
-    shading = recall(cache, key, lambda: _shading(positions, triangles, has_normals, surface.faceted, name))
-    turned, is_open, normals = shading["turned"], shading["is_open"], shading.get("normals")
+    turned, is_open, normals = _shading(positions, triangles, has_normals, surface.faceted, name)
     notes = list(dict.fromkeys(surface.notes))
     if turned.any():
         triangles[turned] = triangles[turned, ::-1]
@@ -80,23 +74,23 @@ def shaded(surface: Surface, name: str, cache: Path | None = None) -> Surface:
 
 def _shading(
     positions: NDArray[np.float64], triangles: NDArray[np.int64], has_normals: bool, faceted: bool, name: str
-) -> Arrays:
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64] | None]:
     """Compute which triangles are turned over, which are in open parts, and normals, except for an angular surface."""
     mesh = weld(positions, triangles, name)
     welded = mesh.of_render[triangles]
     turned = np.zeros(len(triangles), dtype=np.bool_) if has_normals else wrongly_wound(mesh.vertices, welded)
     triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     welded = np.where(turned[:, None], welded[:, ::-1], welded)
-    made = {"turned": turned, "is_open": in_open_part(welded, len(mesh.vertices))}
+    is_open = in_open_part(welded, len(mesh.vertices))
     if faceted:
-        return made | {"normals": _facet_normals(positions, triangles)}
+        return turned, is_open, _facet_normals(positions, triangles)
     if not has_normals and is_angular(mesh.vertices, mesh.faces):
-        return made
+        return turned, is_open, None
     first, is_back = _sides(welded)
     normals = unit(igl.per_vertex_normals(mesh.vertices, welded[first])[mesh.of_render], UP)
     if is_back.any():
         normals[np.setdiff1d(triangles[is_back], triangles[~is_back])] *= -1
-    return made | {"normals": normals}
+    return turned, is_open, normals
 
 
 def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 PORT = click.IntRange(0, 65534)
 
+_STATUS_PERIOD = 0.2  # seconds between two status lines
+
 
 @click.command()
 @click.option("--config", type=FILE, metavar="SERVICE.toml", help="A service file, instead of the options below.")
@@ -87,7 +89,7 @@ def _run(
         stack.enter_context(logs.beside())
         display = None
         if status:
-            from engine_bridge.service.monitoring.status import StatusDisplay
+            from engine_bridge.service.monitoring.status_table import StatusDisplay
 
             display = StatusDisplay()
             stack.callback(display.close)
@@ -181,7 +183,7 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 @click.command()
 @click.option("--source", required=True, metavar="URI", help="As for puppetline serve.")
 @click.option("-o", "--output", type=FILE, help="The .png to write.")
-@click.option("--live", is_flag=True, help="Show in this terminal what is seen now, again and again.")
+@click.option("--live", is_flag=True, help="Keep a status line in this terminal.")
 @click.option(
     "--seconds",
     type=Finite(0, min_open=True),
@@ -197,7 +199,7 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
     if output is None and not live:
         raise click.UsageError("Give -o, --live, or both.")
     if live and not sys.stdout.isatty():
-        raise click.UsageError("--live wants a terminal; -o look.png draws a picture.")
+        raise click.UsageError("--live requires a terminal. Use -o look.png to draw an image.")
     if output is not None:
         check_writable(output, ".png")
     if sys.stderr.isatty():
@@ -242,27 +244,39 @@ def _seen(source: str, seconds: float | None) -> "Sight":
 
 
 def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
-    """Show on the terminal what is seen of a source; return what was last, and whether the terminal is still there."""
+    """Keep a status line on the terminal; return what was last seen, and whether the terminal is still there."""
     import math
+    import time
+    from dataclasses import replace
+
+    from rich.live import Live
+    from rich.text import Text
 
     from capture.reconnecting import Reopening
-    from capture.sensors.sight import RECENT, Watch
+    from capture.sensors.sight import RECENT, Watch, status_line
     from capture.sources.registry import open_source
-    from engine_bridge.cli.screen import Screen
-    from engine_bridge.cli.view import watch_live
     from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.signals import Signals
 
+    connected = True
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         stack.enter_context(native_output.logged())
         opened = Reopening(source, lambda: open_source(source))
         stack.callback(opened.close)
-        screen = stack.enter_context(Screen())
         signals.waiting = True
-        looking, end = Watch(opened, RECENT), math.inf if seconds is None else seconds
-        sight = watch_live(looking, screen, lambda: signals.stop or signals.take_reload(), end)
-    return sight, not screen.gone
+        looking, end = Watch(opened, RECENT), time.monotonic() + (math.inf if seconds is None else seconds)
+        try:
+            with Live(auto_refresh=False, transient=True) as line:
+                while not (signals.stop or signals.take_reload() or looking.over or time.monotonic() >= end):
+                    due = min(time.monotonic() + _STATUS_PERIOD, end)
+                    while not (signals.stop or looking.over) and time.monotonic() < due:
+                        looking.take_in(due)
+                    line.update(Text(status_line(looking.sight())), refresh=True)
+        except OSError:  # the terminal was closed
+            connected = False
+        sight = replace(looking.sight(), retried=False)
+    return sight, connected
 
 
 @click.command()
@@ -328,7 +342,7 @@ def listen(
     from dataclasses import asdict
 
     from engine_bridge.client import listening
-    from engine_bridge.service.security.endpoints import read_token
+    from engine_bridge.service.security.credentials import read_token
 
     token = read_token(token_file)
     report = listening.listen(
@@ -420,7 +434,7 @@ def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
 @click.argument("file", type=FILE)
 def token(file: Path) -> None:
     """Write a new token to FILE, for serve and for its clients."""
-    from engine_bridge.service.security.endpoints import make_token
+    from engine_bridge.service.security.credentials import make_token
 
     make_token(file)
     click.echo(f"{file}: give it to puppetline serve --token-file, and to the clients.")
@@ -430,7 +444,7 @@ def token(file: Path) -> None:
 @click.argument("file", type=FILE)
 def keys(file: Path) -> None:
     """Write new CURVE keys to FILE, NAME.key_secret, and NAME.key."""
-    from engine_bridge.service.security.endpoints import make_curve_keys
+    from engine_bridge.service.security.credentials import make_curve_keys
 
     make_curve_keys(file)
     click.echo(f"{file}: keep it; {file.with_suffix('.key')}: hand it out.")

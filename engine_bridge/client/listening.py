@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import zmq
 
-from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, STATES, Kind, WireError, subscription
+from engine_bridge.service.protocol.header import FRAME_KINDS, NAME, Kind, WireError, subscription
 from engine_bridge.service.protocol.payloads import Morphs, Received, decode
 from engine_bridge.service.security.endpoints import keep_alive
+from engine_bridge.service.states import STATES
 from puppetline.errors import ServiceError
 
 ADDRESS = "tcp://127.0.0.1:7400"

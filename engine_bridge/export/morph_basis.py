@@ -20,7 +20,7 @@ from engine_bridge.character.character import Character
 from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import AT_A_TIME, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
-from engine_bridge.performance.frame_store import Frames
+from engine_bridge.performance.frame_store import Frames, evenly
 from solver.model.batch import FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import NULL_SPACE, ReducedModel
@@ -173,8 +173,8 @@ class _Sample:
     ) -> None:
         self._model, self._binding = model, binding
         self._frames, self._directions = frames, directions
-        self._vertices = _evenly(len(binding), SAMPLE)
-        self._chosen = _evenly(len(frames), SAMPLE)
+        self._vertices = evenly(len(binding), SAMPLE)
+        self._chosen = evenly(len(frames), SAMPLE)
 
     def include(self, frames: NDArray[np.int64], vertices: NDArray[np.int64]) -> None:
         self._chosen = np.union1d(self._chosen, frames)
@@ -191,10 +191,6 @@ class _Sample:
                 return count
             residual -= moved[:, :, count, None] * coordinates[:, count]
         return limit
-
-
-def _evenly(n: int, count: int) -> NDArray[np.int64]:
-    return np.unique(np.linspace(0, n - 1, min(n, count)).astype(np.int64))
 
 
 def _measure(
@@ -268,7 +264,7 @@ def _normal_targets(turning: TurningNormals, frames: Frames, weights: NDArray[np
     that are looked at, whose number depends on the number of targets only.
     """
     count = weights.shape[1]
-    chosen = _evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
+    chosen = evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
     solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).T.astype(np.float32)
     fitted = np.zeros((3 * len(turning), count), dtype=np.float32)
     for start in range(0, len(chosen), AT_A_TIME):

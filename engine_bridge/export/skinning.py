@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from engine_bridge.export import bone_motion, skin_weights
+from engine_bridge.performance.frame_store import evenly
 from puppetline.errors import OutputError
 from solver.model.binding import Binding
 from solver.model.reduced_model import ReducedModel, position_matrix
@@ -173,10 +174,10 @@ class _Sample:
         self._W = position_matrix(self._rest, model.ladder.astype(np.float64), model.weights, model.isolines)
         count = len(self._rest)
         poses = np.concatenate([model.rest_controls[None], frames])
-        seen = _places(self._W[_evenly(count, PROBES)], poses)
+        seen = _places(self._W[evenly(count, PROBES)], poses)
         self._frames = poses[farthest(seen.swapaxes(0, 1).reshape(len(poses), -1), FRAMES)]
         moves = _places(self._W, self._frames[:TELLING]).reshape(count, -1)
-        eligible = _evenly(count, ELIGIBLE)
+        eligible = evenly(count, ELIGIBLE)
         self._vertices = eligible[farthest(moves[eligible], VERTICES)]
         ranks = range(1, min(NEIGHBOURS, len(self._vertices)) + 1)
         distance, near = cKDTree(moves[self._vertices]).query(moves, k=ranks)
@@ -320,10 +321,6 @@ def _places(W: csr_matrix, frames: NDArray[np.floating]) -> NDArray[np.float64]:
 
 def _with_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([points, np.ones(len(points))])
-
-
-def _evenly(n: int, count: int) -> NDArray[np.int64]:
-    return np.unique(np.linspace(0, n - 1, min(n, count)).astype(np.int64))
 
 
 def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -1,7 +1,6 @@
 """When a performer stands still, and in which pose."""
 
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,27 +74,6 @@ class LastSecond:
         if not frames:
             return np.empty((0, len(JOINTS), 3)), np.empty((0, len(JOINTS)), dtype=np.float32)
         return np.stack([frame.positions for frame in frames]), np.stack([frame.confidence for frame in frames])
-
-    @property
-    def memory(self) -> dict[str, Any]:
-        """What is remembered; setting it goes on where another one was."""
-        positions, confidence = self._stacked(SECOND)
-        return {
-            "times": np.array([frame.time for frame in self._frames]),
-            "user": np.array([frame.user for frame in self._frames]),
-            "positions": positions,
-            "confidence": confidence,
-        }
-
-    @memory.setter
-    def memory(self, memory: dict[str, Any]) -> None:
-        columns = [memory[name] for name in ("times", "user", "positions", "confidence")]
-        count = len(columns[0])
-        if [each.shape for each in columns] != [(count,), (count,), (count, len(JOINTS), 3), (count, len(JOINTS))]:
-            raise ValueError(f"frames of the shapes {[each.shape for each in columns]}")
-        self._frames = deque(
-            (SkeletonFrame(float(t), int(user), p, c) for t, user, p, c in zip(*columns, strict=True)), MOST_FRAMES
-        )
 
 
 def same_body(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from capture import body
 from capture.formats import read_log
-from capture.skeleton import JOINTS, SkeletonFrame
+from capture.skeleton import JOINTS
 from capture.timeline import Timeline, choose, resample
 from engine_bridge.performance.frame_store import FrameStore
 from engine_bridge.performance.performance import Performance
@@ -140,7 +140,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int) -> I
         The next frames, at most `at_a_time`.
     """
     performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
-    times, count = timeline.times, len(timeline.positions)
+    count = len(timeline.positions)
     bones = len(performance.deformer.bones)
     for start in range(0, count, at_a_time):
         numbers = range(start, min(start + at_a_time, count))
@@ -148,8 +148,7 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int) -> I
         root = np.empty((len(numbers), 3), dtype=np.float32)
         motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
         for row, number in enumerate(numbers):
-            joints, confidence = timeline.positions[number], timeline.confidence[number]
-            pose = performance.step(SkeletonFrame(times[number], 0, joints, confidence))
+            pose = performance.step(timeline.frame(number))
             R[row], root[row], motions[row] = pose.R, pose.root, pose.motions
         yield Solved(R, root, motions)
 

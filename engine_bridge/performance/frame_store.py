@@ -87,3 +87,8 @@ class FrameStore:
     def _read(self, first: int, count: int) -> NDArray[np.float32]:
         self._file.seek(first * self._size)
         return np.frombuffer(self._file.read(count * self._size), dtype=np.float32).reshape(count, *self._shape)
+
+
+def evenly(n: int, count: int) -> NDArray[np.int64]:
+    """Return up to `count` indices of n, ascending, evenly spread, with the first and the last."""
+    return np.unique(np.linspace(0, n - 1, min(n, count)).astype(np.int64))

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
-from capture.skeleton import SkeletonFrame
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import Rig
@@ -73,8 +72,7 @@ class Idle:
         count = max(1, round(REST_SECONDS * self._fps))
         rest = body.resting_pose(timeline.positions, timeline.confidence, 0, count)
         retargeting = Retargeting(rig.puppet, rig.mesh, deformer, rest)
-        frames = zip(timeline.times, timeline.positions, timeline.confidence, strict=True)
-        aims = [retargeting.step(SkeletonFrame(float(time), 0, p, c)) for time, p, c in frames]
+        aims = [retargeting.step(timeline.frame(number)) for number in range(len(timeline.positions))]
         self.targets = _seamless(np.array([aim.targets for aim in aims]), self._fps)
         self.root = _seamless(np.array([aim.root for aim in aims]), self._fps)
         self._bones = deformer.bones

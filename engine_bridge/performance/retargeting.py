@@ -7,12 +7,11 @@ motion and scaled to the character (`solver.motion.retarget`); a character's tru
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
+from capture import body, orientations
 from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet.puppet import Puppet, axis_mask
@@ -101,7 +100,7 @@ class Retargeting:
             displacement = self._root_displacement(positions - self._rest, confidence > LOST)
             moved = self._root_return.step(frame.time, displacement[None], np.ones(1, dtype=bool))[0]
             moved = moved * axis_mask(self._puppet.root.axes)
-        motions = self._limbs.step(frame.time, positions, confidence)
+        motions = self._limbs.step(frame.time, positions, confidence, orientations=self._orientations(frame))
         if self._arms is not None:
             self._arms.step(frame.time, positions, confidence, motions, self._limbs.heading)
         trunk = self._limbs.trunk
@@ -116,29 +115,14 @@ class Retargeting:
         return Aim(targets, motions, root, joints)
 
     @property
-    def memory(self) -> dict[str, Any]:
-        """What is carried from frame to frame; setting it goes on where another of the same puppet and rest was."""
-        return {
-            "filter": self._filter.memory,
-            "handles": self._retargeter.memory,
-            "limbs": self._limbs.memory,
-            "arms": {} if self._arms is None else self._arms.memory,
-            "feet": {} if self._feet is None else self._feet.memory,
-            "root": self._root_return.memory,
-            "with_root": self._with_root,
-        }
+    def standing(self) -> NDArray[np.float64]:
+        """(l, 3) float64: where the character's feet are held, mesh file's coordinates; NaN where they are not."""
+        return np.empty((0, 3)) if self._feet is None else self._feet.places
 
-    @memory.setter
-    def memory(self, memory: dict[str, Any]) -> None:
-        self._filter.memory = memory["filter"]
-        self._retargeter.memory = memory["handles"]
-        self._limbs.memory = memory["limbs"]
-        if self._arms is not None:
-            self._arms.memory = memory["arms"]
-        if self._feet is not None:
-            self._feet.memory = memory["feet"]
-        self._root_return.memory = memory["root"]
-        self._with_root = memory["with_root"]
+    def stand(self, places: NDArray[np.float64]) -> None:
+        """Hold feet from the first frame on, as `standing` of another one of the same puppet says; others are not."""
+        if self._feet is not None and places.shape == self.standing.shape:
+            self._feet.hold(places)
 
     def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return joints (20, 3) from the hips and in the axes of a trunk that has moved."""
@@ -160,6 +144,15 @@ class Retargeting:
 
     def _to_character(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
+
+    def _orientations(self, frame: SkeletonFrame) -> NDArray[np.float64] | None:
+        """Return how the performer's bones are turned (20, 4), character axes, where the frame says so."""
+        if frame.orientations is None:
+            return None
+        mirror = self._puppet.retarget.mirror
+        return orientations.to_character_axes(
+            orientations.mirrored(frame.orientations) if mirror else frame.orientations
+        )
 
 
 def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:

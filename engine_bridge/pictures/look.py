@@ -23,78 +23,13 @@ PERFORMERS = ((86, 196, 255), (255, 130, 190), (160, 230, 110), (200, 160, 255))
 
 _GAP = 12
 _LEAST = 1.0  # metres around somebody that a panel shows at least
-_NARROWEST = 0.5  # of its height: a small view from above is not narrower
+_FINE = 2  # pixels that are drawn for each one of a panel, along an edge
+_BONE, _EDGE = 3, 1.5  # widths of a bone, and of the dark on either side of it, pixels
+_JOINT, _HEAD, _RIM = 4, 7, 1  # radii, and the width of the dark around them
+_GRID = 0.5  # metres from line to line where there is no picture
+_MARGIN = 1.3  # how much larger a view is than what is in it
 _Color = tuple[int, int, int]
 _Place = Sequence[float] | NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Manner:
-    """How panels are drawn; lengths are pixels of what is shown.
-
-    Attributes
-    ----------
-    fine : int
-        Pixels that are drawn for each one that is shown, along an edge.
-    bone, edge : float
-        Widths of a bone, and of the dark on either side of it.
-    joint, head : float
-        Radii; 0 for none.
-    rim : int
-        Width of the dark around joints.
-    light : float
-        Share of a picture's brightness that is left, so that skeletons stand out.
-    grid : float
-        Metres from line to line where there is no picture.
-    margin : float
-        How much larger a view is than what is in it.
-    room : float
-        Metres before the sensor that the view from above always shows.
-    step : float
-        Metres in which a view follows those who move; 0 to follow always.
-    lettered : bool
-        Whether there is room to write.
-    """
-
-    fine: int
-    bone: float
-    edge: float
-    joint: float
-    head: float
-    rim: int
-    light: float
-    grid: float
-    margin: float
-    room: float
-    step: float
-    lettered: bool
-
-
-_LARGE = _Manner(
-    fine=2, bone=3, edge=1.5, joint=4, head=7, rim=1, light=1, grid=0.5, margin=1.3, room=0, step=0, lettered=True
-)
-
-
-def _small(height: int, *, plain: bool) -> _Manner:
-    """Return how panels of so few pixels are drawn: without joints, which would be blots, in views that keep still.
-
-    Where there are few colours, lines are sharp and pictures darker.
-    """
-    bone = max(1.4, height / 45)
-    return _Manner(
-        fine=1 if plain else 6,
-        bone=bone,
-        edge=1.0 if plain else bone / 3,
-        joint=0,
-        head=1.2 * bone,
-        rim=0,
-        light=0.35 if plain else 0.7,
-        grid=1,
-        margin=1.1,
-        room=4,
-        step=0.5,
-        lettered=False,
-    )
 
 
 @dataclass(frozen=True)
@@ -109,7 +44,7 @@ class _View:
         return pixels
 
 
-class Panel:
+class _Panel:
     """A picture that is drawn finer than it is shown; places and lengths are pixels of what is shown.
 
     Parameters
@@ -117,30 +52,28 @@ class Panel:
     title : str
     size : (int, int)
         Width and height.
-    manner : _Manner
     background : (height, width, 3) uint8, optional
         Of any size.
     """
 
-    def __init__(
-        self, title: str, size: tuple[int, int], manner: _Manner, background: NDArray[np.uint8] | None = None
-    ) -> None:
-        self.title, self.size, self.manner = title, size, manner
-        fine = size[0] * manner.fine, size[1] * manner.fine
+    def __init__(self, title: str, size: tuple[int, int], background: NDArray[np.uint8] | None = None) -> None:
+        self.title, self.size = title, size
+        fine = size[0] * _FINE, size[1] * _FINE
         if background is None:
             self._image = Image.new("RGB", fine, PANEL)
         else:
             self._image = Image.fromarray(background).resize(fine, Image.Resampling.BILINEAR)
-            self._image = self._image.point(lambda value: value * manner.light)
         self._pen = ImageDraw.Draw(self._image)
 
     def image(self) -> Image.Image:
-        """Return what was drawn."""
+        """Write the title over all that was drawn, and return it."""
+        self._pen.rectangle([0, 0, _font(13 * _FINE).getlength(self.title) + 16 * _FINE, 24 * _FINE], PAPER)
+        self.text((8, 12), self.title, INK, 13, "lm")
         return self._image.resize(self.size, Image.Resampling.BOX)
 
     def line(self, start: _Place, end: _Place, color: _Color, width: float = 1) -> None:
         """Draw a straight line."""
-        self._pen.line([*self._fine(start), *self._fine(end)], color, round(width * self.manner.fine))
+        self._pen.line([*self._fine(start), *self._fine(end)], color, round(width * _FINE))
 
     def polygon(self, places: Iterable[_Place], color: _Color) -> None:
         """Fill what is between some places."""
@@ -148,31 +81,23 @@ class Panel:
 
     def disc(self, place: _Place, radius: float, color: _Color) -> None:
         """Draw a joint."""
-        (x, y), r = self._fine(place), radius * self.manner.fine
-        self._pen.ellipse([x - r, y - r, x + r, y + r], color, PAPER, self.manner.rim * self.manner.fine)
+        (x, y), r = self._fine(place), radius * _FINE
+        self._pen.ellipse([x - r, y - r, x + r, y + r], color, PAPER, _RIM * _FINE)
 
     def text(self, place: _Place, text: str, color: _Color, size: int, anchor: str, stroke: int = 0) -> None:
-        """Write, where there is room for it."""
-        if self.manner.lettered:
-            fine, font = self.manner.fine, _font(size * self.manner.fine)
-            self._pen.text(
-                self._fine(place), text, color, font, anchor=anchor, stroke_width=stroke * fine, stroke_fill=PAPER
-            )
-
-    def label(self) -> None:
-        """Write the title over all else."""
-        if self.manner.lettered:
-            fine = self.manner.fine
-            self._pen.rectangle([0, 0, _font(13 * fine).getlength(self.title) + 16 * fine, 24 * fine], PAPER)
-            self.text((8, 12), self.title, INK, 13, "lm")
+        """Write a text."""
+        font = _font(size * _FINE)
+        self._pen.text(
+            self._fine(place), text, color, font, anchor=anchor, stroke_width=stroke * _FINE, stroke_fill=PAPER
+        )
 
     def _fine(self, place: _Place) -> tuple[float, float]:
-        return float(place[0]) * self.manner.fine, float(place[1]) * self.manner.fine
+        return float(place[0]) * _FINE, float(place[1]) * _FINE
 
 
 def draw(sight: Sight, reasons: Sequence[Reason]) -> Image.Image:
     """Draw what was seen: panels side by side, and what is to be said about it below them."""
-    images = [panel.image() for panel in _large_panels(sight)]
+    images = [panel.image() for panel in _panels(sight)]
     width = sum(image.width + _GAP for image in images) + _GAP
     words = _words(sight, reasons, width - 2 * _GAP)
     whole = Image.new("RGB", (width, HEIGHT + words.height + 3 * _GAP), PAPER)
@@ -182,32 +107,6 @@ def draw(sight: Sight, reasons: Sequence[Reason]) -> Image.Image:
         left += image.width + _GAP
     whole.paste(words, (_GAP, HEIGHT + 2 * _GAP))
     return whole
-
-
-def small_panels(sight: Sight, width: int, height: int, *, plain: bool) -> list[Panel]:
-    """Draw what was seen for a screen of few pixels, a column of which is left free between panels.
-
-    They are what the sensor sees or the performers from the front, and, where there is room beside it, from above.
-
-    Parameters
-    ----------
-    sight : Sight
-    width, height : int
-        Of the screen.
-    plain : bool
-        Whether it has too few colours for shades.
-    """
-    performers = list(sight.performers.values())
-    picture = sight.picture
-    shape = 1.0 if picture is None else picture.lens.width / picture.lens.height
-    height = max(1, min(height, int(width / shape)))
-    manner, size = _small(height, plain=plain), (max(1, round(height * shape)), height)
-    first = _front(performers, size, manner) if picture is None else next(_seen(picture, performers, size, manner))
-    panels = [first]
-    left = min(width - size[0] - 1, height)
-    if left >= _NARROWEST * height:
-        panels.append(_above(performers, sight, (left, height), manner))
-    return panels
 
 
 def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
@@ -231,24 +130,24 @@ def shaded(depth: NDArray[np.uint16]) -> NDArray[np.uint8]:
     return grey
 
 
-def _large_panels(sight: Sight) -> Iterator[Panel]:
+def _panels(sight: Sight) -> Iterator[_Panel]:
     performers = list(sight.performers.values())
     square = HEIGHT, HEIGHT
     if sight.picture is None:
-        yield _front(performers, square, _LARGE)
+        yield _front(performers, square)
     else:
         lens = sight.picture.lens
-        yield from _seen(sight.picture, performers, (round(HEIGHT * lens.width / lens.height), HEIGHT), _LARGE)
-    yield _above(performers, sight, square, _LARGE)
+        yield from _seen(sight.picture, performers, (round(HEIGHT * lens.width / lens.height), HEIGHT))
+    yield _above(performers, sight, square)
 
 
-def _seen(picture: Picture, performers: list[Performer], size: tuple[int, int], manner: _Manner) -> Iterator[Panel]:
+def _seen(picture: Picture, performers: list[Performer], size: tuple[int, int]) -> Iterator[_Panel]:
     """Draw what the sensor sees: colour, depth, or both."""
     if picture.color is not None:
-        yield _overlaid("colour", picture, picture.color, performers, size, manner)
+        yield _overlaid("colour", picture, picture.color, performers, size)
     if picture.depth is not None:
         title = "depth, violet where there is none"
-        yield _overlaid(title, picture, shaded(picture.depth), performers, size, manner)
+        yield _overlaid(title, picture, shaded(picture.depth), performers, size)
 
 
 def _overlaid(
@@ -257,56 +156,51 @@ def _overlaid(
     pixels: NDArray[np.uint8],
     performers: list[Performer],
     size: tuple[int, int],
-    manner: _Manner,
-) -> Panel:
-    panel = Panel(title, size, manner, pixels)
+) -> _Panel:
+    panel = _Panel(title, size, pixels)
     scale = size[1] / picture.lens.height
     for performer in performers:
         before = performer.newest.positions[:, 2] > 0
         positions = np.where(before[:, None], performer.newest.positions, 1.0)
         _skeleton(panel, picture.lens.project(positions) * scale, performer, performer.known() & before)
-    panel.label()
     return panel
 
 
-def _front(performers: list[Performer], size: tuple[int, int], manner: _Manner) -> Panel:
+def _front(performers: list[Performer], size: tuple[int, int]) -> _Panel:
     """Draw performers as somebody at the sensor sees them, with their heights above the lowest foot."""
-    panel = Panel("from the front, their right hand on your left", size, manner)
+    panel = _Panel("from the front, their right hand on your left", size)
     low, high = _extent(performers)
     view = _view(low, high, [[-1, 0, 0], [0, -1, 0]], panel)
-    floor, grid = float(low[1]), manner.grid
+    floor = float(low[1])
     for line in range(-20, 21):
-        across = view.project(np.array([line * grid, 0, 0]))[0]
+        across = view.project(np.array([line * _GRID, 0, 0]))[0]
         panel.line((across, 0), (across, size[1]), LINES)
     for line in range(20):
-        down = view.project(np.array([0, floor + line * grid, 0]))[1]
+        down = view.project(np.array([0, floor + line * _GRID, 0]))[1]
         panel.line((0, down), (size[0], down), FAINT if line == 0 else LINES)
-        panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
+        panel.text((6, down - 1), f"{line * _GRID:g} m", FAINT, 11, "ls")
     for performer in performers:
         _skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
-    panel.label()
     return panel
 
 
-def _above(performers: list[Performer], sight: Sight, size: tuple[int, int], manner: _Manner) -> Panel:
+def _above(performers: list[Performer], sight: Sight, size: tuple[int, int]) -> _Panel:
     """Draw performers from above, the sensor below them."""
-    panel = Panel("from above", size, manner)
-    room, grid = manner.room, manner.grid
-    low, high = _extent(performers, [[-room / 3, 0, 0], [room / 3, 0, room]])
+    panel = _Panel("from above", size)
+    low, high = _extent(performers, [[0, 0, 0]])
     view = _view(low, high, [[-1, 0, 0], [0, 0, -1]], panel)
     for line in range(-40, 41):
-        across, down = view.project(np.array([line * grid, 0, line * grid]))
+        across, down = view.project(np.array([line * _GRID, 0, line * _GRID]))
         panel.line((across, 0), (across, size[1]), LINES)
         panel.line((0, down), (size[0], down), LINES)
         if line % 2 == 0:
-            panel.text((6, down - 1), f"{line * grid:g} m", FAINT, 11, "ls")
+            panel.text((6, down - 1), f"{line * _GRID:g} m", FAINT, 11, "ls")
     x, y = view.project(np.zeros(3))
-    r = manner.head
+    r = _HEAD
     panel.polygon([(x, y - 1.3 * r), (x - 1.15 * r, y + 0.85 * r), (x + 1.15 * r, y + 0.85 * r)], FAINT)
     panel.text((x + 14, y), "origin" if sight.listens else "sensor", FAINT, 12, "lm")
     for performer in performers:
         _skeleton(panel, view.project(performer.newest.positions), performer, performer.known())
-    panel.label()
     return panel
 
 
@@ -321,40 +215,32 @@ def _extent(
     return everybody.min(axis=0), everybody.max(axis=0)
 
 
-def _view(low: NDArray[np.float64], high: NDArray[np.float64], axes: list[list[int]], panel: Panel) -> _View:
+def _view(low: NDArray[np.float64], high: NDArray[np.float64], axes: list[list[int]], panel: _Panel) -> _View:
     """Show all between two corners in a panel."""
-    if step := panel.manner.step:
-        low, high = np.floor(low / step) * step, np.ceil(high / step) * step
     directions = np.array(axes, float)
     extent = np.maximum(np.abs(directions) @ (high - low), _LEAST)
-    scale = float((np.array(panel.size) / extent).min()) / panel.manner.margin
+    scale = float((np.array(panel.size) / extent).min()) / _MARGIN
     middle = directions @ ((low + high) / 2)
     return _View(directions * scale, np.array(panel.size) / 2 - middle * scale)
 
 
-def _skeleton(panel: Panel, pixels: NDArray[np.float64], performer: Performer, shown: NDArray[np.bool_]) -> None:
+def _skeleton(panel: _Panel, pixels: NDArray[np.float64], performer: Performer, shown: NDArray[np.bool_]) -> None:
     """Draw bones in the performer's colour, or in that of a guess."""
-    color, manner = color_of(performer), panel.manner
+    color = PERFORMERS[performer.newest.user % len(PERFORMERS)]
     seen = performer.seen()
     for child, parent in PARENTS.items():
         a, b = JOINT_INDEX[child], JOINT_INDEX[parent]
         if shown[a] and shown[b]:
-            panel.line(pixels[a], pixels[b], PAPER, manner.bone + 2 * manner.edge)
-            panel.line(pixels[a], pixels[b], color if seen[a] and seen[b] else GUESSED, manner.bone)
+            panel.line(pixels[a], pixels[b], PAPER, _BONE + 2 * _EDGE)
+            panel.line(pixels[a], pixels[b], color if seen[a] and seen[b] else GUESSED, _BONE)
     for name, index in JOINT_INDEX.items():
-        radius = manner.head if name == "head" else manner.joint
-        if shown[index] and radius:
-            panel.disc(pixels[index], radius, color if seen[index] else GUESSED)
+        if shown[index]:
+            panel.disc(pixels[index], _HEAD if name == "head" else _JOINT, color if seen[index] else GUESSED)
     labels = {"hand_left": ("left", 8, 0, "lm"), "hand_right": ("right", -8, 0, "rm")}
     labels["head"] = f"user {performer.newest.user}", 0, -10, "mb"
     for name, (text, right, down, anchor) in labels.items():
         if shown[JOINT_INDEX[name]]:
             panel.text(pixels[JOINT_INDEX[name]] + [right, down], text, color, 13, anchor, stroke=1)
-
-
-def color_of(performer: Performer) -> _Color:
-    """Return what a performer is drawn in."""
-    return PERFORMERS[performer.newest.user % len(PERFORMERS)]
 
 
 def _words(sight: Sight, reasons: Sequence[Reason], width: int) -> Image.Image:

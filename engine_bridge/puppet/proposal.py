@@ -41,8 +41,9 @@ MIDDLE_JOINTS: dict[str, tuple[str | tuple[str, ...], ...]] = {
 }
 """What drives a limb of the middle. A tail swings with the head from its second bone on."""
 
-LIMB_GAINS = {"neck": 0.5, "tail": -0.7}
-"""A neck does half of what the head does; a tail swings against the head, and less."""
+LIMB_GAINS = {"neck": 0.5, "tail": -0.7, "left wing": 0.5, "right wing": 0.5}
+"""A neck does half of what the head does; a tail swings against the head, and less. Wings that are spread at rest
+would go through the body where a hanging arm is raised."""
 
 ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
 """Limbs whose ends a user may give."""
@@ -114,16 +115,16 @@ def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
 
 
 def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> str:
-    def stands(limb: str) -> bool:
-        way = points[limb][-1] - points[limb][0]
+    def stands(way: NDArray[np.float64]) -> bool:
         return bool(way @ up > UPRIGHT * np.linalg.norm(way))
 
-    person = {"trunk", "left arm", "right arm", "left leg", "right leg"} <= points.keys() and stands("trunk")
-    if not person or name in ("tail", "neck", "left wing", "right wing"):
+    if not points.keys() >= {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}:
         return "turn"
-    if name == "head":
-        return "direction" if stands("head") else "turn"
-    return "direction"
+    trunk, head = (points[limb][-1] - points[limb][0] for limb in ("trunk", "head"))
+    body = trunk if np.linalg.norm(trunk) > np.linalg.norm(head) else points["head"][-1] - points["trunk"][0]
+    if not stands(body) or name in ("tail", "neck", "left wing", "right wing"):
+        return "turn"
+    return "turn" if name == "head" and not stands(head) else "direction"
 
 
 def _limb(chain: LimbChain, follow: str, points: Mapping[str, NDArray[np.float64]]) -> LimbTable:

@@ -417,7 +417,7 @@ def _joints(character: Character) -> list[Joint]:
     vrm = _vrm_names(document)
     parents = {child: index for index, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     number = {node: index for index, node in enumerate(nodes)}
-    owners, places = _followed(character), world_transforms(document)[:, :3, 3]
+    owners, places = _most_followed(character), world_transforms(document)[:, :3, 3]
     vertices = character.vertices
     joints = []
     for node in nodes:
@@ -439,16 +439,34 @@ def _vrm_names(document: Document) -> dict[int, str]:
     return {node: bone for bone, node in named if isinstance(bone, str) and isinstance(node, int)}
 
 
-def _followed(character: Character) -> NDArray[np.int64]:
-    """Return the node (N,) that each vertex follows most: a joint, or the node that shows it where it has no skin."""
-    gltf, followed = character.document.gltf, []
+def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return what moves each vertex: joints, or the node that shows it where it has no skin.
+
+    Parameters
+    ----------
+    character : Character
+
+    Returns
+    -------
+    nodes : (N, k) int64
+    shares : (N, k) float64
+        How much the vertex follows each of these nodes.
+    """
+    gltf, found = character.document.gltf, []
     for part in character.parts:
         node, count = gltf["nodes"][part.node], len(part.vertices)
         if "skin" in node:
             primitive = gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
             which, share = influences(character.document, primitive, node["skin"], count)
-            strongest = which[np.arange(count), share.argmax(axis=1)]
-            followed.append(np.array(gltf["skins"][node["skin"]]["joints"])[strongest])
+            found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
         else:
-            followed.append(np.full(count, part.node))
-    return np.concatenate(followed)
+            found.append((np.full((count, 1), part.node), np.ones((count, 1))))
+    width = max(which.shape[1] for which, _ in found)
+    padded = [[np.pad(array, ((0, 0), (0, width - array.shape[1]))) for array in pair] for pair in found]
+    return np.concatenate([which for which, _ in padded]), np.concatenate([share for _, share in padded])
+
+
+def _most_followed(character: Character) -> NDArray[np.int64]:
+    """Return the node (N,) that each vertex follows most."""
+    nodes, shares = followed(character)
+    return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

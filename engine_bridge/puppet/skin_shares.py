@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
-from engine_bridge.character.scene import influences, tree
+from engine_bridge.character.scene import tree
 from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import followed
 from solver.motion.limbs import Limb
 
 
@@ -32,18 +33,5 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
     of_node = np.zeros((len(character.document.gltf["nodes"]), found.shares.shape[1]))
     for node, parent in tree(character.document):
         of_node[node] = own.get(node, of_node[parent] if parent is not None else 0.0)
-    return np.concatenate([np.einsum("nk,nkb->nb", share, of_node[which]) for which, share in _followed(character)])
-
-
-def _followed(character: Character) -> list[tuple[NDArray[np.int64], NDArray[np.float64]]]:
-    """Return for each part the nodes (n, k) that its vertices follow, and how much."""
-    gltf, found = character.document.gltf, []
-    for part in character.parts:
-        node, count = gltf["nodes"][part.node], len(part.vertices)
-        if "skin" in node:
-            primitive = gltf["meshes"][node["mesh"]]["primitives"][part.primitive]
-            which, share = influences(character.document, primitive, node["skin"], count)
-            found.append((np.array(gltf["skins"][node["skin"]]["joints"])[which], share))
-        else:
-            found.append((np.full((count, 1), part.node), np.ones((count, 1))))
-    return found
+    which, share = followed(character)
+    return np.einsum("nk,nkb->nb", share, of_node[which])

@@ -1,4 +1,4 @@
-"""Calibrations kept on disk, so that a performer plays on at once when the service has been restarted in mid-scene."""
+"""Calibrations stored on disk, so that performers resume immediately after a restart of the service."""
 
 import json
 import logging
@@ -8,63 +8,62 @@ from typing import Any
 
 import platformdirs
 
-from engine_bridge.service.character_player import Calibration
-from engine_bridge.service.memory import pack, unpack
+from engine_bridge.service.performer_calibration import Calibration
 from engine_bridge.service.stage import Stage
 from puppetline.errors import OutputError
 from puppetline.files import written_whole
 
-VERSION = 2
+VERSION = 3
 
 log = logging.getLogger(__name__)
 
 
 def state_file() -> Path:
-    """Return where they are kept."""
+    """Return the file that they are stored in."""
     return platformdirs.user_state_path("puppetline") / "performers.json"
 
 
 def known_performers(stages: dict[str, tuple[Stage, float]]) -> Any:
-    """Return what is to be kept of stages, given each one's source and clock.
+    """Return the calibrations of stages in JSON's types.
 
     Parameters
     ----------
     stages : dict
-        From the source's URI to the stage and the time on the source's clock.
+        From each source's URI to its stage and the time on its clock.
 
     Returns
     -------
     JSON
     """
     ages = [
-        [uri, role.character.name, user, now - seen, pack(calibration.memory)]
+        [uri, player.character.name, user, now - seen, calibration.to_json()]
         for uri, (stage, now) in stages.items()
-        for role in stage.roles
-        for user, (calibration, seen) in role.remembered().items()
+        for player in stage.players
+        for user, (calibration, seen) in player.remembered().items()
     ]
     return {"version": VERSION, "written": time.time(), "performers": ages}
 
 
 def write(known: Any, path: Path) -> None:
-    """Write what `known_performers` has returned; where that cannot be done there is a warning."""
+    """Write the value of `known_performers`; log a warning if that fails."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as beside:
             beside.write_text(json.dumps(known), encoding="utf-8")
     except (OSError, OutputError) as error:
-        log.warning("calibrations are not kept: %s", error)
+        log.warning("could not save calibrations: %s", error)
 
 
 def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
-    """Give stages the calibrations of an earlier run; a file that is not there or damaged gives none."""
+    """Restore the calibrations of an earlier run; a missing or damaged file has none."""
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
         if known["version"] != VERSION:
             return
         away = max(0.0, time.time() - known["written"])
         performers = [
-            (uri, name, int(user), float(age) + away, Calibration.of_memory(unpack(memory)))
-            for uri, name, user, age, memory in known["performers"]
+            (uri, name, int(user), float(age) + away, Calibration.of_json(known_as))
+            for uri, name, user, age, known_as in known["performers"]
         ]
     except FileNotFoundError:
         return
@@ -72,11 +71,11 @@ def recall(stages: dict[str, tuple[Stage, float]], path: Path) -> None:
         log.warning("calibrations of the last run cannot be read (%s): %s", path, error)
         return
     for uri, (stage, now) in stages.items():
-        for role in stage.roles:
-            role.remember(
+        for player in stage.players:
+            player.remember(
                 {
                     user: (calibration, now - age)
                     for at, name, user, age, calibration in performers
-                    if (at, name) == (uri, role.character.name)
+                    if (at, name) == (uri, player.character.name)
                 }
             )

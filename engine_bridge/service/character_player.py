@@ -1,63 +1,55 @@
-"""One character on stage: who plays it, since when, and how it comes to rest when they leave.
+"""One character: its performer, its calibrations and mapping, and its motion without a performer.
 
-Every change (a performer found, lost, calibrated anew, mirrored) is a change of what handles and bones follow. They
-ease from where they were shown last to what they follow now, so that nothing ever jumps.
+Every change (a performer arrives, leaves, is calibrated again, is mirrored) changes what handles and bones follow. They
+ease from where they were last shown, see `easing`.
 """
 
-import hashlib
 import math
-from concurrent.futures import Executor, Future
+from collections.abc import Mapping
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import body
 from capture.events import TICK
 from capture.sensor_tilt import MOVED, Level, level_of
-from capture.skeleton import JOINT_INDEX, JOINTS, TRACKED, SkeletonFrame
+from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
-from engine_bridge.performance.calibration import NOW, LastSecond, same_body
 from engine_bridge.performance.idle import Idle, Places
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
-from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.memory import restore
+from engine_bridge.service.automatic_calibration import AutomaticCalibration, Calibrate
+from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
+from engine_bridge.service.performer_calibration import Calibration, PreparedCalibration, places_of, rows_of
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.states import State
 from puppetline.errors import ServiceError
 from solver.motion.feet import Feet
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.motion_blend import difference, moved_by
 from solver.motion.retarget import SmoothReturn, soft_limit
 
-Calibrate = Literal["still", "at_once", "command"]
-"""After the first still second; after a moment, in whatever pose; or when somebody says so."""
-
-State = Literal["waiting", "calibrating", "performing", "leaving"]
-
-HELD_UP = 2 * TICK
-"""Seconds from one frame to the next that easing takes into account: after a longer pause it would jump."""
-
-MOST_REMEMBERED = 16
-"""Performers whose calibration is kept after they have left."""
+MAX_REMEMBERED = 16
+"""Maximum number of performers whose calibration is kept after they have left."""
 
 
 @dataclass(frozen=True)
 class Manner:
-    """How a role treats its performers.
+    """How a character is calibrated and eased.
 
     Attributes
     ----------
     calibrate : {"still", "at_once", "command"}
     ease : float
-        Seconds in which a character goes over from one thing to another.
+        Duration of easing, in seconds.
     remember : float
-        Seconds for which somebody who left can come back without being calibrated.
+        Time within which a returning performer resumes without a calibration, in seconds.
     tilt, height : float or None
-        Of the sensor, see `Level`; None to find them out from performers who stand upright.
+        Of the sensor, see `Level`; None detects them from performers who stand upright.
     """
 
     calibrate: Calibrate = "still"
@@ -67,103 +59,25 @@ class Manner:
     height: float | None = None
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """What a performer looked like in the pose that stands for the character's rest pose.
+class CharacterPlayer:
+    """A character and its performer.
 
-    Attributes
-    ----------
-    rest : (20, 3) float64
-        Metres, sensor frame.
-    level : Level
-        How the sensor stood.
-    """
-
-    rest: NDArray[np.float64]
-    level: Level
-
-    @property
-    def height(self) -> float:
-        """How tall the performer is, metres."""
-        return body.height(self.rest)
-
-    @property
-    def reach(self) -> float:
-        """How far the performer's hands reach from the shoulders, metres, on average."""
-        return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
-
-    @property
-    def memory(self) -> list[Any]:
-        """All of it, for `engine_bridge.service.memory`."""
-        return [self.rest, asdict(self.level)]
-
-    @classmethod
-    def of_memory(cls, memory: list[Any]) -> "Calibration":
-        """Make one of what `memory` was.
-
-        Raises
-        ------
-        ValueError
-            It was something else.
-        """
-        rest, level = memory
-        if np.shape(rest) != (len(JOINTS), 3):
-            raise ValueError(f"a pose of shape {np.shape(rest)}")
-        return cls(rest, Level.of_json(level))
-
-
-@dataclass(frozen=True)
-class Part:
-    """A calibrated performer, and how they move the character.
-
-    Attributes
-    ----------
-    calibration : Calibration
-    mirror : bool
-    asked : float
-        When it was asked for.
-    puppet : Puppet
-        Whose mapping it was made with.
-    working : Future
-        Works the retargeting out, which takes a tenth of a second.
-    """
-
-    calibration: Calibration
-    mirror: bool
-    asked: float
-    puppet: Puppet
-    working: Future[Retargeting]
-
-    @property
-    def retargeting(self) -> Retargeting:
-        """Of a part that plays: it has been worked out."""
-        return self.working.result()
-
-    @property
-    def memory(self) -> list[Any]:
-        """All of it that can be kept."""
-        return [self.calibration.memory, self.mirror, self.asked]
-
-
-class Role:
-    """A character and whoever plays it.
-
-    A calibration takes time to work out. It waits in `next_part` until `begin` is called, so that whoever gives the
-    stage its events decides when, and a take can say when it was.
+    A calibration takes time to compute. It waits in `next_calibration` until `begin` is called, so that the caller
+    decides when, and a take can record when it was.
 
     Parameters
     ----------
     character : StreamedCharacter
     manner : Manner
     executor : Executor
-        Works calibrations out beside the stream.
+        Computes calibrations while the stream continues.
     idle : Path, optional
-        A skeleton log of what the character does while nobody plays it; it rests if left out.
+        Idle recording: the character's motion without a performer; its rest pose by default.
 
     Raises
     ------
     PuppetlineError
-        The log cannot be read, or the character cannot be solved for.
+        The recording cannot be read, or the character cannot be solved.
     """
 
     def __init__(
@@ -179,27 +93,24 @@ class Role:
         self._idle_log = idle
         self._idle: Idle | None = None
         self._idle = self.make_idle()
-        self.next_part: Part | None = None
-        self._part: Part | None = None
+        self.next_calibration: PreparedCalibration | None = None
+        self._current: PreparedCalibration | None = None
         self._held: Places | None = None
-        self._watched = JointFilter(rig.puppet.smoothing.parameters)  # of who is not calibrated yet
-        self._last_second = LastSecond()
-        self._look_again = False  # somebody who came back may be somebody else
-        self._in_passing = False  # calibrated before they stood still
+        self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
+        self._automatic = AutomaticCalibration(manner.calibrate)
         self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
-        self._floor: Level | None = None  # how the sensor stands by the floor that it sees
+        self._floor: Level | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
-        self._shown_at = self._idle_since = self._eased_since = -math.inf
+        self._idle_since = -math.inf
         self._rest = Places(
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
-        self._shown = self._eased_from = self._rest
-        self._apart: NDArray[np.float64] | None = None  # from what bones follow to where they eased from
+        self._easing = Easing(self._deformer.bones, self._rest, manner.ease)
         self._rehearse()
 
     def _rehearse(self) -> None:
-        """Do once what a frame does, so that no first frame waits for code to be compiled: that takes 15 seconds."""
+        """Run everything that a frame runs once, so that no frame waits for compilation, which takes 15 seconds."""
         self._watched.step(0.0, np.zeros((len(JOINTS), 3)), np.full(len(JOINTS), TRACKED, dtype=np.float32))
         self._watched.reset()
         SmoothReturn(1).step(0.0, np.zeros((1, 3)), np.ones(1, dtype=bool))
@@ -209,184 +120,183 @@ class Role:
         motions = LimbMotion(puppet.limbs, PERFORMER, unknown).step(0.0, unknown, lost)
         if legs := legs_of(puppet):
             Feet(self._deformer.bones, legs, 1.0).step(0.0, unknown, lost, motions, np.zeros(3))
-        self._eased(self._rest, 0.5)
-        self._apart = None
+        easing = Easing(self._deformer.bones, self._rest, 1.0)
+        easing.begin(0.0)
+        easing.show(MAX_STEP_SECONDS, self._rest)
         self._deformer.solve(self._deformer.handles)
         self._deformer.reset()
 
     @property
     def calibration(self) -> Calibration | None:
-        """Of who performs; None while nobody does."""
-        return None if self._part is None else self._part.calibration
+        """The calibration in use; None without a performer."""
+        return None if self._current is None else self._current.calibration
 
     @property
     def level(self) -> Level:
-        """How the sensor stands, as far as is known."""
+        """Position of the sensor, as far as it is known."""
         return self._level
 
-    @property
-    def digest(self) -> str:
-        """What another role must have as well to do the same: puppet, mesh, idle performance."""
-        rig = self.character.rig
-        digest = hashlib.sha256(puppet_file.dumps(rig.puppet).encode() + rig.model.rest_controls.tobytes())
-        if self._idle is not None:
-            digest.update(self._idle.targets.tobytes() + self._idle.motions.tobytes())
-        return digest.hexdigest()
-
     def enter(self, user: int, time: float) -> None:
-        """Give the character to somebody."""
-        self.user, self.state, self._in_passing = user, "calibrating", False
-        self._last_second.forget()
+        """Assign a performer to the character."""
+        self.user, self.state = user, "calibrating"
         self._watched.reset()
         calibration, left = self._remembered.pop(user, (None, 0.0))
         if calibration is not None and self._floor is not None:
-            stands = self._as_told(self._floor)
-            calibration = calibration if calibration.level.near(stands, *MOVED) else None  # or is seen from elsewhere
-        self._look_again = calibration is not None and time - left <= self._manner.remember
-        if calibration is not None and self._look_again:
+            stands = self._with_settings(self._floor)
+            calibration = calibration if calibration.level.near(stands, *MOVED) else None  # the sensor was moved
+        if calibration is not None and time - left > self._manner.remember:
+            calibration = None
+        self._automatic.enter(returning=calibration is not None)
+        if calibration is not None:
             self._prepare(calibration, time)
 
     def leave(self, time: float) -> None:
-        """Take the character from whoever plays it; it goes back to what it does by itself."""
+        """Remove the performer; the character eases into its idle motion."""
         self.remember(self.remembered())
         self.state = "waiting"
-        if self._part is not None or self._held is not None:
+        if self._current is not None or self._held is not None:
             self.state = "leaving"
             self._idle_since = time
-            self._ease(time)
-        self.user = self._part = self._held = None
+            self._easing.begin(time)
+        self.user = self._current = self._held = None
         self._drop_next()
 
     def set_level(self, level: Level, time: float) -> None:
-        """Take over how the sensor stands: at once, or with the next calibration of who performs while it is moved."""
-        first, self._floor, level = self._floor is None, level, self._as_told(level)
-        part = self.next_part or self._part
-        if first and part is not None and not level.near(part.calibration.level, *MOVED):
-            self._prepare(Calibration(part.calibration.rest, level), time)  # which was taken without
-        if self._part is None:
+        """Set the position of the sensor: at once or, while a performer is calibrated, with the next calibration."""
+        first, self._floor, level = self._floor is None, level, self._with_settings(level)
+        prepared = self.next_calibration or self._current
+        if first and prepared is not None and not level.near(prepared.calibration.level, *MOVED):
+            self._prepare(Calibration(prepared.calibration.rest, level), time)  # which was made without it
+        if self._current is None:
             self._level = level
             self._watched.reset()
 
     def calibrate(self, time: float) -> bool:
-        """Take the performer's pose of this moment for the character's rest pose; False if nothing of it is known."""
-        if self.user is None or not self._last_second.enough(0.0):
+        """Calibrate with the performer's present pose; return False if too little of it is known."""
+        pose = None if self.user is None else self._automatic.present_pose()
+        if pose is None:
             return False
-        self._calibrate(self._last_second.pose(NOW), time)
+        self._calibrate(pose, time)
         return True
 
     def set_mirror(self, mirror: bool, time: float) -> None:
-        """Let the character be the performer's mirror image, or not."""
+        """Turn mirroring on or off."""
         self.mirror = mirror
-        part = self.next_part or self._part
-        if part is not None:
-            self._prepare(part.calibration, time)
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
 
     def remap(self, puppet: Puppet, time: float) -> None:
-        """Have the handles moved as another puppet with the same ones says, as soon as that is worked out.
+        """Apply the mapping of another puppet with the same handles, as soon as it is computed.
 
-        What the character does by itself is not worked out here: see `make_idle` and `take_idle`.
+        The idle motion is not computed here: see `make_idle` and `take_idle`.
         """
         self.character = self.character.remapped(puppet)
-        part = self.next_part or self._part
-        if part is not None:
-            self._prepare(part.calibration, time)
+        prepared = self.next_calibration or self._current
+        if prepared is not None:
+            self._prepare(prepared.calibration, time)
 
     def make_idle(self) -> Idle | None:
-        """Work out what the character does by itself under its mapping as it is, which may take a second."""
+        """Compute the idle motion with the present mapping, which may take a second."""
         rig = self.character.rig
         if self._idle_log is None or (self._idle is not None and self._idle.puppet is rig.puppet):
             return self._idle
         return Idle(self._idle_log, rig, self._deformer)
 
     def take_idle(self, idle: Idle | None, time: float) -> None:
-        """Go over to what the character does by itself, unless its mapping has changed since that was worked out."""
+        """Use a new idle motion, unless the mapping has changed since it was computed."""
         if self._idle is None or idle is None or idle.puppet is self._idle.puppet:
-            return  # several edits in a row are worked out once, and eased over to once
+            return  # several edits in a row are computed and eased once
         if idle.puppet is self.character.rig.puppet:
             self._idle = idle
-            if self._part is None:
-                self._ease(time)
+            if self._current is None:
+                self._easing.begin(time)
 
     @property
     def settled(self) -> bool:
-        """Whether the character moves as its puppet says: for a moment after an edit it moves as it did before."""
-        return all(each is None or each.puppet is self.character.rig.puppet for each in (self._part, self._idle))
+        """Whether the mapping is applied: for a moment after an edit, the character still moves as before."""
+        return all(each is None or each.puppet is self.character.rig.puppet for each in (self._current, self._idle))
 
-    def begin(self, time: float) -> None:
-        """Go over to the calibration that was asked for last, waiting for it if need be.
+    def begin(self, time: float, recorded: Mapping[str, Any] | None = None) -> None:
+        """Use the calibration that was requested last, after waiting for it if necessary.
+
+        Parameters
+        ----------
+        time : float
+        recorded : mapping, optional
+            `PreparedCalibration.to_json` of the calibration in a take, used instead of the one that was requested.
 
         Raises
         ------
         ServiceError
-            It could not be worked out; what was before stays.
+            It could not be computed; nothing changes.
         """
-        part, self.next_part = self.next_part, None
-        if part is None:
+        if recorded is not None and self.user is not None:
+            self._take_recorded(recorded, time)
+        prepared, self.next_calibration = self.next_calibration, None
+        if prepared is None:
             return
         try:
-            part.working.result()
-        except Exception as error:  # a pose that no body has; the next still second gives another one
+            prepared.working.result()
+        except Exception as error:  # an impossible pose; the next second without motion gives another one
             raise ServiceError(
                 self.character.name,
                 found=f"a performer who cannot be calibrated ({type(error).__name__}: {error})",
                 expected="the pose of a body",
-                fix="Stand still once more, wholly in view.",
+                fix="Stand still again, completely in view.",
             ) from error
-        self._part, self._held = part, None
-        self._level = part.calibration.level
+        self._current, self._held = prepared, None
+        self._level = prepared.calibration.level
         self.state = "performing"
-        self._ease(time)
+        self._easing.begin(time)
+
+    def _take_recorded(self, recorded: Mapping[str, Any], time: float) -> None:
+        """Prepare the calibration of a take, if it is not the one that waits."""
+        if self.next_calibration is not None and self.next_calibration.to_json() == recorded:
+            return
+        try:
+            prepared = self._recorded_calibration(recorded, time)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ServiceError(
+                self.character.name,
+                found=f"a damaged calibration in a take ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove this cue from the take.",
+            ) from error
+        self._drop_next()
+        self.next_calibration = prepared
 
     def perform(self, frame: SkeletonFrame, received: int) -> Frame:
-        """Take a frame of the performer.
+        """Return the character's frame for a frame of the performer.
 
         Parameters
         ----------
         frame : SkeletonFrame
-            Later than the one before; sensor frame.
+            Later than the one before; sensor coordinates.
         received : int
             `time.monotonic_ns` at which it came.
         """
-        self._last_second.add(frame)
-        if self.next_part is None:
-            self._calibrate_when_due(frame.time)
-        levelled = replace(frame, positions=self._level(frame.positions))
-        if self._part is None:
+        self._automatic.add(frame)
+        if self.next_calibration is None:
+            rest = None if self._current is None else self._current.calibration.rest
+            pose = self._automatic.due(rest, self._directs)
+            if pose is not None:
+                self._calibrate(pose, frame.time)
+        levelled = self._level.frame(frame)
+        if self._current is None:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
-            return self._show(frame.time, received, self._by_itself(frame.time), seen)
-        aim = self._part.retargeting.step(levelled)
+            return self._show(frame.time, received, self._idle_places(frame.time), seen)
+        aim = self._current.retargeting.step(levelled)
         places = Places(aim.targets, aim.motions, aim.root)
         return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
-        """Let time pass without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._shown_at < 0.75 * TICK:
+        """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
+        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK:
             return None
-        if self.state == "leaving" and time - self._eased_since >= self._manner.ease:
+        if self.state == "leaving" and self._easing.finished(time):
             self.state = "waiting"
-        return self._show(time, received, self._by_itself(time), None)
-
-    def _calibrate_when_due(self, time: float) -> None:
-        """Calibrate a new performer by themselves, and one who came back as somebody else.
-
-        A limb that follows directions needs no rest pose: with such limbs a performer is the character after a moment,
-        and is calibrated again when they first stand still, for everything else.
-        """
-        manner, last = self._manner.calibrate, self._last_second
-        if self._part is not None and self._in_passing:
-            if last.still():
-                self._in_passing = False
-                self._calibrate(last.pose(), time)
-        elif self._part is not None:
-            if self._look_again and last.still():
-                self._look_again = False
-                if not same_body(last.pose(), self._part.calibration.rest):
-                    self._calibrate(last.pose(), time)
-        elif manner == "still" and last.still():
-            self._calibrate(last.pose(), time)
-        elif (manner == "at_once" or (manner == "still" and self._directs)) and last.enough(NOW):
-            self._in_passing = manner == "still"
-            self._calibrate(last.pose(NOW), time)
+        return self._show(time, received, self._idle_places(time), None)
 
     @property
     def _directs(self) -> bool:
@@ -395,26 +305,26 @@ class Role:
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
         found = self._floor or level_of(rest) or self._level
-        self._prepare(Calibration(rest, self._as_told(found)), time)
+        self._prepare(Calibration(rest, self._with_settings(found)), time)
 
-    def _as_told(self, found: Level) -> Level:
-        """Return how the sensor stands: what the settings say counts more than what was found out."""
+    def _with_settings(self, found: Level) -> Level:
+        """Return the position of the sensor; the settings override what was detected."""
         tilt, height = self._manner.tilt, self._manner.height
         return Level(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
-        """Have a retargeting worked out beside the stream, in place of one that is still waiting for its turn."""
+        """Compute a retargeting while the stream continues, instead of one that still waits."""
         self._drop_next()
-        self.next_part = self._new_part(calibration, self.mirror, time)
+        self.next_calibration = self._preparing(calibration, self.mirror, time)
 
     def _drop_next(self) -> None:
-        if self.next_part is not None:
-            self.next_part.working.cancel()
-        self.next_part = None
+        if self.next_calibration is not None:
+            self.next_calibration.working.cancel()
+        self.next_calibration = None
 
-    def _new_part(self, calibration: Calibration, mirror: bool, asked: float) -> Part:
+    def _preparing(self, calibration: Calibration, mirror: bool, asked: float) -> PreparedCalibration:
         puppet = self.character.rig.puppet
-        return Part(
+        return PreparedCalibration(
             calibration, mirror, asked, puppet, self._executor.submit(self._retarget, puppet, calibration, mirror)
         )
 
@@ -423,8 +333,8 @@ class Role:
         puppet = puppet.model_copy(update={"retarget": retarget})
         return Retargeting(puppet, self.character.rig.mesh, self._deformer, calibration.level(calibration.rest))
 
-    def _by_itself(self, time: float) -> Places:
-        """Return what the character does while nobody plays it."""
+    def _idle_places(self, time: float) -> Places:
+        """Return the places without a performer's motion."""
         if self._held is not None:
             return self._held
         if self._idle is None:
@@ -433,32 +343,8 @@ class Role:
             self._idle_since = time
         return self._idle.at(time - self._idle_since)
 
-    def _ease(self, time: float) -> None:
-        """Go over from where handles and bones are shown to what they follow from now on."""
-        self._eased_from, self._eased_since, self._apart = self._shown, time, None
-
-    def _eased(self, places: Places, share: float) -> Places:
-        """Return where handles and bones are after a share of the way to what they follow.
-
-        What is left of the way is a rotation against what a bone follows that was worked out when it began: a bone
-        that follows on the other side of a half turn would jump otherwise.
-        """
-        start, bones = self._eased_from, self._deformer.bones
-        if self._apart is None:
-            self._apart = difference(bones, places.motions, start.motions)
-        return Places(
-            start.targets + share * (places.targets - start.targets),
-            moved_by(bones, places.motions, self._apart, 1.0 - share),
-            start.root + share * (places.root - start.root),
-        )
-
     def _show(self, time: float, received: int, places: Places, seen: SkeletonFrame | None) -> Frame:
-        if math.isfinite(self._eased_since):
-            self._eased_since += max(0.0, time - max(self._shown_at, self._eased_since) - HELD_UP)
-        share = min((time - self._eased_since) / self._manner.ease, 1.0) if self._manner.ease > 0 else 1.0
-        if share < 1.0:
-            places = self._eased(places, share * share * (3.0 - 2.0 * share))
-        self._shown, self._shown_at = places, time
+        places = self._easing.show(time, places)
         self._sequence += 1
         return Frame(
             character=self.character,
@@ -476,101 +362,122 @@ class Role:
         )
 
     def remembered(self) -> dict[int, tuple[Calibration, float]]:
-        """Return the calibrations of those who play or have played, and when they were last shown."""
-        part = self._part or self.next_part
-        if self.user is None or part is None:
+        """Return the calibrations of present and former performers, and when each was last shown."""
+        prepared = self._current or self.next_calibration
+        if self.user is None or prepared is None:
             return self._remembered
-        return self._remembered | {self.user: (part.calibration, self._shown_at)}
+        return self._remembered | {self.user: (prepared.calibration, self._easing.shown_at)}
 
     def remember(self, known: dict[int, tuple[Calibration, float]]) -> None:
-        """Take over calibrations, those last in the dict first."""
-        self._remembered = dict(list(known.items())[-MOST_REMEMBERED:])
+        """Keep calibrations, up to the last `MAX_REMEMBERED`."""
+        self._remembered = dict(list(known.items())[-MAX_REMEMBERED:])
 
-    def succeed(self, other: "Role") -> None:
-        """Go on for the same character as it was before it was loaded anew, as if nothing had been."""
+    def succeed(self, other: "CharacterPlayer") -> None:
+        """Continue for the same character as it was before a reload."""
         if self.character.rig.puppet.retarget.mirror == other.character.rig.puppet.retarget.mirror:
             self.mirror = other.mirror
         self.remember(other.remembered())
         self._level, self._floor, self._sequence = other._level, other._floor, other._sequence
-        self._shown_at, self._idle_since = other._shown_at, other._idle_since
-        self._shown = self._places_of(other)
-        self._eased_from, self._eased_since, self._apart = self._shown, self._shown_at, None
+        self._idle_since = other._idle_since
+        self._easing.shown, self._easing.shown_at = self._places_of(other), other._easing.shown_at
+        self._easing.begin(other._easing.shown_at)
         self.state = "leaving" if other.user is None else "waiting"
         if other.user is not None:
-            playing = other._part is not None
-            self.enter(other.user, other._shown_at)
-            self._held = self._shown if playing and self.next_part is not None else None
+            playing = other._current is not None
+            self.enter(other.user, other._easing.shown_at)
+            self._held = self._easing.shown if playing and self.next_calibration is not None else None
 
-    def _places_of(self, other: "Role") -> Places:
-        """Return where another role's handles and limbs are shown, by name; a new one is where it rests."""
+    def _places_of(self, other: "CharacterPlayer") -> Places:
+        """Return where another player shows handles and limbs, by name; new ones are in their rest position."""
         names = [handle.name for handle in other.character.rig.puppet.handle]
-        moved = dict(zip(names, other._shown.targets - other._deformer.handles, strict=True))
+        moved = dict(zip(names, other._easing.shown.targets - other._deformer.handles, strict=True))
         ours = [handle.name for handle in self.character.rig.puppet.handle]
         targets = self._rest.targets + np.reshape([moved.get(name, np.zeros(3)) for name in ours], (-1, 3))
         motions, theirs = self._rest.motions, other.character.rig.puppet.limbs
         if [(limb.name, len(limb.points)) for limb in self.character.rig.puppet.limbs] == [
             (limb.name, len(limb.points)) for limb in theirs
         ]:
-            apart = difference(other._deformer.bones, other._rest.motions, other._shown.motions)
+            apart = difference(other._deformer.bones, other._rest.motions, other._easing.shown.motions)
             motions = moved_by(self._deformer.bones, motions, apart, 1.0)
-        return Places(targets, motions, other._shown.root)
+        return Places(targets, motions, other._easing.shown.root)
 
-    @property
-    def memory(self) -> dict[str, Any]:
-        """What is carried from frame to frame; setting it goes on where another role of the same puppet was."""
+    def snapshot(self) -> dict[str, Any]:
+        """Return the performer and the calibrations as values of JSON's types, for `resume`.
+
+        Filters are not included.
+        """
         return {
-            "manner": asdict(self._manner),
             "user": self.user,
             "state": self.state,
             "mirror": self.mirror,
-            "look_again": self._look_again,
-            "in_passing": self._in_passing,
-            "level": asdict(self._level),
+            "manner": asdict(self._manner),
+            "sensor": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
-            "part": None if self._part is None else self._part.memory,
-            "retargeting": None if self._part is None else self._part.retargeting.memory,
-            "next_part": None if self.next_part is None else self.next_part.memory,
-            "times": [self._shown_at, self._idle_since, self._eased_since],
-            "shown": list(self._shown),
-            "eased_from": list(self._eased_from),
-            "apart": self._apart,
-            "held": None if self._held is None else list(self._held),
-            "watched": self._watched.memory,
-            "last_second": self._last_second.memory,
-            "deformer": self._deformer.memory,
-            "remembered": [[user, known.memory, left] for user, (known, left) in self._remembered.items()],
+            "calibration": None if self._current is None else self._current.to_json(),
+            "standing": [] if self._current is None else rows_of(self._current.retargeting.standing),
+            "next_calibration": None if self.next_calibration is None else self.next_calibration.to_json(),
+            "remembered": [
+                {"user": user, "left": left, **known.to_json()} for user, (known, left) in self._remembered.items()
+            ],
+            "shown_at": _finite(self._easing.shown_at),
+            "idle_since": _finite(self._idle_since),
+            "eased_since": _finite(self._easing.since),
         }
 
-    @memory.setter
-    def memory(self, memory: dict[str, Any]) -> None:
-        self._manner = Manner(**memory["manner"])
-        self.user, self.state, self.mirror = memory["user"], memory["state"], bool(memory["mirror"])
-        self._look_again, self._in_passing = bool(memory["look_again"]), bool(memory["in_passing"])
-        self._level = Level.of_json(memory["level"])
-        self._floor = None if memory["floor"] is None else Level.of_json(memory["floor"])
-        self._part, self.next_part = self._part_of(memory["part"]), self._part_of(memory["next_part"])
-        if self._part is not None:
-            restore(self._part.retargeting, memory["retargeting"])
-        self._shown_at, self._idle_since, self._eased_since = map(float, memory["times"])
-        self._shown = self._checked(memory["shown"])
-        self._eased_from = self._checked(memory["eased_from"])
-        self._held = None if memory["held"] is None else self._checked(memory["held"])
-        self._apart = memory["apart"]
-        if self._apart is not None and self._apart.shape != (len(self._deformer.bones), 6):
-            raise ValueError(f"differences {self._apart.shape}")
-        restore(self._watched, memory["watched"])
-        self._last_second.memory = memory["last_second"]
-        restore(self._deformer, memory["deformer"])
-        self._remembered = {user: (Calibration.of_memory(known), left) for user, known, left in memory["remembered"]}
+    def resume(self, snapshot: Mapping[str, Any], time: float, shift: float) -> None:
+        """Continue as `snapshot` says; filters start again.
 
-    def _checked(self, places: list[NDArray[np.float64]]) -> Places:
-        expected = [each.shape for each in self._rest]
-        if [each.shape for each in places] != expected:
-            raise ValueError(f"places {[each.shape for each in places]}, expected {expected}")
-        return Places(*places)
+        Parameters
+        ----------
+        snapshot : mapping
+        time : float
+        shift : float
+            Seconds to add to the times of the snapshot.
 
-    def _part_of(self, memory: list[Any] | None) -> Part | None:
-        if memory is None:
-            return None
-        calibration, mirror, asked = memory
-        return self._new_part(Calibration.of_memory(calibration), bool(mirror), float(asked))
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            Values that are no snapshot.
+        """
+        state: State = "waiting" if snapshot["user"] is None else "calibrating"
+        prepared = (
+            None if snapshot["calibration"] is None else self._recorded_calibration(snapshot["calibration"], time)
+        )
+        if prepared is not None:
+            prepared.retargeting.stand(places_of(snapshot["standing"]))
+            state = "performing"
+        elif snapshot["state"] == "leaving":
+            state = "leaving"
+        following = snapshot["next_calibration"]
+        remembered = {
+            int(each["user"]): (Calibration.of_json(each), float(each["left"]) + shift)
+            for each in snapshot["remembered"]
+        }
+        shown_at, idle_since, eased_since = (
+            -math.inf if snapshot[name] is None else float(snapshot[name]) + shift
+            for name in ("shown_at", "idle_since", "eased_since")
+        )
+        self._manner = Manner(**snapshot["manner"])
+        self._easing.seconds, self._automatic.calibrate = self._manner.ease, self._manner.calibrate
+        self._level = Level.of_json(snapshot["sensor"])
+        self._floor = None if snapshot["floor"] is None else Level.of_json(snapshot["floor"])
+        self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
+        self._drop_next()
+        self._current = prepared
+        self.next_calibration = None if following is None else self._recorded_calibration(following, time)
+        self._held = None
+        self._watched.reset()
+        self._automatic.forget()
+        self.remember(remembered)
+        self._easing.begin(time)
+        if not self._sequence:  # nothing is shown yet that it could ease from
+            self._easing.since = eased_since
+        self._easing.shown_at, self._idle_since = shown_at, idle_since
+
+    def _recorded_calibration(self, recorded: Mapping[str, Any], asked: float) -> PreparedCalibration:
+        return self._preparing(Calibration.of_json(recorded), bool(recorded["mirror"]), asked)
+
+
+def _finite(time: float) -> float | None:
+    """Return a time as JSON has it."""
+    return time if math.isfinite(time) else None

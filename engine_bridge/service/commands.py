@@ -1,4 +1,4 @@
-"""What can be asked of the service over the control socket (docs/control.md), done."""
+"""The commands of the control socket (docs/control.md)."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -6,11 +6,11 @@ from typing import Any
 
 from capture.skeleton import JOINTS
 from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
-from engine_bridge.service.character_player import Role
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.control import requests
 from engine_bridge.service.control.control_socket import Command, Deferred
 from engine_bridge.service.service import Service
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import ServiceError
 
 
@@ -21,7 +21,7 @@ def commands(service: Service) -> Mapping[str, Command]:
 
 
 class _Commands:
-    """Each command under its name."""
+    """Each command as a method of its name."""
 
     def __init__(self, service: Service) -> None:
         self._service = service
@@ -31,8 +31,10 @@ class _Commands:
 
     def list(self, _: requests.Nothing) -> dict[str, Any]:
         return {
-            "characters": [role.character.name for line in self._service.lines for role in line.stage.roles],
-            "stages": [line.stage.name for line in self._service.lines],
+            "characters": [
+                player.character.name for runner in self._service.runners for player in runner.stage.players
+            ],
+            "stages": [runner.stage.name for runner in self._service.runners],
             "takes": self._service.takes.all(),
             "commands": [*requests.ARGUMENTS],
         }
@@ -41,10 +43,10 @@ class _Commands:
         service = self._service
         return {
             "protocol": 1,
-            "stream": service.publisher.endpoints,
+            "stream": service.stream,
             "control": service.control.endpoints,
-            "characters": [_described(line, role) for line in service.lines for role in line.stage.roles],
-            "status": service.status,
+            "characters": [_described(runner, player) for runner in service.runners for player in runner.stage.players],
+            "status": service.status.as_json(),
         }
 
     def calibrate(self, asked: requests.OneCharacter) -> dict[str, Any]:
@@ -57,97 +59,97 @@ class _Commands:
         return self._cue(asked.character, "mirror", on=asked.on)
 
     def record_start(self, asked: requests.RecordStart) -> dict[str, Any]:
-        line = self._line(asked.stage)
-        _refuse_while_recording(line)
-        for role in line.stage.roles:
-            if not role.settled:
+        runner = self._runner(asked.stage)
+        _refuse_while_recording(runner)
+        for player in runner.stage.players:
+            if not player.settled:
                 raise ServiceError(
-                    f"stage {line.stage.name}",
-                    found=f"a mapping of {role.character.name!r} that is just changing",
-                    expected="characters that move as their puppets say",
-                    fix="Start again in a second; calibrate if that does not help.",
+                    f"stage {runner.stage.name}",
+                    found=f"a mapping of {player.character.name!r} that is still being applied",
+                    expected="characters whose mappings are applied",
+                    fix="Start the take again in a second; if that fails, calibrate.",
                 )
-        path = self._service.takes.new(asked.name, line.stage.name)
-        line.start_recording(path)
-        return {"stage": line.stage.name, "take": path.stem}
+        path = self._service.takes.new(asked.name, runner.stage.name)
+        runner.start_recording(path)
+        return {"stage": runner.stage.name, "take": path.stem}
 
     def record_stop(self, asked: requests.RecordStop) -> Deferred:
-        line = self._line(asked.stage)
-        deferred = self._service.stop_recording(line)
+        runner = self._runner(asked.stage)
+        deferred = self._service.stop_recording(runner)
         if deferred is None:
             raise ServiceError(
-                f"stage {line.stage.name}",
+                f"stage {runner.stage.name}",
                 found="no take that is being recorded",
-                expected="one",
+                expected="a take that is being recorded",
                 fix='Start one first: {"do": "record_start"}',
             )
         return deferred
 
     def puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
-        return self._mapping(self._role(asked.character)[1])
+        return self._mapping(self._player(asked.character)[1])
 
     def set_handle(self, asked: requests.SetHandle) -> dict[str, Any]:
-        line, role = self._editable(asked.character)
-        puppet = role.character.rig.puppet
+        runner, player = self._editable(asked.character)
+        puppet = player.character.rig.puppet
         names = [handle.name for handle in puppet.handle]
         if asked.handle not in names:
             raise ServiceError(
                 "the request, handle",
                 found=f"no handle {asked.handle!r}",
                 expected=f"one of {', '.join(names)}",
-                fix="Name one of these.",
+                fix="Choose one of these.",
             )
         index = names.index(asked.handle)
         handle = puppet.handle[index]
         as_it_is = {"joints": handle.driven_by, "axes": handle.axes, "gain": handle.gain}
         changed = asked.model_dump(exclude_unset=True, exclude={"character", "handle"})
-        return self._remap(line, role, with_handle(puppet, index, **as_it_is | changed))
+        return self._remap(runner, player, with_handle(puppet, index, **as_it_is | changed))
 
     def set_root(self, asked: requests.SetRoot) -> dict[str, Any]:
-        line, role = self._editable(asked.character)
-        puppet = role.character.rig.puppet
+        runner, player = self._editable(asked.character)
+        puppet = player.character.rig.puppet
         changed = asked.model_dump(exclude_unset=True, exclude={"character"})
         root = None if asked.joint is None else (puppet.root or RootTable()).model_copy(update=changed)
-        return self._remap(line, role, puppet.model_copy(update={"root": root}))
+        return self._remap(runner, player, puppet.model_copy(update={"root": root}))
 
     def set_scale(self, asked: requests.SetScale) -> dict[str, Any]:
-        line, role = self._editable(asked.character)
-        puppet = role.character.rig.puppet
+        runner, player = self._editable(asked.character)
+        puppet = player.character.rig.puppet
         retarget = puppet.retarget.model_copy(update={"scale": asked.scale})
-        return self._remap(line, role, puppet.model_copy(update={"retarget": retarget}))
+        return self._remap(runner, player, puppet.model_copy(update={"retarget": retarget}))
 
     def save_puppet(self, asked: requests.OneCharacter) -> Deferred:
-        _, role = self._role(asked.character)
-        return self._service.save(role, lambda: self._mapping(role))
+        _, player = self._player(asked.character)
+        return self._service.save(player, lambda: self._mapping(player))
 
     def revert_puppet(self, asked: requests.OneCharacter) -> dict[str, Any]:
-        line, role = self._editable(asked.character)
-        return self._remap(line, role, self._service.document(role).puppet)
+        runner, player = self._editable(asked.character)
+        return self._remap(runner, player, self._service.document(player).puppet)
 
     def reload(self, _: requests.Nothing) -> Deferred:
         return self._service.reload()
 
     def _cue(self, character: str, do: str, **arguments: object) -> dict[str, Any]:
-        line, role = self._role(character)
-        self._service.show_frames(line, line.cue(do, character=character, **arguments))
-        return _described(line, role)
+        runner, player = self._player(character)
+        self._service.show_frames(runner, runner.cue(do, character=character, **arguments))
+        return _described(runner, player)
 
-    def _editable(self, character: str) -> tuple[Line, Role]:
-        """Find a character whose mapping may change: a take is of one mapping from beginning to end."""
-        line, role = self._role(character)
-        _refuse_while_recording(line)
-        return line, role
+    def _editable(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
+        """Find a character whose mapping may change: a take has one mapping from beginning to end."""
+        runner, player = self._player(character)
+        _refuse_while_recording(runner)
+        return runner, player
 
-    def _remap(self, line: Line, role: Role, puppet: Puppet) -> dict[str, Any]:
-        self._service.remap(line, role, puppet)
-        return self._mapping(role)
+    def _remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> dict[str, Any]:
+        self._service.remap(runner, player, puppet)
+        return self._mapping(player)
 
-    def _mapping(self, role: Role) -> dict[str, Any]:
-        """Return what is to be known of a puppet's mapping."""
-        puppet = role.character.rig.puppet
+    def _mapping(self, player: CharacterPlayer) -> dict[str, Any]:
+        """Return the mapping of a character's puppet."""
+        puppet = player.character.rig.puppet
         deviation = puppet.smoothing.max_deviation
         return {
-            "character": role.character.name,
+            "character": player.character.name,
             "handles": [
                 {
                     "name": handle.name,
@@ -159,63 +161,63 @@ class _Commands:
                 for handle in puppet.handle
             ],
             "root": None if puppet.root is None else puppet.root.model_dump(),
-            "mirror": role.mirror,
+            "mirror": player.mirror,
             "scale": puppet.retarget.scale,
             "smoothing": puppet.smoothing.model_dump() | {"max_deviation": deviation if isfinite(deviation) else None},
             "joints": list(JOINTS),
-            "saved": puppet == self._service.document(role).puppet,
+            "saved": puppet == self._service.document(player).puppet,
         }
 
-    def _role(self, character: str) -> tuple[Line, Role]:
-        for line in self._service.lines:
-            for role in line.stage.roles:
-                if role.character.name == character:
-                    return line, role
-        names = [role.character.name for line in self._service.lines for role in line.stage.roles]
+    def _player(self, character: str) -> tuple[StageRunner, CharacterPlayer]:
+        for runner in self._service.runners:
+            for player in runner.stage.players:
+                if player.character.name == character:
+                    return runner, player
+        names = [player.character.name for runner in self._service.runners for player in runner.stage.players]
         raise ServiceError(
             "the request, character",
             found=f"no character {character!r}",
             expected=f"one of {', '.join(names)}",
-            fix="Name one of these.",
+            fix="Choose one of these.",
         )
 
-    def _line(self, stage: str | None) -> Line:
-        lines = self._service.lines
-        names = [line.stage.name for line in lines]
-        if stage is None and len(lines) == 1:
-            return lines[0]
+    def _runner(self, stage: str | None) -> StageRunner:
+        runners = self._service.runners
+        names = [runner.stage.name for runner in runners]
+        if stage is None and len(runners) == 1:
+            return runners[0]
         if stage in names:
-            return lines[names.index(stage)]
+            return runners[names.index(stage)]
         raise ServiceError(
             "the request, stage",
             found="nothing" if stage is None else f"no stage {stage!r}",
             expected=f"one of {', '.join(names)}",
-            fix="Name one of these.",
+            fix="Choose one of these.",
         )
 
 
-def _refuse_while_recording(line: Line) -> None:
-    if line.recording is not None:
+def _refuse_while_recording(runner: StageRunner) -> None:
+    if runner.recording is not None:
         raise ServiceError(
-            f"stage {line.stage.name}",
-            found=f"that the take {line.recording!r} is being recorded",
-            expected="a stage that is not",
+            f"stage {runner.stage.name}",
+            found=f"a take that is being recorded ({runner.recording!r})",
+            expected="a stage that is not recording",
             fix='Stop it first: {"do": "record_stop"}',
         )
 
 
-def _described(line: Line, role: Role) -> dict[str, Any]:
-    """Return what is to be known of a character."""
-    character = role.character
+def _described(runner: StageRunner, player: CharacterPlayer) -> dict[str, Any]:
+    """Return the facts of a character."""
+    character = player.character
     return {
         "name": character.name,
-        "stage": line.stage.name,
+        "stage": runner.stage.name,
         "revision": character.revision,
         "vertices": len(character.rest),
         "triangles": len(character.triangles),
         "handles": [handle.name for handle in character.rig.puppet.handle],
         "morphs": None if character.basis is None else list(character.basis.names),
-        "performer": role.user,
-        "state": role.state,
-        "mirror": role.mirror,
+        "performer": player.user,
+        "state": player.state,
+        "mirror": player.mirror,
     }

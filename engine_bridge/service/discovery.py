@@ -1,8 +1,8 @@
-"""The service announced by multicast DNS as ``_puppetline._tcp.local.``, so that an engine needs no address.
+"""Announces the service by multicast DNS as ``_puppetline._tcp.local.``, so that an engine needs no address.
 
-The TXT record holds ``version``, ``characters`` (their names with commas between them, as many as fit), ``control``
-(the port of the control socket) and ``mechanism`` (``NULL``, ``PLAIN`` or ``CURVE``). What is found so is a hint from
-the network and nothing more: who connects still checks who answers.
+The TXT record has ``version``, ``characters`` (names separated by commas, as many as fit), ``control`` (the port of the
+control socket) and ``mechanism`` (``NULL``, ``PLAIN`` or ``CURVE``). An announcement is a hint from the network: a
+client still has to authenticate the service.
 """
 
 import ipaddress
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 TYPE = "_puppetline._tcp.local."
 
-MOST_FOUND = 100
-"""Services looked at; more than one network has."""
+MAX_FOUND = 100
+"""Maximum number of services that `find` returns."""
 
-RETRY = 30.0
-"""Seconds until it is tried again where there is no network, and until it is noticed that there is another one."""
+RETRY_SECONDS = 30.0
+"""Time between two attempts without a network, and between two checks for changed addresses, in seconds."""
 
-GOODBYE = 0.5
-"""Seconds that the end waits for the network to hear of it."""
+CLOSE_SECONDS = 0.5
+"""Maximum time that closing waits for the withdrawal of the announcement, in seconds."""
 
-RESOLVE = 0.5
-"""Seconds in all for addresses that did not come with the announcements."""
+RESOLVE_SECONDS = 0.5
+"""Maximum time for all addresses that did not come with the announcements, in seconds."""
 
 _TEXT_LENGTH = 255  # of a string in a TXT record, key and = included, RFC 6763
 _LABEL_LENGTH = 63  # of a part of a name, RFC 1035
@@ -69,13 +69,13 @@ class Found:
 
 
 class Announcement:
-    """Announces the service, from a thread of its own. Where there is no network it says so once, and tries again.
+    """Announces the service, from a thread of its own. Without a network, it logs this once and retries.
 
     Parameters
     ----------
     host : str
-        The address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. What
-        listens on loopback is announced on loopback only.
+        Address that the service listens at: one of this machine's, or ``"*"`` or ``"0.0.0.0"`` for all. A service on
+        loopback is announced on loopback only.
     port, control : int
         Of the stream and of the control socket.
     mechanism : {"NULL", "PLAIN", "CURVE"}
@@ -95,29 +95,29 @@ class Announcement:
         self._thread.start()
 
     def close(self) -> None:
-        """Take the announcement back. Closing again does nothing."""
+        """Withdraw the announcement. Closing again does nothing."""
         self._closed.set()
-        self._thread.join(GOODBYE)
+        self._thread.join(CLOSE_SECONDS)
 
     def _run(self) -> None:
         warned = False
         while not self._closed.is_set():
             try:
                 self._announce()
-            except Exception as error:  # the stream goes on, whatever the network has against multicast
+            except Exception as error:  # without multicast, the stream continues
                 if not warned:
                     log.warning("not announced in the network: %s", str(error) or type(error).__name__)
                     warned = True
-                self._closed.wait(RETRY)
+                self._closed.wait(RETRY_SECONDS)
 
     def _announce(self) -> None:
         """Announce the service until the end, a failure, or a change of this machine's addresses."""
-        from zeroconf import InterfaceChoice, Zeroconf  # it takes a while, for which nothing should wait
+        from zeroconf import InterfaceChoice, Zeroconf  # importing it takes a while
 
         addresses = _own_addresses() if self._everywhere else [self._host]
         with closing(Zeroconf(InterfaceChoice.All if self._everywhere else addresses)) as zeroconf:
             zeroconf.register_service(self._info(addresses), allow_name_change=True)
-            while not self._closed.wait(RETRY):
+            while not self._closed.wait(RETRY_SECONDS):
                 if self._everywhere and _own_addresses() != addresses:
                     return
 
@@ -140,19 +140,19 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
     Parameters
     ----------
     seconds : float
-        How long.
+        Duration of the search.
     addresses : sequence of str, optional
-        This machine's addresses at which to look; all of them where none is given.
+        This machine's addresses to search from; all of them by default.
 
     Returns
     -------
     list of Found
-        In the order of their names.
+        Sorted by name.
 
     Raises
     ------
     OSError
-        There is no network at all.
+        There is no network.
     """
     from zeroconf import InterfaceChoice, ServiceBrowser, ServiceInfo, ServiceStateChange, Zeroconf
 
@@ -161,7 +161,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
     def heard(zeroconf: "Zeroconf", service_type: str, name: str, state_change: "ServiceStateChange") -> None:  # noqa: ARG001
         if state_change is ServiceStateChange.Removed:
             names.discard(name)
-        elif len(names) < MOST_FOUND:
+        elif len(names) < MAX_FOUND:
             names.add(name)
 
     with closing(Zeroconf(InterfaceChoice.All if addresses is None else list(addresses))) as zeroconf:
@@ -169,7 +169,7 @@ def find(seconds: float, addresses: Sequence[str] | None = None) -> list[Found]:
         time.sleep(seconds)
         browser.cancel()
         infos = [ServiceInfo(TYPE, name) for name in sorted(names)]
-        until = time.monotonic() + RESOLVE
+        until = time.monotonic() + RESOLVE_SECONDS
         for info in infos:
             if not info.load_from_cache(zeroconf):
                 info.request(zeroconf, 1000 * max(until - time.monotonic(), 0.0))
@@ -194,7 +194,7 @@ def _port(text: str) -> int | None:
 
 
 def _as_many_as_fit(names: Sequence[str]) -> str:
-    """Join names with commas, leaving out those for which a TXT record has no room."""
+    """Join as many names with commas as a TXT record has room for."""
     joined = ""
     for name in names:
         longer = f"{joined},{name}" if joined else name
@@ -209,7 +209,7 @@ def _cut(text: str, length: int) -> str:
 
 
 def _own_addresses() -> list[str]:
-    """Return this machine's IPv4 addresses, loopback left out unless there is no other."""
+    """Return this machine's IPv4 addresses, without loopback unless there is no other."""
     found = [
         address.address
         for interface in psutil.net_if_addrs().values()

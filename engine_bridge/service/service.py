@@ -1,8 +1,7 @@
-"""The live service: one loop that takes skeletons in and sends characters out, until it is told to stop.
+"""The live service: one loop that reads skeletons and sends characters until it is stopped.
 
-Everything happens in one thread, in the order in which it comes, and nothing waits: what is late is dropped where it
-is late. Calibrations, reloading, disks and what has threads by nature (logs, announcement, metrics, the status display)
-work beside it.
+Everything happens in one thread, in the order in which it arrives, and nothing waits: late data is dropped. Jobs
+(calibrations, loading and writing files), logs, the announcement, the metrics and the status table have threads.
 """
 
 import contextlib
@@ -12,46 +11,45 @@ import logging
 import math
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import zmq
 
-from capture.sensor_tilt import Level
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service import calibration_store
-from engine_bridge.service.character_loader import Cast
-from engine_bridge.service.character_player import Role
+from engine_bridge.service.character_loader import CharacterLoader
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.control.control_socket import Command, Control, Deferred
 from engine_bridge.service.discovery import Announcement
+from engine_bridge.service.jobs import Jobs
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
-from engine_bridge.service.monitoring.statistics import Statistics
+from engine_bridge.service.monitoring.status import Status
 from engine_bridge.service.monitoring.systemd import Notifier
-from engine_bridge.service.outputs.osc import OscOutput, OscTarget
-from engine_bridge.service.outputs.zeromq import Publisher
-from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.security.endpoints import Door, doors
+from engine_bridge.service.outputs.output import Opening, Output
+from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
+from engine_bridge.service.reporting import Reporter
+from engine_bridge.service.security.endpoints import Endpoint, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from engine_bridge.service.service_file import ServiceFile, stage_names
 from engine_bridge.service.signals import Signals
 from engine_bridge.service.stage import Stage
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.takes import Takes
 from puppetline.errors import ServiceError
 
-STATUS_INTERVAL = 1.0
-"""Seconds from one status to the next."""
+STATUS_SECONDS = 1.0
+"""Time between two statuses, in seconds."""
 
-KEEP_INTERVAL = 5.0
-"""Seconds after which calibrations are written to disk again while somebody performs."""
+STORE_SECONDS = 5.0
+"""Time between two writes of the calibrations while a performer drives a character, in seconds."""
 
-SWITCH = 0.0005
-"""Seconds that a thread beside the loop may hold it up: Python's own default is ten times that."""
+SWITCH_SECONDS = 0.0005
+"""Maximum time that another thread may hold up the loop, in seconds; Python's default is ten times as long."""
 
 log = logging.getLogger(__name__)
 _rarely = OnceASecond(log)
@@ -64,25 +62,24 @@ class Service:
     ----------
     settings : ServiceFile
     folder : Path
-        What the files of the settings are relative to.
+        Folder that the files of the settings are relative to.
     commands : callable
-        Binds to this service what clients may ask of it, see `engine_bridge.service.commands.commands`.
+        Binds the commands of the control socket to this service, see `engine_bridge.service.commands.commands`.
     show : callable, optional
-        Told each status.
+        Called with each status.
 
     Attributes
     ----------
-    lines : list of Line
-    publisher : Publisher
+    runners : list of StageRunner
     control : Control
     takes : Takes
-    status : dict
+    status : Status
         The latest.
 
     Raises
     ------
     PuppetlineError
-        Whatever is wrong with the settings, the files or the ports.
+        An error in the settings or files, or a port that cannot be bound.
     """
 
     def __init__(
@@ -90,7 +87,7 @@ class Service:
         settings: ServiceFile,
         folder: Path,
         commands: Callable[["Service"], Mapping[str, Command]],
-        show: Callable[[dict[str, Any]], None] | None = None,
+        show: Callable[[Status], None] | None = None,
     ) -> None:
         self._settings, self._folder, self._commands, self._show = settings, folder, commands, show
         self._resources = contextlib.ExitStack()
@@ -102,91 +99,84 @@ class Service:
 
     def _open(self) -> None:
         settings, folder, keep = self._settings, self._folder, self._resources
-        opened = doors(settings.network, folder)  # before the work: nothing else is as likely to be refused
-        self._calibrating = ThreadPoolExecutor(2, "calibration")
-        self._loading = ThreadPoolExecutor(1, "loading")
-        keep.callback(self._calibrating.shutdown, wait=False, cancel_futures=True)
-        keep.callback(self._loading.shutdown, wait=False, cancel_futures=True)
-        self._writing = ThreadPoolExecutor(1, "writing")
-        keep.callback(self._writing.shutdown)
-        self._cast = Cast(settings, folder, self._calibrating)
-        names = stage_names(settings)
-        self.lines: list[Line] = []
-        for name, table, roles in zip(names, settings.stage, self._cast.load(), strict=True):
-            line = Line(table.source, Stage(name, roles, table.direction), folder)
-            keep.callback(line.close)
-            self.lines.append(line)
+        endpoints = endpoints_of(settings.network, folder)  # first: nothing else is as likely to fail
+        self._jobs = Jobs()
+        keep.callback(self._jobs.close)
+        self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
+        self.runners: list[StageRunner] = []
+        for name, table, players in zip(stage_names(settings), settings.stage, self._loader.load(), strict=True):
+            runner = StageRunner(table.source, Stage(name, players, table.direction), folder)
+            keep.callback(runner.close)
+            self.runners.append(runner)
         calibration_store.recall(self._live_stages(), calibration_store.state_file())
-        self._bind(opened)
-        self.osc = OscOutput(
-            [OscTarget(each.host, each.port, each.rate, each.send, each.characters) for each in settings.osc]
-        )
-        keep.callback(self.osc.close)
+        self._outputs: list[Output] = []
+        self._bind(endpoints)
         self.takes = Takes(folder / settings.takes)
-        self._statistics = Statistics()
-        self._residuals: dict[str, float] = {}
-        self._limited: Counter[str] = Counter()
-        self.status = self._snapshot()
+        self._reporter = Reporter()
+        self.status = self._current_status()
         if settings.metrics is not None:
-            from engine_bridge.service.monitoring.metrics import MetricsServer  # few want it, and it takes a while
+            from engine_bridge.service.monitoring.metrics import MetricsServer  # importing it takes a while
 
             keep.callback(MetricsServer(lambda: self.status, settings.metrics.port).close)
         if settings.announce:
-            self._announce(opened)
+            self._announce(endpoints)
         self._notifier = Notifier()
         keep.callback(self._notifier.close)
-        self._jobs: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
         self._reloading = self._reload_again = False
         self._waiting: list[Deferred] = []
-        self._files: set[int] = set()
-        self._status_at = self._keep_at = time.monotonic()
+        self._status_at = self._store_at = time.monotonic()
 
-    def _bind(self, opened: list[Door]) -> None:
+    def _bind(self, endpoints: list[Endpoint]) -> None:
         settings, keep = self._settings, self._resources
         context: zmq.Context[Any] = zmq.Context()
         keep.callback(context.term)
         try:
-            self._guard = Guard(context, opened, settings.network.max_clients)
+            self._guard = Guard(context, endpoints, settings.network.max_clients)
             keep.callback(self._guard.close)
-            self.publisher = Publisher(
-                context, opened, [role.character for line in self.lines for role in line.stage.roles]
-            )
-            keep.callback(self.publisher.close)
-            self._guard.gone = self.publisher.forget
-            self.control = Control(context, opened, self._commands(self))
+            opening = Opening(self._characters(), context, endpoints, self._guard)
+            for _, table in settings.output_tables():
+                output = table.open(opening)
+                keep.callback(output.close)
+                self._outputs.append(output)
+            self.control = Control(context, endpoints, self._commands(self))
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
-            where = ", ".join(f"{door.stream} and {door.control}" for door in opened)
+            where = ", ".join(f"{each.stream} and {each.control}" for each in endpoints)
             raise ServiceError(
                 "[network]",
-                found=f"that it cannot listen at {where} ({error})",
-                expected="ports that nobody else has",
-                fix="End the other service, or choose another port with --port.",
+                found=f"addresses that cannot be bound: {where} ({error})",
+                expected="ports that no other program uses",
+                fix="Stop the other service, or choose another port with --port.",
             ) from error
-        served = [*self.publisher.sockets, *self.control.sockets]
-        self._gates = [self._guard.socket, *(self._guard.watch(each) for each in served)]
+        for socket in self.control.sockets:
+            self._guard.watch(socket)
         self._poller = zmq.Poller()
-        for each in [*served, *self._gates]:
-            self._poller.register(each, zmq.POLLIN)
+        self._polled: set[Any] = set()
 
-    def _announce(self, opened: list[Door]) -> None:
-        """Announce a door that other machines can reach, if there is one."""
-        places = [endpoint.removeprefix("tcp://").rpartition(":") for endpoint in self.publisher.endpoints]
-        best = max(range(len(opened)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
+    def _announce(self, endpoints: list[Endpoint]) -> None:
+        """Announce an endpoint that other machines can reach, if there is one."""
+        streams = [each for each in self.stream if each.startswith("tcp://")]  # ZeroMQ's, one per endpoint
+        places = [stream.removeprefix("tcp://").rpartition(":") for stream in streams]
+        best = max(range(len(endpoints)), key=lambda k: not ipaddress.ip_address(places[k][0].strip("[]")).is_loopback)
         host, _, port = places[best]
         control = self.control.endpoints[best].rpartition(":")[2]
-        announcement = Announcement(host.strip("[]"), int(port), int(control), opened[best].mechanism, self._names())
+        announcement = Announcement(host.strip("[]"), int(port), int(control), endpoints[best].mechanism, self._names())
         self._resources.callback(announcement.close)
 
+    @property
+    def stream(self) -> list[str]:
+        """Addresses at which clients receive characters."""
+        return [address for output in self._outputs for address in output.endpoints]
+
     def run(self, signals: Signals) -> None:
-        """Serve until somebody says stop."""
+        """Serve until a signal stops it."""
         with contextlib.ExitStack() as undo:
             undo.callback(sys.setswitchinterval, sys.getswitchinterval())
-            sys.setswitchinterval(SWITCH)
+            sys.setswitchinterval(SWITCH_SECONDS)
             self._poller.register(signals, zmq.POLLIN)
             undo.callback(self._poller.unregister, signals)
             self._notifier.ready()
-            log.info("serving", extra=fields(stream=self.publisher.endpoints, control=self.control.endpoints))
+            log.info("serving", extra=fields(stream=self.stream, control=self.control.endpoints))
             while not signals.stop:
                 self._turn()
                 if signals.take_reload():
@@ -194,63 +184,57 @@ class Service:
             self._notifier.stopping()
 
     def close(self) -> None:
-        """End all takes and let go of everything; closing again does nothing."""
+        """End all takes and close everything; closing again does nothing."""
         self._resources.close()
 
     def reload(self) -> Deferred:
-        """Load all puppets anew, beside the stream; the answer comes when they are there."""
+        """Load all puppet files again, while the stream continues; the answer comes when they are loaded."""
         deferred = Deferred()
         self._reload(deferred)
         return deferred
 
-    def stop_recording(self, line: Line) -> Deferred | None:
+    def stop_recording(self, runner: StageRunner) -> Deferred | None:
         """End a take; the answer comes when all of it is on the disk. None if there is no take."""
-        recorder = line.stop_recording()
+        recorder = runner.stop_recording()
         if recorder is None:
             return None
         deferred = Deferred()
+        facts = {"stage": runner.stage.name, "take": recorder.path.stem}
 
         def answer(closed: Future[None]) -> None:
-            facts = {"stage": line.stage.name, "take": recorder.path.stem}
             self._answer(deferred, closed, lambda _: facts | {"bytes": recorder.path.stat().st_size})
 
-        self._jobs.append((self._writing.submit(recorder.close), answer))
+        self._jobs.start(self._jobs.writing, recorder.close, answer)
         return deferred
 
-    def document(self, role: Role) -> PuppetDocument:
+    def document(self, player: CharacterPlayer) -> PuppetDocument:
         """Return the file that a character's puppet was loaded from."""
-        return self._cast.document(role)
+        return self._loader.document(player)
 
-    def remap(self, line: Line, role: Role, puppet: Puppet) -> None:
-        """Have other joints move a character's handles, at once, and what it does by itself as soon as it is there."""
-        if puppet == role.character.rig.puppet:
+    def remap(self, runner: StageRunner, player: CharacterPlayer, puppet: Puppet) -> None:
+        """Move a character's handles by other joints, and change its idle motion as soon as that is computed."""
+        if puppet == player.character.rig.puppet:
             return
-        line.remap(role, puppet)
-        self.publisher.redescribe(role.character)
-        self._jobs.append((self._loading.submit(role.make_idle), lambda made: line.take_idle(role, made.result())))
+        runner.remap(player, puppet)
+        self._announce_characters()
+        self._jobs.start(self._jobs.loading, player.make_idle, lambda idle: runner.take_idle(player, idle.result()))
 
-    def save(self, role: Role, result: Callable[[], Any]) -> Deferred:
-        """Write a character's mapping into its puppet file; the answer, made then, comes when it is there."""
+    def save(self, player: CharacterPlayer, result: Callable[[], Any]) -> Deferred:
+        """Write a character's mapping into its puppet file; the answer, made then, comes when it is written."""
         deferred = Deferred()
-        saving = self._writing.submit(self.document(role).save, role.character.rig.puppet)
-        self._jobs.append((saving, lambda saved: self._answer(deferred, saved, lambda _: result())))
+        write = partial(self.document(player).save, player.character.rig.puppet)
+        self._jobs.start(self._jobs.writing, write, lambda saved: self._answer(deferred, saved, lambda _: result()))
         return deferred
 
-    def show_frames(self, line: Line, frames: list[Frame]) -> None:
-        """Send frames to whoever wants them."""
+    def show_frames(self, runner: StageRunner, frames: list[Frame]) -> None:
+        """Give frames to all outputs."""
         for frame in frames:
-            self._guarded(self._show_frame, line, frame)
-
-    def _show_frame(self, line: Line, frame: Frame) -> None:
-        self.publisher.publish(frame)
-        self.osc.offer(frame)
-        self._statistics.performed(line.stage.name, frame.character.name, frame.received)
-        if "morphs" in frame.__dict__ and frame.morphs is not None:
-            self._residuals[frame.character.name] = frame.morphs.residual
-            self._limited[frame.character.name] += frame.morphs.limited
+            for output in self._outputs:
+                self._guarded(output.offer, frame)
+            self._guarded(self._reporter.sent, runner.stage.name, frame)
 
     def _reload(self, deferred: Deferred | None) -> None:
-        """Load now, or again when what is being loaded is there: files may have changed since."""
+        """Load now, or again when what is being loaded is complete, because files may have changed since."""
         if deferred is not None:
             self._waiting.append(deferred)
         self._reload_again = self._reloading
@@ -259,171 +243,127 @@ class Service:
         self._reloading = True
         self._notifier.reloading()
         waiting, self._waiting = self._waiting, []
-        self._jobs.append((self._loading.submit(self._cast.load), lambda loaded: self._take_over(loaded, waiting)))
+        self._jobs.start(self._jobs.loading, self._loader.load, lambda loaded: self._take_over(loaded, waiting))
 
     def _turn(self) -> None:
-        """Wait until something comes or is due, and do it: skeletons first."""
-        self._watch_sources()
-        due = min(line.due() for line in self.lines)
-        due = min(due, self.osc.due(), self.publisher.due(), self._status_at)
-        ready = dict(self._poller.poll(math.ceil(1000 * max(0.0, due - time.monotonic()))))
-        for line in self.lines:
-            if line.source.fileno() in ready or line.due() <= time.monotonic():
-                self._guarded(self._take_in, line)
-        self._guarded(self.osc.send_due)
-        if any(each in ready for each in self._gates):
+        """Wait until something arrives or is due, and do it: skeletons first."""
+        self._watch_sockets()
+        due = [runner.due() for runner in self.runners] + [output.due() for output in self._outputs]
+        timeout = max(0.0, min(*due, self._status_at) - time.monotonic())
+        ready = dict(self._poller.poll(math.ceil(1000 * timeout)))
+        for runner in self.runners:
+            if runner.source.fileno() in ready or runner.due() <= time.monotonic():
+                self._guarded(self._take_in, runner)
+        for output in self._outputs:
+            self._guarded(output.send_due)
+        if any(each in ready for each in self._guard.sockets):
             self._guarded(self._guard.handle)
-        for handler in (self.publisher, self.control):
-            for each in handler.sockets:
+        readers: list[Output | Control] = [*self._outputs, self.control]
+        for reader in readers:
+            for each in reader.sockets:
                 if each in ready:
-                    self._guarded(handler.handle, each)
-        self._guarded(self.publisher.send_due)
+                    self._guarded(reader.handle, each)
         self._guarded(self._look_after)
-        self._notifier.watchdog(sum(line.events for line in self.lines))
+        self._notifier.watchdog(sum(runner.events for runner in self.runners))
 
-    def _watch_sources(self) -> None:
-        """Poll the sources as they are now: one that was opened anew has another file."""
-        files = {number for line in self.lines if (number := line.source.fileno()) is not None}
-        for number in self._files - files:
-            self._poller.unregister(number)
-        for number in files - self._files:
-            self._poller.register(number, zmq.POLLIN)
-        self._files = files
+    def _watch_sockets(self) -> None:
+        """Poll what is open now: sources that reconnect and outputs with clients open other sockets."""
+        files = (runner.source.fileno() for runner in self.runners)
+        outputs = (socket for output in self._outputs for socket in output.sockets)
+        polled = {*self._guard.sockets, *self.control.sockets, *outputs, *files} - {None}
+        for gone in self._polled - polled:
+            self._poller.unregister(gone)
+        for new in polled - self._polled:
+            self._poller.register(new, zmq.POLLIN)
+        self._polled = polled
 
     def _look_after(self) -> None:
-        """Do what is done now and then."""
-        done = [job for job in self._jobs if job[0].done()]
-        self._jobs = [job for job in self._jobs if job not in done]
-        for future, finish in done:
+        """Finish jobs, and report the status when it is due."""
+        for future, finish in self._jobs.take_finished():
             self._guarded(finish, future)
         now = time.monotonic()
         if now >= self._status_at:
-            self._status_at = max(self._status_at + STATUS_INTERVAL, now)
+            self._status_at = max(self._status_at + STATUS_SECONDS, now)
             self._report()
 
     def _guarded(self, do: Callable[..., None], *arguments: object) -> None:
-        """Do something whose failure must not end the service."""
+        """Call a function whose failure must not end the service."""
         try:
             do(*arguments)
         except Exception as error:
             _rarely.warning("a fault in the service", why=f"{type(error).__name__}: {error}")
             log.debug("a fault in the service", exc_info=True)
 
-    def _take_in(self, line: Line) -> None:
-        before = line.skeletons
-        frames = line.take_in()
-        for _ in range(line.skeletons - before):
-            self._statistics.taken(line.stage.name)
-        self.show_frames(line, frames)
+    def _take_in(self, runner: StageRunner) -> None:
+        before = runner.skeletons
+        frames = runner.take_in()
+        self._reporter.received(runner.stage.name, runner.skeletons - before)
+        self.show_frames(runner, frames)
 
-    def _take_over(self, loaded: Future[list[list[Role]]], waiting: list[Deferred]) -> None:
-        """Go on with characters that were loaded anew, or as before if they could not be."""
+    def _take_over(self, loaded: Future[list[list[CharacterPlayer]]], waiting: list[Deferred]) -> None:
+        """Continue with characters that were loaded again, or unchanged if they could not be loaded."""
         self._reloading = False
         self._notifier.ready()
         for deferred in waiting:
             self._answer(deferred, loaded, lambda _: {"characters": self._names()})
         error = loaded.exception()
         if error is not None:
-            log.error("the characters stay as they are: %s", error)
+            log.error("reload failed, characters unchanged: %s", error)
         else:
-            for line, roles in zip(self.lines, loaded.result(), strict=True):
-                self._end_take(line)
-                line.stage.replace_roles(roles)
-            self.publisher.announce([role.character for line in self.lines for role in line.stage.roles])
-            self._loading.submit(_give_back_memory)
-            log.info("loaded anew", extra=fields(characters=self._names()))
+            for runner, players in zip(self.runners, loaded.result(), strict=True):
+                self._end_take(runner)
+                runner.replace_players(players)
+            self._announce_characters()
+            self._jobs.loading.submit(_trim_memory)
+            log.info("reloaded", extra=fields(characters=self._names()))
         if self._reload_again:
             self._reload(None)
 
-    def _end_take(self, line: Line) -> None:
-        """End a take whose characters change: it could not play as it was."""
-        if line.recording is not None:
-            log.warning("the take ends with the reload", extra=fields(stage=line.stage.name, take=line.recording))
-            self.stop_recording(line)
+    def _end_take(self, runner: StageRunner) -> None:
+        """End a take whose characters change: it could not be replayed as it was."""
+        if runner.recording is not None:
+            log.warning("the reload ends the take", extra=fields(stage=runner.stage.name, take=runner.recording))
+            self.stop_recording(runner)
 
     def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
-        """Give the answer that was put off: what became of the work, or why nothing did."""
+        """Send a deferred answer: the result of the work, or the error."""
         error = done.exception()
         self.control.finish(deferred, result(done.result()) if error is None else error)
 
+    def _characters(self) -> list[StreamedCharacter]:
+        return [player.character for runner in self.runners for player in runner.stage.players]
+
     def _names(self) -> list[str]:
-        return [role.character.name for line in self.lines for role in line.stage.roles]
+        return [character.name for character in self._characters()]
+
+    def _announce_characters(self) -> None:
+        for output in self._outputs:
+            output.announce(self._characters())
 
     def _live_stages(self) -> dict[str, tuple[Stage, float]]:
         """Return the stages whose performers are people, by their sources; a recording calibrates as it did before."""
-        live = (line for line in self.lines if not line.recorded)
-        return {line.source.name: (line.stage, line.source.now()) for line in live}
+        live = (runner for runner in self.runners if not runner.recorded)
+        return {runner.source.name: (runner.stage, runner.source.now()) for runner in live}
+
+    def _current_status(self) -> Status:
+        return self._reporter.status(self.runners, self._guard.clients, [each.statistics for each in self._outputs])
 
     def _report(self) -> None:
-        self.status = self._snapshot()
-        self.publisher.publish_json("service/status", self.status)
+        status = self.status = self._current_status()
+        for output in self._outputs:
+            self._guarded(output.report, status)
         if self._show is not None:
-            self._show(self.status)
-        playing = sum(character["state"] == "performing" for character in self.status["characters"])
-        self._notifier.status(f"{playing} of {len(self.status['characters'])} characters performing")
-        if playing and time.monotonic() >= self._keep_at:
-            self._keep_at = time.monotonic() + KEEP_INTERVAL
+            self._show(status)
+        self._notifier.status(f"{status.performing} of {len(status.characters)} characters performing")
+        if status.performing and time.monotonic() >= self._store_at:
+            self._store_at = time.monotonic() + STORE_SECONDS
             known = calibration_store.known_performers(self._live_stages())
-            self._writing.submit(calibration_store.write, known, calibration_store.state_file())
-
-    def _snapshot(self) -> dict[str, Any]:
-        return self._statistics.snapshot(
-            [stage_status(line) for line in self.lines],
-            [
-                {
-                    "name": role.character.name,
-                    "performer": role.user,
-                    "state": role.state,
-                    "residual": self._residuals.get(role.character.name),
-                    "limited": self._limited[role.character.name],
-                }
-                for line in self.lines
-                for role in line.stage.roles
-            ],
-            self._guard.clients,
-            {"messages": self.publisher.messages, "bytes": self.publisher.bytes},
-            self.osc.statistics,
-        )
+            self._jobs.writing.submit(calibration_store.write, known, calibration_store.state_file())
 
 
-def _give_back_memory() -> None:
-    """Let the system have what the characters of before took: glibc keeps it, hundreds of megabytes of it."""
+def _trim_memory() -> None:
+    """Return the memory of the previous characters to the system: glibc would keep hundreds of megabytes."""
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
         if trim is not None:
             trim(0)
-
-
-def stage_status(line: Line) -> dict[str, Any]:
-    """Return what the status says of a stage, but for its figures."""
-    now, casting, counts = line.source.now(), line.stage.casting, line.source.counts
-    playing = {role.user: role for role in line.stage.roles if role.user is not None}
-    level = next((role.level for role in line.stage.roles if role.level != Level()), Level())
-    return {
-        "name": line.stage.name,
-        "source": line.source.name,
-        "dropped": counts.dropped,
-        "refused": dict(counts.refused),
-        "faults": line.faults,
-        "users": [
-            {
-                "user": user,
-                "state": playing[user].state if user in playing else "waiting",
-                "character": playing[user].character.name if user in playing else None,
-                "seen": round(max(0.0, now - presence.seen), 3),
-                "distance": round(presence.distance, 2),
-                **_measures(playing.get(user)),
-            }
-            for user, presence in casting.present.items()
-        ],
-        "sensor": {name: round(value, 2) for name, value in asdict(level).items()},
-        "recording": line.recording,
-    }
-
-
-def _measures(role: Role | None) -> dict[str, float | None]:
-    """Return what the status says of the body of whoever plays a role, None until they are calibrated."""
-    calibration = None if role is None else role.calibration
-    if calibration is None:
-        return {"height": None, "reach": None}
-    return {"height": round(calibration.height, 2), "reach": round(calibration.reach, 2)}

@@ -1,6 +1,6 @@
-"""The service file: which sources, which characters, and who may listen.
+"""The service file: sources, characters and outputs, in TOML.
 
-TOML; `load` checks all of it and says what to mend. What the command line gives makes the same settings.
+`load` checks all of it; `from_flags` makes the same settings from the options of the command line.
 """
 
 import re
@@ -9,8 +9,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
-from engine_bridge.service.character_player import Calibrate, Manner
-from engine_bridge.service.security.endpoints import NetworkSettings
+from engine_bridge.service.automatic_calibration import Calibrate
+from engine_bridge.service.character_player import Manner
+from engine_bridge.service.outputs.registry import OutputTables
+from engine_bridge.service.security.endpoints import Text
 from engine_bridge.service.stage import Direction
 from engine_bridge.service.user_assignment import People
 from puppetline import toml_schema
@@ -18,19 +20,17 @@ from puppetline.errors import ServiceError
 from puppetline.toml_schema import Table, mistake
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,32}$")]
-"""What a character or stage is called on the wire."""
+"""Name of a character or stage in topics and addresses."""
 
-Text = Annotated[str, Field(strict=True, min_length=1)]
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Seconds = Annotated[FiniteFloat, Field(strict=True, ge=0, le=86400)]
-OscKind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer", "vmc"]
 
 RESERVED = "service"
-"""No character's name: what the service says of itself is published under it."""
+"""Name that no character can have, because the service publishes its own status under it."""
 
 
 class CharacterTable(Table):
-    """[[stage.character]]: a puppet, and what goes with it; files are relative to the service file."""
+    """[[stage.character]]: a character's files, relative to the service file."""
 
     puppet: Text
     name: Name | None = None
@@ -39,7 +39,7 @@ class CharacterTable(Table):
 
 
 class StageTable(Table):
-    """[[stage]]: a source and the characters that its performers play; see `Direction` and `Manner`."""
+    """[[stage]]: a source and the characters that its performers drive; see `Direction` and `Manner`."""
 
     source: Text
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1, max_length=64)]
@@ -56,12 +56,12 @@ class StageTable(Table):
 
     @property
     def direction(self) -> Direction:
-        """How the stage treats people."""
+        """How the stage assigns performers to characters."""
         return Direction(self.people, self.turn, self.lost_after, self.least_confidence)
 
     @property
     def manner(self) -> Manner:
-        """How its characters treat their performers."""
+        """How its characters calibrate and ease."""
         return Manner(
             calibrate=self.calibrate,
             ease=self.ease,
@@ -71,28 +71,16 @@ class StageTable(Table):
         )
 
 
-class OscTable(Table):
-    """[[osc]]: a receiver of OSC over UDP."""
-
-    port: Port
-    host: Text = "127.0.0.1"
-    rate: Annotated[FiniteFloat, Field(strict=True, gt=0, le=1000)] = 30.0
-    send: Annotated[tuple[OscKind, ...], Field(min_length=1)] = ("morphs", "joints", "handles", "performer")
-    characters: tuple[Name, ...] = ()
-
-
 class MetricsTable(Table):
-    """[metrics]: numbers for Prometheus, on loopback: they have no password."""
+    """[metrics]: metrics for Prometheus, on loopback because they require no credentials."""
 
     port: Port = 9464
 
 
-class ServiceFile(Table):
+class ServiceFile(OutputTables):
     """A whole service file."""
 
     stage: Annotated[tuple[StageTable, ...], Field(min_length=1, max_length=16)]
-    network: NetworkSettings = NetworkSettings()
-    osc: tuple[OscTable, ...] = ()
     metrics: MetricsTable | None = None
     takes: Text = "takes"
     announce: StrictBool = True
@@ -110,8 +98,8 @@ class ServiceFile(Table):
                         c,
                         "name",
                         found=f"the name {name!r}" + (" again" if name in seen else ""),
-                        expected=f"a name of its own for each character, other than {RESERVED!r}",
-                        fix='Give it another one: name = "…".',
+                        expected=f"a different name for each character, other than {RESERVED!r}",
+                        fix='Choose another name: name = "…".',
                     )
                 seen.add(name)
         names = stage_names(self)
@@ -122,69 +110,31 @@ class ServiceFile(Table):
                     s,
                     "name",
                     found=f"{name!r} again",
-                    expected="a name of its own for each stage",
+                    expected="a different name for each stage",
                     fix="Rename one of the two.",
                 )
         return self
 
     @model_validator(mode="after")
-    def _targets_get_something(self) -> Self:
+    def _outputs_fit(self) -> Self:
         morphs = {
             name: each.morphs is not None
             for stage in self.stage
             for each, name in zip(stage.character, character_names(stage), strict=True)
         }
-        for t, target in enumerate(self.osc):
-            for c, name in enumerate(target.characters):
-                if name not in morphs:
-                    raise mistake(
-                        "osc",
-                        t,
-                        "characters",
-                        c,
-                        found=f"no character {name!r}",
-                        expected=f"one of {', '.join(morphs)}",
-                        fix="Name one of these, or leave out characters for all of them.",
-                    )
-            if target.send == ("morphs",) and not any(morphs[name] for name in target.characters or morphs):
-                raise mistake(
-                    "osc",
-                    t,
-                    "send",
-                    found="morph weights, and no character that has morph targets",
-                    expected="a character with morphs = FILE.glb",
-                    fix="Make the file with puppetline bake, or send something else.",
-                )
+        for place, output in self.output_tables():
+            output.check(place, morphs)
         return self
-
-    @model_validator(mode="after")
-    def _vmc_is_of_one_character(self) -> Self:
-        for t, target in enumerate(self.osc):
-            if "vmc" in target.send and len(receives := self.receives(target)) > 1:
-                raise mistake(
-                    "osc",
-                    t,
-                    "characters",
-                    found=f"VMC of {len(receives)} characters ({', '.join(receives)})",
-                    expected="one character: VMC has no names for several",
-                    fix="Name one of them, and make an [[osc]] of another port for each of the others.",
-                )
-        return self
-
-    def receives(self, target: OscTable) -> list[str]:
-        """Return the names of the characters that a receiver is sent."""
-        names = [name for stage in self.stage for name in character_names(stage)]
-        return [name for name in names if not target.characters or name in target.characters]
 
 
 def stage_names(service: ServiceFile) -> list[str]:
-    """Return what the stages are called; without a name, by their number."""
+    """Return the names of the stages; a stage without a name is called by its number."""
     alone = len(service.stage) == 1
     return [stage.name or ("stage" if alone else f"stage{number}") for number, stage in enumerate(service.stage, 1)]
 
 
 def character_names(stage: StageTable) -> list[str]:
-    """Return what a stage's characters are called; without a name, as their puppet files."""
+    """Return the names of a stage's characters; one without a name is called as its puppet file."""
     return [each.name or _as_name(Path(each.puppet).stem) for each in stage.character]
 
 
@@ -200,7 +150,7 @@ def load(path: Path) -> ServiceFile:
     ServiceError
         With the line of a syntax error, or the table and key of anything else.
     """
-    fix = "Check the path, or give --puppet and --source instead."
+    fix = "Check the path, or use --puppet and --source instead."
     values = toml_schema.parse(toml_schema.read_text(path, "a service file", fix, ServiceError), path, ServiceError)
     return toml_schema.check(ServiceFile, values, path, ServiceError)
 
@@ -212,12 +162,12 @@ def from_flags(
     character: dict[str, Any],
     rest: dict[str, Any],
 ) -> ServiceFile:
-    """Make the settings that command line options stand for.
+    """Return the settings of command line options.
 
     Parameters
     ----------
     sources, puppets
-        One source with all the puppets, or as many sources as puppets, which belong together in their order.
+        One source for all puppets, or one source per puppet, in the same order.
     stage, character, rest : dict
         Further keys of each [[stage]], of each [[stage.character]], and of the file.
 

@@ -1,4 +1,4 @@
-"""What the system asks of the service: to stop, or to reload."""
+"""Signals of the operating system: stop and reload."""
 
 import contextlib
 import signal
@@ -8,17 +8,17 @@ from typing import Self
 
 
 class Signals:
-    """Takes SIGTERM, SIGINT and SIGHUP as long as it is entered; its file descriptor is readable when one has come.
+    """Handles SIGTERM, SIGINT and SIGHUP while it is entered; its file descriptor is readable after a signal.
 
-    A handler only takes note: it may run in the midst of anything. As long as nobody is `waiting` for `stop`, as while
-    the service starts, the first two end whatever is being done. To be entered in the main thread.
+    A handler only sets a flag, because it may interrupt any code. While `waiting` is false, as during the start of the
+    service, the first two raise KeyboardInterrupt instead. Enter it in the main thread.
 
     Attributes
     ----------
     stop : bool
-        Somebody wants the end.
+        SIGTERM or SIGINT was received.
     waiting : bool
-        Whether somebody looks at `stop`.
+        Whether the program checks `stop`; set by the program.
     """
 
     def __init__(self) -> None:
@@ -42,14 +42,14 @@ class Signals:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._undo.close()
         if kind is not None and self.stop and not self.waiting:
-            raise KeyboardInterrupt  # a module that is being loaded makes any error of it
+            raise KeyboardInterrupt  # a module that was being imported may have turned it into another error
 
     def fileno(self) -> int:
-        """Return what becomes readable when a signal has come."""
+        """Return the file descriptor that is readable after a signal."""
         return self._woken.fileno()
 
     def take_reload(self) -> bool:
-        """Tell whether a reload was asked for since the last call, and be ready for the next signal."""
+        """Return whether SIGHUP was received since the last call, and reset the file descriptor."""
         with contextlib.suppress(BlockingIOError):
             self._woken.recv(4096)
         asked, self._reload = self._reload, False

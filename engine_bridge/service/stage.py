@@ -1,11 +1,12 @@
-"""A stage: one source of skeletons and the characters that its performers play.
+"""A stage: one source of skeletons and the characters that its performers drive.
 
-It knows no clock and no socket. What it makes depends on the events it is given and on nothing else, so that a take,
-which is these events, plays to the very same controls again.
+A stage has no clock and no socket: its frames depend on its events only. A take, which records these events, therefore
+replays the same controls: all of them if it was recorded from the start, otherwise as soon as the filters, which start
+again with the take, no longer depend on what was before it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -15,32 +16,31 @@ from numpy.typing import NDArray
 from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.sensor_tilt import Level
 from capture.skeleton import LOST, SkeletonFrame
-from engine_bridge.service.character_player import Role
-from engine_bridge.service.memory import pack, unpack
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.user_assignment import Casting, People, Presence
+from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
 
-VERSION = 3
-"""Of the memory."""
+SOURCE_GAP_SECONDS = 5 * TICK
+"""Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
 
-BLIND = 5 * TICK
-"""Seconds without any event after which it was not the people who were away: a source gives ticks while it runs."""
+A running source emits ticks.
+"""
 
 
 @dataclass(frozen=True)
 class Direction:
-    """How a stage treats the people before it.
+    """How a stage assigns performers to characters.
 
     Attributes
     ----------
     people : {"each", "nearest", "queue"}
     turn : float
-        Seconds of a turn in a queue.
+        Duration of a turn in a queue, in seconds.
     lost_after : float
-        Seconds after which somebody who is not seen has left.
+        Time after which a performer who is not tracked has left, in seconds.
     least_confidence : float
-        A joint of less is lost.
+        Confidence below which a joint is lost.
     """
 
     people: People = "each"
@@ -55,123 +55,126 @@ class Stage:
     Parameters
     ----------
     name : str
-    roles : sequence of Role
+    players : sequence of CharacterPlayer
         At least one; each name once.
     direction : Direction
     """
 
-    def __init__(self, name: str, roles: Sequence[Role], direction: Direction) -> None:
+    def __init__(self, name: str, players: Sequence[CharacterPlayer], direction: Direction) -> None:
         self.name = name
-        self.roles = list(roles)
+        self.players = list(players)
         self._direction = direction
-        self.casting = Casting(direction.people, direction.turn, [None] * len(self.roles))
+        self.assignment = UserAssignment(direction.people, direction.turn, [None] * len(self.players))
         self._latest: dict[int, float] = {}
         self._time = -math.inf
 
     def step(self, event: Event, received: int) -> list[Frame]:
-        """Take an event and return the frames of the characters that it moves.
+        """Process an event and return the frames of the characters that it moves.
 
         Parameters
         ----------
         event : Event
             No earlier than the one before.
         received : int
-            `time.monotonic_ns` at which it came.
+            `time.monotonic_ns` at which it arrived.
 
         Raises
         ------
         ServiceError
-            A cue that cannot be followed.
+            A cue that cannot be carried out.
         """
-        if event.time - self._time > BLIND and math.isfinite(self._time):
-            self.casting.blind(event.time - self._time)
+        if event.time - self._time > SOURCE_GAP_SECONDS and math.isfinite(self._time):
+            self.assignment.blind(event.time - self._time)
         self._time = event.time
         match event:
             case SkeletonFrame():
                 return self._perform(event, received)
             case Lost():
-                self.casting.gone(event.user)
+                self.assignment.gone(event.user)
+            case Cue(do="stage"):
+                self._resume(event)
+                return []
             case Cue():
                 self._follow(event)
             case Tick():
                 pass
-        self._recast(event.time)
+        self._assign(event.time)
         return self._pass_time(event.time, received)
 
     def _perform(self, frame: SkeletonFrame, received: int) -> list[Frame]:
         confidence = np.where(frame.confidence < self._direction.least_confidence, np.float32(LOST), frame.confidence)
         known = confidence > LOST
         if known.any() and frame.time > self._latest.get(frame.user, -np.inf):
-            self.casting.see(frame.user, frame.time, _distance(frame.positions[known]))
-        self._recast(frame.time)
-        if frame.user not in self.casting.present or frame.time <= self._latest.get(frame.user, -np.inf):
+            self.assignment.see(frame.user, frame.time, _distance(frame.positions[known]))
+        self._assign(frame.time)
+        if frame.user not in self.assignment.present or frame.time <= self._latest.get(frame.user, -np.inf):
             return self._pass_time(frame.time, received)
         self._latest[frame.user] = frame.time
         frame = replace(frame, confidence=confidence)
-        shown = [role.perform(frame, received) for role in self.roles if role.user == frame.user]
+        shown = [player.perform(frame, received) for player in self.players if player.user == frame.user]
         return shown + self._pass_time(frame.time, received)
 
-    def _recast(self, time: float) -> None:
-        """Let people come and go."""
-        casting = self.casting
-        for user, presence in list(casting.present.items()):
+    def _assign(self, time: float) -> None:
+        """Remove performers who have left, and assign the others."""
+        assignment = self.assignment
+        for user, presence in list(assignment.present.items()):
             if time - presence.seen > self._direction.lost_after:
-                casting.gone(user)
-        casting.recast(time)
-        for role, performer in zip(self.roles, casting.cast, strict=True):
-            if role.user == performer:
+                assignment.gone(user)
+        assignment.assign(time)
+        for player, performer in zip(self.players, assignment.performers, strict=True):
+            if player.user == performer:
                 continue
-            if role.user is not None:
-                role.leave(time)
+            if player.user is not None:
+                player.leave(time)
             if performer is not None:
-                role.enter(performer, time)
-        self._latest = {user: self._latest[user] for user in self._latest if user in casting.present}
+                player.enter(performer, time)
+        self._latest = {user: self._latest[user] for user in self._latest if user in assignment.present}
 
     def _pass_time(self, time: float, received: int) -> list[Frame]:
-        return [frame for role in self.roles if (frame := role.pass_time(time, received)) is not None]
+        return [frame for player in self.players if (frame := player.pass_time(time, received)) is not None]
 
     def _follow(self, cue: Cue) -> None:
         chosen = self._named(cue.arguments.get("character"))
         match cue.do:
             case "calibrate":
-                if not [role for role in chosen if role.calibrate(cue.time)]:
+                if not [player for player in chosen if player.calibrate(cue.time)]:
                     raise self._nobody(cue.arguments.get("character"))
             case "mirror":
-                for role in chosen:
+                for player in chosen:
                     on = cue.arguments.get("on")
-                    role.set_mirror(not role.mirror if on is None else bool(on), cue.time)
+                    player.set_mirror(not player.mirror if on is None else bool(on), cue.time)
             case "begin":
-                for role in chosen:
-                    role.begin(cue.time)
+                for player in chosen:
+                    player.begin(cue.time, cue.arguments.get("calibration"))
             case "choose_user":
                 self._choose(chosen[0], cue.arguments.get("user"), cue.time)
             case "level":
                 level = self._level_of(cue)
-                for role in chosen:
-                    role.set_level(level, cue.time)
+                for player in chosen:
+                    player.set_level(level, cue.time)
 
-    def _named(self, character: str | None) -> list[Role]:
-        """Return the role of that name, or all roles for None."""
-        names = [role.character.name for role in self.roles]
+    def _named(self, character: str | None) -> list[CharacterPlayer]:
+        """Return the player of a character, or all players for None."""
+        names = [player.character.name for player in self.players]
         if character is not None and character not in names:
             raise ServiceError(
                 f"stage {self.name}",
                 found=f"no character {character!r}",
                 expected=f"one of {', '.join(names)}",
-                fix="Name one of these.",
+                fix="Choose one of these.",
             )
-        return [role for role in self.roles if character in (None, role.character.name)]
+        return [player for player in self.players if character in (None, player.character.name)]
 
-    def _choose(self, role: Role, user: int | None, time: float) -> None:
-        if user is not None and user not in self.casting.present:
-            here = ", ".join(map(str, self.casting.present)) or "nobody"
+    def _choose(self, player: CharacterPlayer, user: int | None, time: float) -> None:
+        if user is not None and user not in self.assignment.present:
+            here = ", ".join(map(str, self.assignment.present)) or "no user"
             raise ServiceError(
                 f"stage {self.name}",
-                found=f"no user {user} before the sensor",
-                expected=f"one of them: {here}",
-                fix="The status of describe says who is there.",
+                found=f"no user {user} in view of the sensor",
+                expected=f"one of the users in view: {here}",
+                fix='List the users in view: {"do": "describe"}.',
             )
-        self.casting.choose(self.roles.index(role), user, time)
+        self.assignment.choose(self.players.index(player), user, time)
 
     def _level_of(self, cue: Cue) -> Level:
         try:
@@ -179,88 +182,92 @@ class Stage:
         except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",
-                found=f"a sensor that stands like {cue.arguments}",
+                found=f"a position of the sensor that is not understood ({cue.arguments})",
                 expected="tilt and roll in degrees, height in metres",
-                fix="Measure it again; until then it counts as before.",
+                fix="Measure it again; until then, the previous position is used.",
             ) from error
 
     def _nobody(self, character: str | None) -> ServiceError:
         return ServiceError(
             f"stage {self.name}",
-            found=f"nobody who plays {character or 'a character'}",
-            expected="a performer whom the sensor sees",
-            fix="Calibrate when somebody is there.",
+            found=f"no performer for {character or 'any character'}",
+            expected="a performer in view of the sensor",
+            fix="Calibrate when a performer is in view.",
         )
 
-    def replace_roles(self, roles: Sequence[Role]) -> None:
-        """Take over characters that were loaded anew; performers stay with those of the same name."""
-        names = [role.character.name for role in self.roles]
-        before = [names.index(name) if name in names else None for name in (role.character.name for role in roles)]
-        for role, k in zip(roles, before, strict=True):
+    def replace_players(self, players: Sequence[CharacterPlayer]) -> None:
+        """Replace the characters after a reload; performers stay with those of the same name."""
+        names = [player.character.name for player in self.players]
+        before = [
+            names.index(name) if name in names else None for name in (player.character.name for player in players)
+        ]
+        for player, k in zip(players, before, strict=True):
             if k is not None:
-                role.succeed(self.roles[k])
-        self.casting.rearrange(before)
-        self.roles = list(roles)
+                player.succeed(self.players[k])
+        self.assignment.rearrange(before)
+        self.players = list(players)
 
-    @property
-    def memory(self) -> dict[str, Any]:
-        """What the stage carries from event to event, as JSON has it, for the beginning of a take."""
-        casting = self.casting
-        people = [[user, p.waits_since, p.seen, p.distance, p.nearer_since] for user, p in casting.present.items()]
-        packed: dict[str, Any] = pack(
-            {
-                "version": VERSION,
-                "characters": self._characters(),
-                "direction": asdict(self._direction),
-                "time": self._time,
-                "cast": casting.cast,
-                "since": casting.since,
-                "chosen": sorted(casting.chosen),
-                "present": people,
-                "latest": [[user, time] for user, time in self._latest.items()],
-                "roles": [role.memory for role in self.roles],
-            }
-        )
-        return packed
+    def snapshot(self, now: float) -> dict[str, Any]:
+        """Return the performers in view and their characters, for the cue ``stage`` that begins a take.
 
-    def recall(self, memory: Mapping[str, Any]) -> bool:
-        """Go on where another stage of the same characters was, treating people as it did.
-
-        Returns
-        -------
-        bool
-            False, and nothing changes, if it had others.
-
-        Raises
-        ------
-        ValueError
-            The memory is damaged. The stage is of no use after that.
+        Parameters
+        ----------
+        now : float
+            Time on the source's clock, used if the stage has processed no event yet.
         """
-        if memory.get("version") != VERSION or memory.get("characters") != self._characters():
-            return False
-        try:
-            values = unpack(dict(memory))
-            direction = Direction(**values["direction"])
-            casting = Casting(direction.people, direction.turn, list(values["cast"]), list(values["since"]))
-            casting.present = {int(user): Presence(*presence) for user, *presence in values["present"]}
-            casting.chosen = set(map(int, values["chosen"]))
-            for role, role_memory in zip(self.roles, values["roles"], strict=True):
-                role.memory = role_memory
-            if [role.user for role in self.roles] != casting.cast or len(casting.since) != len(casting.cast):
-                raise ValueError("roles that were given to others")
-            self._latest = {int(user): float(time) for user, time in values["latest"]}
-            self._time = float(values["time"])
-        except (KeyError, TypeError, AttributeError, IndexError, OverflowError, RecursionError) as error:
-            raise ValueError(f"{type(error).__name__}: {error}") from error
-        self._direction, self.casting = direction, casting
-        return True
+        assignment = self.assignment
+        return {
+            "time": self._time if math.isfinite(self._time) else now,
+            "direction": asdict(self._direction),
+            "people": [
+                {"user": user, "chosen": user in assignment.chosen, **asdict(presence)}
+                for user, presence in assignment.present.items()
+            ],
+            "characters": {
+                player.character.name: {"since": since, **player.snapshot()}
+                for player, since in zip(self.players, assignment.since, strict=True)
+            },
+        }
 
-    def _characters(self) -> list[list[str]]:
-        """Return what tells whether another stage can go on where this one is."""
-        return [[role.character.name, role.digest] for role in self.roles]
+    def _resume(self, cue: Cue) -> None:
+        """Continue where a take begins; characters that it does not name have no performer."""
+        try:
+            shift = cue.time - float(cue.arguments["time"])
+            direction = Direction(**cue.arguments["direction"])
+            characters = cue.arguments["characters"]
+            recorded = [characters.get(player.character.name) for player in self.players]
+            assignment = UserAssignment(
+                direction.people,
+                direction.turn,
+                [None if each is None else each["user"] for each in recorded],
+                [0.0 if each is None else float(each["since"]) + shift for each in recorded],
+            )
+            for each in cue.arguments["people"]:
+                nearer = each["nearer_since"]
+                assignment.present[int(each["user"])] = Presence(
+                    float(each["waits_since"]) + shift,
+                    float(each["seen"]) + shift,
+                    float(each["distance"]),
+                    None if nearer is None else float(nearer) + shift,
+                )
+                if each["chosen"]:
+                    assignment.chosen.add(int(each["user"]))
+            if any(user is not None and user not in assignment.present for user in assignment.performers):
+                raise ValueError("a performer who is not in view")
+            for player, snapshot in zip(self.players, recorded, strict=True):
+                if snapshot is not None:
+                    player.resume(snapshot, cue.time, shift)
+        except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            raise ServiceError(
+                f"stage {self.name}",
+                found=f"a take with a damaged beginning ({type(error).__name__}: {error})",
+                expected="a take as it was recorded",
+                fix="Remove the second line of the take; it then plays like any other recording.",
+            ) from error
+        self._direction, self.assignment = direction, assignment
 
 
 def _distance(joints: NDArray[np.float64]) -> float:
-    """Return how far the middle of a body is from the sensor, along the floor; metres."""
+    """Return the distance of the middle of a body from the sensor along the floor, in metres."""
     x, z = np.sort(joints[:, ::2], axis=0)[len(joints) // 2]  # a median, without np.median's 40 µs
     return float(np.hypot(x, z))

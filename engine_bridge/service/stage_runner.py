@@ -1,33 +1,35 @@
-"""From a source to its stage: events in, frames out, a take of it all on the side.
+"""Runs a stage: reads events from its source, returns frames, and records takes.
 
-A source that fails is opened again and again; until then time goes on without it. A fault in what one event does is
-logged and costs that event.
+A source that fails is reopened; until then the stage continues without it. If an internal error occurs while an event
+is processed, it is logged, and that event is lost.
 """
 
 import logging
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from capture.events import Cue, Event
 from capture.reconnecting import Reopening
 from capture.recording import Recorder, as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
-from capture.sources.replay import TakeSource
 from engine_bridge.performance.idle import Idle
 from engine_bridge.puppet.puppet import Puppet
-from engine_bridge.service.character_player import Role
+from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.stage import Stage
-from puppetline.errors import OutputError, PuppetlineError, ServiceError, SourceError
+from puppetline.errors import OutputError, PuppetlineError, ServiceError
 
-PREPARATION = 0.3
-"""Seconds from a calibration to its use where a recording is played, which must do the same each time. It takes less
-than that to work out; live, it is used as soon as it is there."""
+PREPARATION_SECONDS = 0.3
+"""Time from a calibration to its use if the source is a recording, in seconds, so that every replay is the same.
+
+Computing it takes less. With a live source, it is used as soon as it is computed.
+"""
 
 _AnyEvent = TypeVar("_AnyEvent", bound=Event)
 
@@ -35,30 +37,30 @@ log = logging.getLogger(__name__)
 _rarely = OnceASecond(log)
 
 
-class Line:
+class StageRunner:
     """A source and the stage that it feeds.
 
     Parameters
     ----------
     uri : str
-        Of the source.
+        Source.
     stage : Stage
     folder : Path
-        What the files of a source are relative to.
+        Folder that files of the source are relative to.
 
     Attributes
     ----------
     stage : Stage
     source : Reopening
     events, skeletons : int
-        Taken in so far, and how many of them were frames.
+        Numbers of events processed so far, and of skeletons among them.
     faults : int
-        Events so far that were lost to a fault.
+        Number of events lost to internal errors.
 
     Raises
     ------
     PuppetlineError
-        The source cannot be opened, or its take is damaged.
+        The source cannot be opened.
     """
 
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
@@ -67,13 +69,12 @@ class Line:
         self.source = Reopening(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
         self._time = -math.inf
-        self._recalled = False  # and as soon as somebody else has a say, a take is like any other recording
-        if self.source.beginning is not None:
-            self._recall(self.source.beginning)
+        self._directed: frozenset[str] = frozenset()  # characters whose calibrations come from a take
+        self._overruled = False  # after a command, a take is like any other recording
 
     @property
     def recorded(self) -> bool:
-        """Whether the source is a recording, which nobody performs now."""
+        """Whether the source is a recording."""
         return self.source.recorded
 
     @property
@@ -82,48 +83,55 @@ class Line:
         return None if self._recorder is None else self._recorder.path.stem
 
     def due(self) -> float:
-        """Return when `take_in` wants to be called though nothing has come, `time.monotonic`."""
+        """Return when to call `take_in` even if nothing has arrived, in seconds of `time.monotonic`."""
         return self.source.due()
 
     def take_in(self) -> list[Frame]:
-        """Take what has come, and return what became of it."""
+        """Process the events that have arrived, and return the frames."""
         events = self.source.receive()
         now, now_ns = self.source.now(), time.monotonic_ns()
         frames: list[Frame] = []
         for event in events:
+            if self._overruled and isinstance(event, Cue) and event.do in ("stage", "begin"):
+                continue
             received = now_ns - int((now - event.time) * 1e9)
             for each in (*self._beginnings(event.time), event):
                 frames += self._perform(each, received)
         return frames
 
     def cue(self, do: str, **arguments: object) -> list[Frame]:
-        """Have something done on stage.
+        """Carry out a command on the stage.
 
         Raises
         ------
         ServiceError
-            It cannot be done, and nothing was.
+            It cannot be carried out; nothing changes.
         """
-        self._recalled = False
+        self._overrule()
         cue = self._in_order(Cue(self.source.now(), do, arguments))
         try:
             frames = self.stage.step(cue, time.monotonic_ns())
         except ServiceError:
             raise
         except Exception:
-            self._record(cue)  # half of it was done, and will be when the take plays
+            self._record(cue)  # it was carried out in part, as it will be in the replay
             raise
         self._record(cue)
         return frames
 
-    def remap(self, role: Role, puppet: Puppet) -> None:
-        """Have other joints move a character's handles."""
-        self._recalled = False
-        role.remap(puppet, max(self._time, self.source.now()))
+    def remap(self, player: CharacterPlayer, puppet: Puppet) -> None:
+        """Change a character's mapping."""
+        self._overrule()
+        player.remap(puppet, max(self._time, self.source.now()))
 
-    def take_idle(self, role: Role, idle: Idle | None) -> None:
-        """Let a character do by itself what was worked out for its new mapping."""
-        role.take_idle(idle, max(self._time, self.source.now()))
+    def replace_players(self, players: Sequence[CharacterPlayer]) -> None:
+        """Replace the characters after a reload."""
+        self._overrule()
+        self.stage.replace_players(players)
+
+    def take_idle(self, player: CharacterPlayer, idle: Idle | None) -> None:
+        """Use the idle motion that was computed for a character's new mapping."""
+        player.take_idle(idle, max(self._time, self.source.now()))
 
     def start_recording(self, path: Path) -> None:
         """Begin a take.
@@ -134,54 +142,41 @@ class Line:
         """
         recorder = Recorder(path)
         try:
-            recorder.write_beginning(self.stage.memory)
+            snapshot = self.stage.snapshot(self.source.now())
+            self._time = max(self._time, snapshot["time"])
+            recorder.write(Cue(snapshot["time"], "stage", snapshot))
         except BaseException:
             recorder.close()
             raise
         self._recorder = recorder
 
     def stop_recording(self) -> Recorder | None:
-        """End the take and return what is to be closed, which may wait for the disk; None if there is none."""
+        """End the take and return its recorder, whose closing may wait for the disk; None without a take."""
         recorder, self._recorder = self._recorder, None
         return recorder
 
     def close(self) -> None:
-        """End the take and let go of the source."""
+        """End the take and close the source."""
         self.source.close()
         recorder = self.stop_recording()
         try:
             if recorder is not None:
                 recorder.close()
         except OutputError as error:
-            log.error("the take is not whole: %s", error)
-
-    def _recall(self, beginning: dict[str, Any]) -> None:
-        """Set the stage as it was when the take began."""
-        try:
-            self._recalled = self.stage.recall(beginning)
-        except ValueError as error:
-            raise SourceError(
-                self.source.name,
-                found=f"a damaged beginning ({error})",
-                expected="a take as it was recorded",
-                fix="Remove its second line: it plays without, as any other recording.",
-            ) from error
-        if not self._recalled:
-            log.warning(
-                "the take was made with other characters, puppets, idle performances or by another version: "
-                "it does not play as it did",
-                extra=fields(stage=self.stage.name, source=self.source.name),
-            )
+            log.error("the take is incomplete: %s", error)
 
     def _beginnings(self, moment: float) -> list[Cue]:
-        """Return cues for the calibrations that are to be used from now on; a take of this stage has them itself."""
-        if self._recalled and isinstance(take := self.source.inner, TakeSource) and take.is_first_pass(moment):
-            return []
+        """Return cues for the calibrations to use from now on; a take has those of its own characters."""
         return [
-            Cue(moment, "begin", {"character": role.character.name})
-            for role in self.stage.roles
-            if role.next_part is not None
-            and (moment >= role.next_part.asked + PREPARATION if self.recorded else role.next_part.working.done())
+            Cue(moment, "begin", {"character": player.character.name, "calibration": player.next_calibration.to_json()})
+            for player in self.stage.players
+            if player.next_calibration is not None
+            and player.character.name not in self._directed
+            and (
+                moment >= player.next_calibration.asked + PREPARATION_SECONDS
+                if self.recorded
+                else player.next_calibration.working.done()
+            )
         ]
 
     def _perform(self, event: Event, received: int) -> list[Frame]:
@@ -192,8 +187,11 @@ class Line:
         self._record(event)
         self.events += 1
         try:
-            return self.stage.step(event, received)
-        except PuppetlineError as error:  # a cue of a take that does not fit here, a pose that is none
+            frames = self.stage.step(event, received)
+            if isinstance(event, Cue) and event.do == "stage":
+                self._directed = frozenset(event.arguments["characters"])
+            return frames
+        except PuppetlineError as error:  # a cue of a take that does not fit this stage, an impossible pose
             _rarely.warning("an event was refused", stage=self.stage.name, why=str(error))
         except Exception as error:
             self.faults += 1
@@ -201,8 +199,12 @@ class Line:
             log.debug("a fault cost a frame", exc_info=True)
         return []
 
+    def _overrule(self) -> None:
+        """Ignore the calibrations of a take from now on."""
+        self._directed, self._overruled = frozenset(), True
+
     def _in_order(self, event: _AnyEvent) -> _AnyEvent:
-        """Return an event at no earlier a time than the one before: what a take plays must be in order."""
+        """Return an event no earlier than the one before, so that a take is in order."""
         self._time = max(self._time, event.time)
         return event if event.time == self._time else replace(event, time=self._time)
 

@@ -1,4 +1,4 @@
-"""The folder of takes: a name from the network becomes a file here and nowhere else."""
+"""The folder of takes, the only place where a name from the network becomes a file."""
 
 import re
 from contextlib import suppress
@@ -15,12 +15,12 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 
 class Takes:
-    """Finds and names takes.
+    """Lists and names takes.
 
     Parameters
     ----------
     folder : Path
-        Made when the first take begins.
+        Created when the first take begins.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -32,15 +32,15 @@ class Takes:
         Parameters
         ----------
         name : str or None
-            Letters, digits, _ and -; made of the stage and the time where there is none.
+            Letters, digits, _ and -; by default, it is made of the stage and the time.
         stage : str
 
         Raises
         ------
         ServiceError
-            A name that is no such name, or there is a take of that name.
+            An invalid name, or the name of an existing take.
         OutputError
-            The folder cannot be made.
+            The folder cannot be created.
         """
         name = name or self._unused(f"{stage}-{datetime.now():%Y%m%d-%H%M%S}")
         if not NAME.fullmatch(name):
@@ -54,23 +54,23 @@ class Takes:
         if path.exists():
             raise ServiceError(
                 "the take's name",
-                found=f"{name!r}, of which there is a take",
+                found=f"the name of an existing take ({name!r})",
                 expected="a new name",
-                fix="Choose another one, or leave it out.",
+                fix="Choose another name, or omit it.",
             )
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(
                 self.folder,
-                found=f"that it cannot be made ({error.strerror})",
+                found=f"a folder that cannot be created ({error.strerror})",
                 expected="a folder for takes",
-                fix="Choose another one with --takes, or give permission there.",
+                fix="Choose another folder with --takes, or change the permissions.",
             ) from error
         return path
 
     def all(self) -> list[dict[str, Any]]:
-        """List the takes: name, bytes, and when it was last written to."""
+        """List the takes: name, size in bytes, and time of the last change."""
         if not self.folder.is_dir():
             return []
         facts = []

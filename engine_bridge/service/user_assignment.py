@@ -1,36 +1,36 @@
-"""Who plays which character: several people before one sensor."""
+"""Assigns the performers of one sensor to characters."""
 
 import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 People = Literal["each", "nearest", "queue"]
-"""One character each in the order in which they came; the nearest ones; or turns, in the order in which they came."""
+"""Policy: performers in order of arrival, the nearest performers, or turns in order of arrival."""
 
-NEARER = 0.3
-"""Metres by which somebody must be nearer than a performer to take over."""
+NEARER_METRES = 0.3
+"""Distance by which a waiting performer must be nearer than one who drives a character to replace them, in metres."""
 
-FOR_A_WHILE = 1.0
-"""Seconds for which they must be."""
+NEARER_SECONDS = 1.0
+"""Time for which the waiting performer must be nearer, in seconds."""
 
-STEADY = 0.15
-"""Seconds over which a distance is smoothed."""
+SMOOTHING_SECONDS = 0.15
+"""Time constant with which distances are smoothed, in seconds."""
 
 
 @dataclass
 class Presence:
-    """Somebody whom the sensor sees.
+    """A performer in view.
 
     Attributes
     ----------
     waits_since : float
-        When they came, or when their last turn ended.
+        Time of the arrival, or of the end of the last turn.
     seen : float
-        When they were last seen.
+        Time at which the performer was last tracked.
     distance : float
-        Metres from the sensor, smoothed.
+        Distance from the sensor in metres, smoothed.
     nearer_since : float or None
-        Since when they have been nearer than a performer.
+        Time since which the performer has been nearer than one who drives a character.
     """
 
     waits_since: float
@@ -40,110 +40,113 @@ class Presence:
 
 
 @dataclass
-class Casting:
-    """Gives characters to people.
+class UserAssignment:
+    """Assigns performers to characters.
 
     Attributes
     ----------
     people : {"each", "nearest", "queue"}
     turn : float
-        Seconds after which a performer must make room while others wait; with ``"queue"``.
-    cast : list of (int or None)
-        The user who plays each character.
+        Time after which a performer is replaced while others wait, in seconds; with ``"queue"``.
+    performers : list of (int or None)
+        User number of each character's performer.
     since : list of float
-        When each of them began.
+        Time at which each of them began.
     present : dict
-        From user to `Presence`.
+        From user numbers to `Presence`.
     chosen : set of int
-        Those whom somebody chose: nobody takes their place before they leave.
+        Performers who were chosen by a command: they are not replaced before they leave.
     """
 
     people: People
     turn: float
-    cast: list[int | None]
+    performers: list[int | None]
     since: list[float] = field(default_factory=list)
     present: dict[int, Presence] = field(default_factory=dict)
     chosen: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.since = self.since or [0.0] * len(self.cast)
+        self.since = self.since or [0.0] * len(self.performers)
 
     def see(self, user: int, time: float, distance: float) -> None:
-        """Take note that somebody is there."""
+        """Record that a performer is in view."""
         known = self.present.get(user)
         if known is None:
             self.present[user] = Presence(time, time, distance)
         else:
-            known.distance += (1 - math.exp((known.seen - time) / STEADY)) * (distance - known.distance)
+            known.distance += (1 - math.exp((known.seen - time) / SMOOTHING_SECONDS)) * (distance - known.distance)
             known.seen = time
 
     def gone(self, user: int) -> None:
-        """Take note that somebody has left."""
+        """Record that a performer has left."""
         self.present.pop(user, None)
         self.chosen.discard(user)
-        self.cast = [None if performer == user else performer for performer in self.cast]
+        self.performers = [None if performer == user else performer for performer in self.performers]
 
     def choose(self, character: int, user: int | None, time: float) -> None:
-        """Give a character to somebody, whoever has it now, and they may change places; or to nobody for the moment."""
-        performer = self.cast[character]
+        """Assign a performer to a character; its present performer takes over the other's character, if there is one.
+
+        None frees the character until the next assignment.
+        """
+        performer = self.performers[character]
         if performer is not None:
             self.chosen.discard(performer)
         if user is not None:
             self.chosen.add(user)
-        if user is not None and user in self.cast:
-            self._give(self.cast.index(user), performer, time)
+        if user is not None and user in self.performers:
+            self._give(self.performers.index(user), performer, time)
         self._give(character, user, time)
 
-    def recast(self, time: float) -> None:
-        """Bring the cast up to date with who is there."""
+    def assign(self, time: float) -> None:
+        """Assign free characters to waiting performers."""
         if self.people == "queue":
             self._end_turns(time)
         if self.people == "nearest":
             self._make_room_for_nearer(time)
-        for character, performer in enumerate(self.cast):
+        for character, performer in enumerate(self.performers):
             waiting = self._waiting()
             if performer is None and waiting:
                 self._give(character, waiting[0], time)
 
     def blind(self, seconds: float) -> None:
-        """Do not hold it against anybody that they were not seen while nothing was."""
+        """Extend everyone's presence by a time during which the source sent nothing."""
         for presence in self.present.values():
             presence.seen += seconds
 
     def rearrange(self, before: list[int | None]) -> None:
-        """Take over other characters: for each, which of those so far it was, or None for a new one."""
+        """Replace the characters; `before` has the previous index of each, or None for a new one."""
         self.since = [0.0 if k is None else self.since[k] for k in before]
-        self.cast = [None if k is None else self.cast[k] for k in before]
+        self.performers = [None if k is None else self.performers[k] for k in before]
 
     def _give(self, character: int, user: int | None, time: float) -> None:
-        self.cast[character], self.since[character] = user, time
+        self.performers[character], self.since[character] = user, time
         if user in self.present:
             self.present[user].nearer_since = None
 
     def _waiting(self) -> list[int]:
-        """List those who play nothing, the next one first."""
-        idle = [user for user in self.present if user not in self.cast]
+        """Return the performers without a character, the next one first."""
+        idle = [user for user in self.present if user not in self.performers]
         if self.people == "nearest":
             return sorted(idle, key=lambda user: self.present[user].distance)
         return sorted(idle, key=lambda user: self.present[user].waits_since)
 
     def _end_turns(self, time: float) -> None:
-        """Let performers whose turn is over go to the end of the queue, as far as others wait."""
-        by_age = sorted(range(len(self.cast)), key=lambda character: self.since[character])
+        """Move performers whose turn is over to the end of the queue, as far as others wait."""
+        by_age = sorted(range(len(self.performers)), key=lambda character: self.since[character])
         for character, _ in zip(by_age, self._waiting(), strict=False):
-            performer = self.cast[character]
+            performer = self.performers[character]
             over = time - self.since[character] >= self.turn
             if performer is not None and performer not in self.chosen and over:
                 self.present[performer].waits_since = time
                 self._give(character, None, time)
 
     def _make_room_for_nearer(self, time: float) -> None:
-        """Free the farthest performer's character where somebody else has been clearly nearer for a while."""
-        playing = [user for user in self.cast if user in self.present and user not in self.chosen]
-        if not playing or None in self.cast:
+        """Free the farthest performer's character if a waiting one has been nearer for `NEARER_SECONDS`."""
+        playing = [user for user in self.performers if user in self.present and user not in self.chosen]
+        if not playing or None in self.performers:
             return
         farthest = max(playing, key=lambda user: self.present[user].distance)
-        limit = self.present[farthest].distance - NEARER
+        limit = self.present[farthest].distance - NEARER_METRES
         for user in self._waiting():
             presence = self.present[user]
             if presence.distance > limit:
@@ -154,6 +157,6 @@ class Casting:
         if nearest is None:
             return
         since = self.present[nearest].nearer_since
-        if since is not None and time - since >= FOR_A_WHILE:
+        if since is not None and time - since >= NEARER_SECONDS:
             self.present[nearest].nearer_since = None
-            self._give(self.cast.index(farthest), None, time)
+            self._give(self.performers.index(farthest), None, time)

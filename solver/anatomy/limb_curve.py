@@ -20,9 +20,15 @@ HIPS, SHOULDERS = 0.6, 2.3
 """A hip is where two legs' curves part: half their distance is this many times their distance to the surface. A
 shoulder is this many times as far from the trunk's curve as from the surface."""
 
+CLEAR_OF_TRUNK, CLEAR_LEGS = 4.0, 3.0
+"""From these on, in the same measure as `SHOULDERS` and in `HIPS`, an arm or leg is clear of the body."""
+
 THIN, HELD, ROD = 0.5, 0.6, 0.8
 """What is thinner than this share of the arm over more than this share of its length is held in the hand; so much of it
 has to be as thin, for there are no thick parts in a sword."""
+
+MID_LEG = 0.5
+"""Share of the way from the end of the foot to the hip that holds the ankle."""
 
 BENT = 20.0, 50.0
 """Degrees at a joint from which the bend says something about where it is, and from which it says all."""
@@ -58,6 +64,10 @@ class LimbCurve:
         """Return the point (3,) so far from the end."""
         return np.array([np.interp(way, self.along, column) for column in self.points.T])
 
+    def way_to(self, place: NDArray[np.float64]) -> float:
+        """Return the way from the end to the point of the curve that is nearest to a place."""
+        return float(self.along[np.linalg.norm(self.points - place, axis=1).argmin()])
+
     def index(self, way: float) -> int:
         """Return the first cell that is so far from the end."""
         return min(int(np.searchsorted(self.along, way)), len(self.along) - 1)
@@ -76,23 +86,28 @@ def curve_through(solid: Solid, cells: Sequence[int]) -> LimbCurve:
     return LimbCurve(chosen, smooth, depth, along)
 
 
-def shoulder_way(arm: LimbCurve, trunk: LimbCurve) -> float:
-    """Return where an arm leaves the body, on the way from its end."""
+def shoulder_ways(arm: LimbCurve, trunk: LimbCurve) -> tuple[float, float]:
+    """Return where an arm leaves the body, and where it is clear of it, on the way from its end."""
     away, _ = cKDTree(trunk.points).query(arm.points)
-    inside = np.flatnonzero((away < SHOULDERS * arm.depth) & (np.asarray(away) < 0.5 * np.max(away)))
-    return float(arm.along[inside[0]]) if len(inside) else arm.length
+    near = np.asarray(away) < 0.5 * np.max(away)
+    first = [np.flatnonzero(near & (away < times * arm.depth)) for times in (SHOULDERS, CLEAR_OF_TRUNK)]
+    leaves, clear = (float(arm.along[each[0]]) if len(each) else arm.length for each in first)
+    return leaves, clear
 
 
 def arm_joints(
-    arms: Sequence[LimbCurve], shoulders: Sequence[float], around: Sequence[NDArray[np.float64]], size: float
+    arms: Sequence[LimbCurve],
+    shoulders: Sequence[tuple[float, float]],
+    around: Sequence[NDArray[np.float64]],
+    size: float,
 ) -> tuple[list[NDArray[np.float64]], list[float]]:
     """Return the joints of two arms.
 
     Parameters
     ----------
     arms : 2 of LimbCurve
-    shoulders : 2 of float
-        From `shoulder_way`.
+    shoulders : 2 of (float, float)
+        From `shoulder_ways`.
     around : 2 of (m, 3) float64
         Centres of the cells of each arm.
     size : float
@@ -105,14 +120,16 @@ def arm_joints(
     ends : 2 of float
         Where the hands end, on the way from the tips: before what they hold.
     """
-    ends = [_end_of_hand(arm, shoulder) for arm, shoulder in zip(arms, shoulders, strict=True)]
+    tops = [leaves for leaves, _ in shoulders]
+    ends = [_end_of_hand(arm, top) for arm, top in zip(arms, tops, strict=True)]
     wrists = [
-        _narrowest(arm, end, shoulder, cells, size)
-        for arm, end, shoulder, cells in zip(arms, ends, shoulders, around, strict=True)
+        _narrowest(arm, end, top, cells, size) for arm, end, top, cells in zip(arms, ends, tops, around, strict=True)
     ]
-    elbows = _between(arms, wrists, shoulders, UPPER_ARM)
-    ways = zip(shoulders, elbows, wrists, ends, strict=True)
-    return [np.array([arm.at(way) for way in four]) for arm, four in zip(arms, ways, strict=True)], ends
+    elbows = _between(arms, wrists, tops, UPPER_ARM)
+    joints = []
+    for arm, (shoulder, clear), elbow, wrist, end in zip(arms, shoulders, elbows, wrists, ends, strict=True):
+        joints.append(np.array([_straight_on(arm, elbow, clear, shoulder), *map(arm.at, (elbow, wrist, end))]))
+    return joints, ends
 
 
 def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.float64]], float]:
@@ -136,23 +153,64 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
     depth = np.mean([np.interp(leg.length - inwards, leg.along, leg.depth) for leg in legs], axis=0)
     apart = np.linalg.norm(left - right, axis=1) / 2 / depth
     thighs = inwards < 0.6 * inwards[-1]
-    parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, 2))
+    parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, CLEAR_LEGS))
     hips = [leg.length - parted for leg in legs]
-    ankles = [_ankle(leg, way) for leg, way in zip(legs, hips, strict=True)]
-    knees = _between(legs, ankles, hips, THIGH)
-    points = []
-    for leg, top, knee, ankle in zip(legs, hips, knees, ankles, strict=True):
-        straight = min(top, leg.length - clear)  # the curve bends inwards above
-        thigh = leg.at(straight) - leg.at(straight - 0.25 * (straight - ankle))
-        hip = leg.at(straight) + (top - straight) * thigh / max(float(np.linalg.norm(thigh)), 1e-12)
-        points.append(np.array([hip, leg.at(knee), leg.at(ankle), leg.at(0.0)]))
+    ankles = [_corner(leg, 0.0, MID_LEG * way, (0.05, 0.95))[1] for leg, way in zip(legs, hips, strict=True)]
+    lows = [leg.way_to(ankle) for leg, ankle in zip(legs, ankles, strict=True)]
+    knees = _between(legs, lows, hips, THIGH)
+    points = [
+        np.array([_straight_on(leg, knee, leg.length - clear, hip), leg.at(knee), ankle, leg.at(0.0)])
+        for leg, hip, knee, ankle in zip(legs, hips, knees, ankles, strict=True)
+    ]
     return points, parted
 
 
-def _ankle(leg: LimbCurve, hip: float) -> float:
-    """Return where the curve turns from the foot into the shin."""
-    ways = np.linspace(0.0, 0.4 * hip, 81)
-    return float(ways[_aside(leg, ways, 0.0, 0.5 * hip).argmax()])
+def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDArray[np.float64]:
+    """Return a shoulder or hip: straight on from elbow or knee, where the curve bends into the body.
+
+    Parameters
+    ----------
+    limb : LimbCurve
+    joint : float
+        The elbow or knee; this and the others are ways from the limb's end.
+    clear : float
+        Up to here the curve runs in the middle of the limb.
+    top : float
+        Where the limb leaves the body.
+    """
+    straight = min(max(clear, joint + 0.1 * (top - joint)), top)
+    bone = limb.at(straight) - limb.at(joint)
+    bone /= max(float(np.linalg.norm(bone)), 1e-12)
+    return np.asarray(limb.at(straight) + max(float((limb.at(top) - limb.at(straight)) @ bone), 0.0) * bone)
+
+
+def _corner(
+    limb: LimbCurve, low: float, high: float, between: tuple[float, float]
+) -> tuple[float, NDArray[np.float64]]:
+    """Return the joint of two straight bones that fit a part of a curve best: its way from the end, and its point.
+
+    The curve itself rounds the corner off.
+
+    Parameters
+    ----------
+    limb : LimbCurve
+    low, high : float
+        Ways where the bones end.
+    between : (float, float)
+        Shares of the way from low to high that the joint may have.
+    """
+    ways = np.linspace(low, high, 61)
+    points = np.array([limb.at(way) for way in ways])
+    number, last = np.arange(len(ways)), len(ways) - 1
+    best, where, corner = np.inf, 0, points[0]
+    for place in range(round(between[0] * last), round(between[1] * last) + 1):
+        share = np.where(number <= place, number / place, (last - number) / (last - place))[:, None]
+        end = np.where((number <= place)[:, None], points[0], points[-1])
+        fitted = (share * (points - (1 - share) * end)).sum(axis=0) / (share**2).sum()
+        misfit = float(((share * fitted + (1 - share) * end - points) ** 2).sum())
+        if misfit < best:
+            best, where, corner = misfit, place, fitted
+    return float(ways[where]), np.asarray(corner)
 
 
 def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[float], usual: float) -> list[float]:
@@ -168,24 +226,15 @@ def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[
     """
     total, weights = 0.25 * usual, 0.25
     for limb, low, high in zip(limbs, lows, highs, strict=True):
-        ways = np.linspace(low + 0.3 * (high - low), low + 0.7 * (high - low), 41)
-        corner = float(ways[_aside(limb, ways, low, high).argmax()])
-        inner = limb.at(high - 0.15 * (high - low)) - limb.at(corner)  # without the curve into the body
-        outer = limb.at(corner) - limb.at(low)
+        near = high - 0.15 * (high - low)  # without the curve into the body
+        corner, joint = _corner(limb, low, near, (0.3, 0.8))
+        inner, outer = limb.at(near) - joint, joint - limb.at(low)
         cosine = inner @ outer / max(float(np.linalg.norm(inner) * np.linalg.norm(outer)), 1e-12)
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
         weight = float(np.clip((angle - BENT[0]) / (BENT[1] - BENT[0]), 0, 1))
         total += weight * (high - corner) / max(high - low, 1e-12)
         weights += weight
     return [high - total / weights * (high - low) for low, high in zip(lows, highs, strict=True)]
-
-
-def _aside(limb: LimbCurve, ways: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """Return how far points of a limb are from the straight line between two others."""
-    start, chord = limb.at(low), limb.at(high) - limb.at(low)
-    chord /= max(float(np.linalg.norm(chord)), 1e-12)
-    away = np.array([limb.at(way) for way in ways]) - start
-    return np.asarray(np.linalg.norm(away - (away @ chord)[:, None] * chord, axis=1))
 
 
 def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:

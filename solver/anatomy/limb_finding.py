@@ -12,33 +12,22 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from solver.anatomy.curve_skeleton import curve_skeleton
+from solver.anatomy.hidden_limbs import hidden_arm, uncovered
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
-from solver.anatomy.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_way
-from solver.anatomy.solid import fill
+from solver.anatomy.limb_curve import LimbCurve, arm_joints, curve_through, leg_joints, shoulder_ways
+from solver.anatomy.limb_ends import LIKE, LOW, ONE_IMAGE, LimbEnds, Points
 from solver.surface.mesh import SolverMesh
-
-LOW, GROUND = 0.2, 0.1
-"""Legs end below the first of these shares of the height, and one of each pair below the second."""
-
-LEVEL = 0.05
-"""Two feet stand on the ground within this share of the height; of several pairs the one that is farthest apart."""
-
-TOES = 0.15
-"""Ends whose ways meet below this share of the height, or that are no farther apart on one side, are toes of a foot."""
-
-STRIDE = 0.25
-"""Feet this far behind others are hind feet. This and most of what follows are shares of the largest of height, width
-and length."""
 
 MIDDLE, BEHIND = 0.15, -0.15
 """How far aside a tail may end, and how far to the front."""
 
 LEAST_ARM = -0.2
 """What is less like arms than this is none."""
+
+SHOULDER_HEIGHT = 0.6
+"""Where shoulders are that do not show: this share of the way from hips to crown."""
 
 SHORTEST_ARM, LONGEST_ARM = 0.06, 0.35
 """An arm reaches at least this far out of the body; beyond the second length it is no better an arm."""
@@ -52,14 +41,11 @@ MEET = 1.0
 SHORTEST_WING = 0.25
 """A wing is at least this long."""
 
-LIKE = 0.3
-"""Feet, ears or wings whose places differ by more than this from mirroring each other are no pair."""
-
 SYMMETRIC = 0.06
 """Limbs of left and right that mirror each other to this share of the height are made equal."""
 
-BULB = 8.0
-"""What the thickness of a head, as a share of the height, counts beside how far up and front it is."""
+DOUBT = 0.15
+"""If another end is less like a head by no more than this, either may be the head."""
 
 LEGS = 0.1
 """What leaves the trunk below this share of the way from hips to crown and ends low is no arm."""
@@ -68,23 +54,17 @@ SKULLS = 0.35, 0.2, 0.12
 """The head's thickest place is on this last share of the way from hips to crown; on a smaller one if the chest or neck
 is at its beginning."""
 
+BIG_HEAD = 0.55
+"""If a two-legged body is thickest beyond this share of the way from hips to crown, that is its head and no chest."""
+
+HEAD_WIDTH = 1.5
+"""What is no farther from the trunk's curve than this many times the head's thickness belongs to the head."""
+
 LONG_NECK = 0.3
 """A neck of at least this share of the trunk's length is a limb of its own."""
 
-HIDDEN = 1.3
-"""Where arms are this many times as long as what is seen of the legs, the rest of those is under a skirt."""
-LONG_LEGS = 0.75
-"""Where arms are no longer than this share of the legs, hips are no lower than people's: a skirt hides them."""
-HIP_HEIGHT, HIP_WIDTH = 0.63, 0.5
-"""Height of the hips, and distance between them, as a share of those of the shoulders."""
-
 UPRIGHT = np.cos(np.radians(50))
 """Cosine between up and the way from trunk to head up to which the head stands on the trunk."""
-
-ONE_IMAGE = np.array([-1.0, 1.0, 1.0])
-
-Points = NDArray[np.float64]
-_Pair = tuple[int, int]
 
 
 def find_limbs(
@@ -105,22 +85,12 @@ def find_limbs(
     return Limbs(chains, tuple(finder.notes))
 
 
-class _Finder:
-    """A character in its own directions: left, up, front."""
+class _Finder(LimbEnds):
+    """Names what branches off the trunk, and places the joints."""
 
     def __init__(self, mesh: SolverMesh, basis: NDArray[np.float64], ends: Mapping[str, Points]) -> None:
-        self.basis, self.notes = basis, list[str]()
-        self.solid = fill(mesh.vertices @ basis.T, mesh.faces, mesh.components)
-        self.skeleton = curve_skeleton(self.solid)
-        self.cells = self.solid.centers
-        self.ends = {name: int(np.linalg.norm(self.cells - end, axis=1).argmin()) for name, end in ends.items()}
-        self.low, self.high = self.cells.min(axis=0), self.cells.max(axis=0)
-        self.height = float(self.high[1] - self.low[1]) + self.solid.size
-        self.unit = float((self.high - self.low).max()) + self.solid.size
-        self.middle = float(self.cells[:, 0].mean())
-        self.feet = self._feet()
-        self.four_legged = len(self.feet) > 1
-        self.head = self._head()
+        super().__init__(mesh, basis, ends)
+        self.notes = list[str]()
         self.legs: dict[str, Points] = {}
         self.thighs: set[int] = set()
         for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
@@ -133,7 +103,7 @@ class _Finder:
             for curve in curves:
                 self.thighs.update(curve.cells[curve.along < curve.length - parted].tolist())
         if not self.feet:
-            self.trunk = curve_through(self.solid, self.skeleton.between(self._base(), self.head))
+            self.trunk = curve_through(self.solid, self.skeleton.between(self.base(), self.head))
 
     def _trunk(self, legs: Sequence[LimbCurve], parted: float) -> LimbCurve:
         """Return the curve from between the hips to the end of the head.
@@ -152,6 +122,9 @@ class _Finder:
     @cached_property
     def skull(self) -> int:
         """Where the head is thickest, an index into the trunk's curve: beyond the neck, if there is one."""
+        thickest = int(self.trunk.depth.argmax())
+        if not self.four_legged and self.trunk.along[thickest] > BIG_HEAD * self.trunk.length:
+            return thickest
         for share in SKULLS:
             last = np.flatnonzero(self.trunk.along >= (1 - share) * self.trunk.length)
             thickest = int(self.trunk.depth[last].argmax())
@@ -168,9 +141,12 @@ class _Finder:
         """Return the points of each limb by its name."""
         found: dict[str, Points] = {}
         branches = self._branches()
+        self._say_other_heads(branches)
         arms = None if self.four_legged else self._arms(branches)
         if arms is not None:
             found |= self._sides("arm", self._arm_points(arms))
+        elif "left arm" in self.ends:
+            found |= self._sides("arm", [self._hidden_arm(side) for side in ("left", "right")])
         found |= self.legs
         self._uncover_legs(found)
         used = list(arms or ())
@@ -184,76 +160,19 @@ class _Finder:
         self._say_what_is_missing(found)
         return self._trunk_and_head(found) | found
 
-    def _place(self, cell: int) -> Points:
-        """Return how far left of the middle, over the ground and before the middle a cell is."""
-        middle = np.array([self.middle, self.low[1], (self.low[2] + self.high[2]) / 2])
-        return np.asarray((self.cells[cell] - middle) / [self.unit, self.height, self.unit])
-
-    def _unlike(self, one: Points, other: Points) -> float:
-        """Return how far two places are from mirroring each other."""
-        image = other * ONE_IMAGE + [2 * self.middle, 0.0, 0.0]
-        return float(np.linalg.norm(one - image) / self.unit)
-
-    # feet and head ---------------------------------------------------------------------------------------------------
-
-    def _feet(self) -> list[_Pair]:
-        """Return no feet, a pair of feet, or hind feet and front feet; of a pair the left one first."""
-        low: list[int] = []
-        for tip in self.skeleton.tips.tolist():
-            if self._place(tip)[1] >= LOW:
-                continue
-            others = [other for other in low if self._same_foot(tip, other)]
-            if all(self.cells[other, 2] < self.cells[tip, 2] for other in others):  # toes rather than a heel
-                low = [*(other for other in low if other not in others), tip]
-        left = [tip for tip in low if self._place(tip)[0] > 0]
-        right = [tip for tip in low if self._place(tip)[0] <= 0]
-        unlike = np.array([[self._unlike(self.cells[a], self.cells[b]) for b in right] for a in left])
-        rows, columns = linear_sum_assignment(unlike.reshape(len(left), len(right)))
-        pairs = [(left[i], right[j]) for i, j in zip(rows, columns, strict=True) if unlike[i, j] < LIKE]
-        pairs = [pair for pair in pairs if min(self._place(tip)[1] for tip in pair) < GROUND]
-        pairs.sort(key=lambda pair: sum(self._place(tip)[2] for tip in pair))
-        for given in ("leg", "hind leg", "front leg"):
-            if {f"left {given}", f"right {given}"} <= self.ends.keys():
-                pair = self.ends[f"left {given}"], self.ends[f"right {given}"]
-                pairs = [pair] if given != "front leg" else [pairs[0], pair]
-        if len(pairs) > 1 and self._stride(pairs[0], pairs[-1]) > STRIDE:
-            return [pairs[0], pairs[-1]]
-        heights = [max(self._place(tip)[1] for tip in pair) for pair in pairs]
-        lowest = [pair for pair, height in zip(pairs, heights, strict=True) if height < min(heights) + LEVEL]
-        return sorted(lowest, key=lambda pair: self.cells[pair[1], 0] - self.cells[pair[0], 0])[:1]
-
-    def _stride(self, hind: _Pair, front: _Pair) -> float:
-        places = [np.mean([self._place(tip)[2] for tip in pair]) for pair in (hind, front)]
-        return float(places[1] - places[0])
-
-    def _same_foot(self, tip: int, other: int) -> bool:
-        if self._place(self.skeleton.fork(tip, other))[1] < TOES:
-            return True
-        one_side = (self._place(tip)[0] > 0) == (self._place(other)[0] > 0)
-        return bool(one_side and np.linalg.norm(self.cells[tip] - self.cells[other]) < TOES * self.unit)
-
-    def _head(self) -> int:
-        """Return the end of the head: far to the front and up, near the middle, and thick."""
-        if "head" in self.ends:
-            return self.ends["head"]
-        extent = np.array([self.unit, self.height, self.unit])
-        left, up, front = (2 * (self.cells - (self.low + self.high) / 2) / extent).T
-        left = 2 * np.abs(self.cells[:, 0] - self.middle) / self.unit
-        forwards = (front + 0.25 * up if self.four_legged else up + 0.7 * front) - left
-        feet = [foot for pair in self.feet for foot in pair]
-        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
-        scores = {cell: float(forwards[cell]) + BULB * self._bulb(cell) for cell in [int(forwards.argmax()), *tips]}
-        return max(scores, key=lambda cell: scores[cell])
-
-    def _bulb(self, cell: int) -> float:
-        """Return how thick the end of a limb is, as a share of the height."""
-        curve = curve_through(self.solid, self.skeleton.path(cell))
-        return float(curve.depth[curve.along <= LOW * self.height].max() / self.height)
-
-    def _base(self) -> int:
-        """Return a cell in the middle of what a body without feet stands on."""
-        low = np.flatnonzero(self.cells[:, 1] < self.low[1] + LOW * self.height)
-        return int(low[self.solid.depth[low].argmax()])
+    def _say_other_heads(self, branches: Sequence[LimbCurve]) -> None:
+        """Name ends that are nearly as much like a head as the one that was taken, and are no ears or horns of it."""
+        for branch in branches:
+            end = int(branch.cells[0])
+            close = self.like_heads.get(end, -np.inf) > self.like_heads.get(self.head, np.inf) - DOUBT
+            close &= bool(np.linalg.norm(self.cells[end] - self.cells[self.head]) > LOW * self.height)  # no jaw
+            close &= self.twin(end, self.skeleton.tips.tolist()) is None
+            if close and self._shoulder_place(branch) < self._chin:
+                here, there = (self.text(self.cells[cell]) for cell in (self.head, end))
+                self.notes.append(
+                    f"The head could be at {here} or at {there}: the first was taken. "
+                    f"If that is wrong: --limb 'head={there}'"
+                )
 
     # what branches off the trunk ------------------------------------------------------------------------------------
 
@@ -262,7 +181,7 @@ class _Finder:
         feet = [foot for pair in self.feet for foot in pair]
         near = cKDTree(self.trunk.points)
         found = []
-        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self._same_foot(tip, foot) for foot in feet)]
+        tips = [tip for tip in self.skeleton.tips.tolist() if not any(self.same_foot(tip, foot) for foot in feet)]
         for tip in [*self.ends.values(), *tips]:
             way = self.skeleton.between(tip, self.head)
             away, _ = near.query(self.cells[way])
@@ -289,11 +208,19 @@ class _Finder:
         pair = [by_end.get(self.ends.get(f"{side} {limb}", -1)) for side in ("left", "right")]
         return (pair[0], pair[1]) if pair[0] is not None and pair[1] is not None else None
 
+    def _hidden_arm(self, side: str) -> Points:
+        """Return an arm that is one with the body."""
+        root = self.trunk.at(SHOULDER_HEIGHT * self.trunk.length)
+        sign = np.array([1.0 if side == "left" else -1.0, 0.0, 0.0])
+        beside = (self.cells[np.abs(self.cells[:, 1] - root[1]) < self.solid.size] - root) @ sign
+        return hidden_arm(root, max(float(beside.max()), 0.0) * sign, self.cells[self.ends[f"{side} arm"]])
+
     def _arms(self, branches: list[LimbCurve]) -> tuple[LimbCurve, LimbCurve] | None:
         """Return the pair of branches that is most like arms, the left one first."""
-        given = self._given(branches, "arm")
-        if given is not None:
-            return given
+        if "left arm" in self.ends:
+            given = self._given(branches, "arm")
+            free = given is not None and all(self._is_free(branch) for branch in given)
+            return given if free else None
         scores: dict[tuple[int, int], float] = {}
         shoulders = [self._shoulder_place(branch) for branch in branches]
         for i, one in enumerate(branches):
@@ -307,10 +234,15 @@ class _Finder:
         one, other = (branches[i] for i in best)
         return (one, other) if self._aside(one) > self._aside(other) else (other, one)
 
+    def _is_free(self, branch: LimbCurve) -> bool:
+        """Return whether a branch is most of the way from its end to the trunk: an arm that hangs into it is not."""
+        away = np.linalg.norm(self.trunk.at(SHOULDER_HEIGHT * self.trunk.length) - branch.points[0])
+        return bool(branch.length > 0.5 * away)
+
     def _below_head(self, branch: LimbCurve, shoulder: float) -> bool:
         """Return whether a branch with its shoulder there is no ear, horn or leg."""
         hangs = branch.points[0, 1] < branch.points[-1, 1]
-        high = self._place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
+        high = self.place(int(branch.cells[0]))[1] > LOW or shoulder > LEGS * self.trunk.length
         return bool(high and (shoulder < self._chin or hangs))
 
     def _like_arms(self, one: LimbCurve, other: LimbCurve) -> float:
@@ -318,20 +250,20 @@ class _Finder:
         lengths = [branch.length / self.height for branch in (one, other)]
         leaves = [self._leaves_at(branch) for branch in (one, other)]
         ends = [self.cells[branch.cells[0]] for branch in (one, other)]
-        behind = -np.mean([self._place(int(branch.cells[0]))[2] for branch in (one, other)])
+        behind = -np.mean([self.place(int(branch.cells[0]))[2] for branch in (one, other)])
         return float(
             min(*lengths, LONGEST_ARM)
             - SHORTEST_ARM
             - 0.3 * abs(lengths[0] - lengths[1]) / sum(lengths)
             - 0.5 * abs(leaves[0] - leaves[1])
             - 0.2 * max(leaves)
-            - 0.25 * min(self._unlike(*ends), LIKE)
+            - 0.25 * min(self.unlike(*ends), LIKE)
             - 0.2 * max(behind, 0.0)
         )
 
     def _shoulder_place(self, branch: LimbCurve) -> float:
         """Return where on the trunk's curve a branch would have its shoulder."""
-        shoulder = branch.at(shoulder_way(branch, self.trunk))
+        shoulder = branch.at(shoulder_ways(branch, self.trunk)[0])
         return float(self.trunk.along[np.linalg.norm(self.trunk.points - shoulder, axis=1).argmin()])
 
     def _aside(self, branch: LimbCurve) -> float:
@@ -344,7 +276,7 @@ class _Finder:
             return next((branch for branch in branches if branch.cells[0] == self.ends["tail"]), None)
         behind = []
         for branch in branches:
-            left, _, front = self._place(int(branch.cells[0]))
+            left, _, front = self.place(int(branch.cells[0]))
             if abs(left) < MIDDLE and front < BEHIND and self._leaves_at(branch) < 0.4 and not self._is_flat(branch):
                 behind.append(branch)
         return max(behind, key=lambda branch: branch.length, default=None)
@@ -367,9 +299,9 @@ class _Finder:
         for i, one in enumerate(branches):
             for other in branches[:i]:
                 shortest = min(one.length, other.length) / self.unit
-                alike = self._unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
+                alike = self.unlike(self.cells[one.cells[0]], self.cells[other.cells[0]]) < LIKE / 2
                 below = all(self._shoulder_place(branch) < self._chin for branch in (one, other))
-                below = below and all(self._place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
+                below = below and all(self.place(int(branch.cells[0]))[1] > LOW for branch in (one, other))
                 if shortest > SHORTEST_WING and alike and below:
                     pairs.append((shortest, (one, other) if self._aside(one) > self._aside(other) else (other, one)))
         return max(pairs, key=lambda pair: pair[0], default=(0.0, None))[1]
@@ -377,22 +309,19 @@ class _Finder:
     # joints ----------------------------------------------------------------------------------------------------------
 
     def _arm_points(self, arms: tuple[LimbCurve, LimbCurve]) -> list[Points]:
-        shoulders = [shoulder_way(arm, self.trunk) for arm in arms]
+        shoulders = [shoulder_ways(arm, self.trunk) for arm in arms]
         around = [
             self.cells[self.skeleton.beyond(int(arm.cells[arm.index(shoulder)]))]
-            for arm, shoulder in zip(arms, shoulders, strict=True)
+            for arm, (shoulder, _) in zip(arms, shoulders, strict=True)
         ]
         points, ends = arm_joints(arms, shoulders, around, self.solid.size)
         for arm, side, end in zip(arms, ("left", "right"), ends, strict=True):
             if end > 0 and f"{side} arm" not in self.ends:
                 self.notes.append(
                     f"Something long and thin at the end of the {side} arm is not part of it. If it is, give the end "
-                    f"of the arm: --limb '{side} arm={self._text(arm.points[0])}'"
+                    f"of the arm: --limb '{side} arm={self.text(arm.points[0])}'"
                 )
         return points
-
-    def _text(self, place: Points) -> str:
-        return ",".join(f"{value:.4g}" for value in place @ self.basis)
 
     def _sides(self, limb: str, pair: Sequence[Points]) -> dict[str, Points]:
         """Name a left and a right limb; limbs that nearly mirror each other are made equal."""
@@ -419,36 +348,23 @@ class _Finder:
         return cKDTree(self.cells)
 
     def _uncover_legs(self, found: dict[str, Points]) -> None:
-        """Lengthen legs that a skirt hides, by the proportions of people."""
+        """Lengthen legs that a skirt hides."""
         if not {"left leg", "left arm"} <= found.keys():
             return
         legs, arms = ([found[f"{side} {limb}"] for side in ("left", "right")] for limb in ("leg", "arm"))
-        seen, reach = (
-            np.mean([np.linalg.norm(np.diff(points[:3], axis=0), axis=1).sum() for points in limbs])
-            for limbs in (legs, arms)
-        )
-        shoulders = np.mean([points[0, 1] for points in arms]) - self.low[1]
-        usual = self.low[1] + HIP_HEIGHT * shoulders
-        if reach < LONG_LEGS * seen:
-            for leg in legs:
-                leg[0, 1] = max(leg[0, 1], min(usual, leg[0, 1] + 0.1 * self.height))
-        if reach < HIDDEN * seen:
-            return
-        for side, leg in zip(("left", "right"), legs, strict=True):
-            shoulder = found[f"{side} arm"][0]
-            aside = HIP_WIDTH * (shoulder[0] - self.trunk.points[0, 0])
-            hip = np.array([self.trunk.points[0, 0] + aside, usual, leg[2, 2]])
-            found[f"{side} leg"] = np.array([hip, (hip + leg[2]) / 2, leg[2], leg[3]])
-        self.notes.append(
-            "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If that is "
-            "wrong, change the points of the legs in the puppet file."
-        )
+        middle, ground = float(self.trunk.points[0, 0]), float(self.low[1])
+        (found["left leg"], found["right leg"]), hidden = uncovered(legs, arms, middle, ground, self.height)
+        if hidden:
+            self.notes.append(
+                "The legs are hidden, as by a skirt: hips and knees are where people of this height have them. If "
+                "that is wrong, change the points of the legs in the puppet file."
+            )
 
     def _trunk_and_head(self, found: dict[str, Points]) -> dict[str, Points]:
         trunk = self.trunk
         near = cKDTree(trunk.points)
         legs, arms = ("hind leg", "front leg") if self.four_legged else ("leg", "arm")
-        low, high = trunk.points[0], trunk.at(0.6 * trunk.length)
+        low, high = trunk.points[0], trunk.at(SHOULDER_HEIGHT * trunk.length)
         if f"left {legs}" in found:
             low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
         if f"left {arms}" in found:
@@ -461,13 +377,22 @@ class _Finder:
         skull = trunk.points[self.skull]
         stands = skull - high
         if not self.four_legged and stands[1] > UPRIGHT * np.linalg.norm(stands) > 0:
-            crown = skull + trunk.depth[self.skull] * stands / np.linalg.norm(stands)
+            crown = self._crown(high)
         elif self.skull > place:
             neck = trunk.along[self.skull] - trunk.depth[self.skull] - trunk.along[place]
             if neck > LONG_NECK * (trunk.along[place] - trunk.along[start]):
                 way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
                 return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
         return result | {"head": np.array([high, crown])}
+
+    def _crown(self, neck: Points) -> Points:
+        """Return the end of a head that stands on a neck, straight above its middle: a cap's brim does not count."""
+        away, place = cKDTree(self.trunk.points).query(self.cells)
+        near = away < HEAD_WIDTH * self.trunk.depth[self.skull]
+        head = self.cells[near & (self.trunk.along[place] > self._chin)]
+        middle = head.mean(axis=0)
+        way = (middle - neck) / np.linalg.norm(middle - neck)
+        return np.asarray(neck + way * np.quantile((head - neck) @ way, 0.95))
 
     def _say_what_is_missing(self, found: dict[str, Points]) -> None:
         if not self.feet:

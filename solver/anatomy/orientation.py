@@ -18,8 +18,9 @@ from solver.surface.mesh import SolverMesh
 SURE_UP, SURE_FRONT = 0.8, 0.6
 """Probabilities from which the shape is believed over the convention of the file format."""
 
-NEARLY = 0.6
-"""Where the shape is not sure, the convention stands if it is at least this likely beside the likeliest."""
+NEARLY_UP, NEARLY_FRONT = 0.3, 0.6
+"""Where the shape is not sure, the convention stands if it is at least this likely beside the likeliest. An insect
+would stand on its nose as well, but hardly any file has another axis up than y or z."""
 
 SAMPLES = 6000
 """Surface points that are looked at."""
@@ -86,9 +87,9 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     ups = dict.fromkeys((axes[0] for axes in chances), 0.0)
     for (axis, _), chance in chances.items():
         ups[axis] += chance
-    up, up_is_clear = _choose(ups, SURE_UP, "y")
+    up, up_is_clear = _choose(ups, SURE_UP, NEARLY_UP, "y")
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
-    front, front_is_clear = _choose(fronts, SURE_FRONT, {"y": "z", "z": "-y"}.get(up))
+    front, front_is_clear = _choose(fronts, SURE_FRONT, NEARLY_FRONT, {"y": "z", "z": "-y"}.get(up))
     scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
     unclear = "not clear from the shape: taken as"
     reasons = (
@@ -99,12 +100,12 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     return Orientation(up, front, scale, chances[up, front] / sum(chances.values()), reasons)
 
 
-def _choose(chances: dict[str, float], sure: float, convention: str | None) -> tuple[str, bool]:
+def _choose(chances: dict[str, float], sure: float, nearly: float, convention: str | None) -> tuple[str, bool]:
     """Return the likeliest direction, or the convention's where that is nearly as likely; and whether it is sure."""
     likeliest = max(chances, key=lambda each: chances[each])
     if chances[likeliest] >= sure * sum(chances.values()):
         return likeliest, True
-    if convention is not None and chances.get(convention, 0.0) >= NEARLY * chances[likeliest]:
+    if convention is not None and chances.get(convention, 0.0) >= nearly * chances[likeliest]:
         return convention, False
     return likeliest, False
 

@@ -50,7 +50,8 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
     """Fill a surface with cells.
 
     A cell is inside where the generalised winding number (Jacobson et al. 2013), averaged over the six directions of
-    the axes, is at least a half: the surface may have holes, and its parts may overlap.
+    the axes, is at least a half: the surface may have holes, and its parts may overlap. In each direction it counts
+    from 0 to 1, so that one ray through a hole of several parts does not outvote the others.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def _outside_out(
 
 @numba.njit(cache=True, nogil=True)
 def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return how often the surface winds around each cell, seen along the last axis from both sides, on average.
+    """Return whether the surface winds around each cell, seen along the last axis from both sides, on average.
 
     Parameters
     ----------
@@ -106,7 +107,7 @@ def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa
     Returns
     -------
     counts float64
-        1 inside a closed surface, 0 outside.
+        1 inside a closed surface, 0 outside, a half where one side sees a hole.
     """
     crossed = np.zeros((counts[0], counts[1], counts[2] + 1))
     for a, b, c in faces:
@@ -142,7 +143,7 @@ def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa
             below = 0.0
             for k in range(counts[2]):
                 below += crossed[i, j, k]
-                result[i, j, k] = (total - below - below) / 2
+                result[i, j, k] = (min(max(-below, 0.0), 1.0) + min(max(total - below, 0.0), 1.0)) / 2
     return result
 
 

@@ -137,15 +137,6 @@ class Arms:
         """
         _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same arms was."""
-        return {"clock": self._state.clock.copy()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._state.clock[:] = memory["clock"]
-
 
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, motions, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
@@ -210,13 +201,12 @@ def _draw_together(plan, share, gap, motions):  # type: ignore[no-untyped-def]  
     left, right = plan.arms[0, 2], plan.arms[1, 2]
     now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))
     scale = plan.own / plan.performers
-    missing = minus((scale * gap[0], scale * gap[1], scale * gap[2]), now)
+    missing = minus(quat.scaled(gap, scale), now)
     share *= 0.5 * min(1.0, 2 * MOST * plan.own / max(length(missing), 1e-300))
     before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
     for arm in range(2):
         upper, lower = plan.arms[arm, 0], plan.arms[arm, 1]
-        way = share if arm == 0 else -share
-        shift = (way * missing[0], way * missing[1], way * missing[2])
+        shift = quat.scaled(missing, share if arm == 0 else -share)
         if length(shift) > 1e-12 * plan.own:
             # the hand keeps its direction, so its tip goes where the wrist goes
             hand = lower + 1 if plan.arms[arm, 2] != lower else -1

@@ -177,20 +177,6 @@ class Deformer:
         """(3r, 3) float64: the rotations in the last frame, for row vectors: of the clusters, or of the isolines."""
         return lanes.unpack(self._turns, self._place_of_turns)
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another of the same handles and bones was."""
-        return {
-            "turns": self._turns.copy(),
-            "carried": self._carried.copy(),
-            "started": np.array(float(self._started)),
-        }
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._turns[:], self._carried[:] = memory["turns"], memory["carried"]
-        self._started = bool(memory["started"])
-
     def another(self, iterations: int) -> "Deformer":
         """Return one of the same character, handles and bones, with a state of its own."""
         other = copy(self)

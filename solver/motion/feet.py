@@ -1,9 +1,10 @@
 """Feet that stand: where a performer's foot rests, the character's stays where it is, on the floor.
 
 A foot of the performer that is slow, and near the lowest place of either foot, rests. The character's foot is then held
-at its place, flat as at rest, and its knee bends to reach it; it is let go when the performer's moves or rises, or when
-it would have to be held too far from where the leg points, and closes the distance smoothly. The height of the whole
-character follows from its legs: the lower foot is on the floor, unless both feet of the performer leave it.
+at its place, flat as at rest. The whole character gives way first: it is shifted so that the legs have to turn as
+little as they can, and a leg takes what is left. A foot is let go when the performer's moves or rises, or when it would
+have to be held too far from where the leg points, and closes the distance smoothly. The height of the whole character
+follows from its legs: the lower foot is on the floor, unless both feet of the performer leave it.
 """
 
 import math
@@ -23,10 +24,13 @@ from solver.motion.two_bones import bend, carry_along, length, minus, moved, pla
 SLOW, FAST = 0.15, 0.4
 """Metres per second of a performer's foot below which it comes to rest, and above which it no longer rests."""
 
-LOW, HIGH = 0.06, 0.1
+LOW, HIGH = 0.04, 0.06
 """Metres over the floor below which a performer's foot comes to rest, and above which it no longer rests."""
 
-FAR = 0.2
+STILL_SECONDS = 0.2
+"""How long the lower foot is slow until the floor is where it is, in seconds; longer than the top of a jump."""
+
+FAR = 0.15
 """Metres of the performer's that a foot is held at most from where the leg points."""
 
 NEAR = 0.03
@@ -35,20 +39,39 @@ NEAR = 0.03
 JUMP = 0.05
 """Metres that both of a performer's feet leave the floor before the character leaves its own."""
 
+SLACK = 0.01
+"""Metres of the performer's that a foot at rest may be over the floor, so that no leg bends for it: a straight leg that
+is shortened by one centimetre turns by 6° at hip and knee."""
+
+STAY = 0.25
+"""Weight with which the character stays where the performer is, against that of one held foot that shifts it."""
+
+SHIFT_SECONDS = 0.1
+"""Time constant with which the character is shifted towards where held feet have it, in seconds."""
+
+SHIFT_BACK_SECONDS = 0.5
+"""The same with which it comes back while no foot is held."""
+
 VELOCITY_SECONDS = 0.05
 """Time constant of the mean velocity of a performer's foot, in seconds: joints shake, though they are smoothed."""
+
+NOISE_SECONDS = 1.0
+"""Time constant of the mean distance from that velocity, which tells how much a foot's joint shakes."""
+
+NOISE_SHARE = 0.5
+"""Share of this noise that is added to the speeds at which a foot comes to rest and no longer rests."""
 
 FLOOR_SECONDS = 0.2
 """Time constant with which the floor is where the lower foot rests, in seconds."""
 
-STEP_SECONDS = 1.0
-"""The same where that is higher than a foot at rest: longer than the moment at the top of a jump."""
+DRIFT_SECONDS = 2.0
+"""The same where no foot rests: long against a jump, and short against a walk towards a tilted sensor."""
 
 SETTLE_SECONDS = 0.08
 """Time constant with which a foot that is held comes to lie flat on the floor, in seconds."""
 
-DRIFT_SECONDS = 2.0
-"""The same where no foot rests: long against a jump, and short against a walk towards a tilted sensor."""
+HEADING_SECONDS = 1.0
+"""The same with which the heading of a foot that is held follows the performer's: sensors see that of feet badly."""
 
 SEEN = 0.6
 """Confidence from which a performer's foot counts; sensors guess where feet out of sight are."""
@@ -97,10 +120,15 @@ class _State(NamedTuple):
     place: NDArray[np.float64]  # (l, 3): where each foot is held
     offset: NDArray[np.float64]  # (l, 3): from where the leg points to where the foot is shown
     held: NDArray[np.float64]  # (l,): 1 while a foot is held
+    stands: NDArray[np.float64]  # (l,): how far it has come to rest, 0 to 1
     flat: NDArray[np.float64]  # (l,): how far it lies flat, 0 to 1
+    heading: NDArray[np.float64]  # (l,): about the upright axis, in which it lies, radians
     last: NDArray[np.float64]  # (l, 3): the performer's foot in the last frame; NaN before it was seen
-    velocity: NDArray[np.float64]  # (l, 3)
+    velocity: NDArray[np.float64]  # (l, 3); NaN before it was seen twice
+    noise: NDArray[np.float64]  # (l,): mean distance from that velocity, metres per second
+    still: NDArray[np.float64]  # (l,): seconds for which each foot has been slow
     votes: NDArray[np.float64]  # (l, VOTES)
+    shift: NDArray[np.float64]  # (3,): of the whole character, level
     clock: NDArray[np.float64]  # (4,): time; height of the performer's floor; of the character over its own; its root's
 
 
@@ -141,10 +169,15 @@ class Feet:
             place=np.zeros((count, 3)),
             offset=np.zeros((count, 3)),
             held=np.zeros(count),
+            stands=np.zeros(count),
             flat=np.zeros(count),
+            heading=np.zeros(count),
             last=np.full((count, 3), np.nan),
-            velocity=np.zeros((count, 3)),
+            velocity=np.full((count, 3), np.nan),
+            noise=np.zeros(count),
+            still=np.zeros(count),
             votes=np.zeros((count, VOTES)),
+            shift=np.zeros(3),
             clock=np.array([-np.inf, np.nan, 0.0, 0.0]),
         )
 
@@ -169,7 +202,7 @@ class Feet:
         motions : (b, 4, 3) float64
             Motions of the bones without the root's translation, mesh file's coordinates; written to.
         root : (3,) float64
-            Translation of the whole character, mesh file's coordinates; its height is written.
+            Translation of the whole character, mesh file's coordinates; written to.
         """
         _step(self._plan, self._state, float(time), positions, confidence, motions, root)
 
@@ -179,89 +212,127 @@ class Feet:
         return self._state.held > 0
 
     @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same legs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
+    def places(self) -> NDArray[np.float64]:
+        """(l, 3) float64: where the feet are held, mesh file's coordinates; NaN where they are not."""
+        return np.where(self.held[:, None], self._state.place, np.nan)
 
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
+    def hold(self, places: NDArray[np.float64]) -> None:
+        """Hold feet from the first frame on, as `places` of another one says."""
+        held = np.isfinite(places).all(axis=1)
+        self._state.place[held], self._state.held[:] = places[held], held
+        self._state.votes[held], self._state.flat[held], self._state.stands[held] = 1.0, 1.0, 1.0
 
 
 @numba.njit(cache=True, nogil=True)
 def _step(plan, state, time, positions, confidence, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Bring the state up to a frame, and change its motions and the root's height."""
+    """Bring the state up to a frame, and change its motions and the root."""
     clock = state.clock
     began = math.isfinite(clock[TIME])
     elapsed = max(0.0, time - clock[TIME]) if began else math.inf
     clock[TIME] = time
-    rests = _performers_feet(plan, state, positions, confidence, elapsed)
-    _set_height(plan, state, motions, root, rests, elapsed)
+    rests, low = _performers_feet(plan, state, positions, confidence, elapsed, began)
+    _ease(state.stands, rests, elapsed)
+    _ease(state.flat, rests | low, elapsed)  # how a sensor has a low foot pitched is mostly noise
+    _set_height(plan, state, motions, root, elapsed)
+    _shift(plan, state, motions, root, elapsed)
     changed, before = np.zeros(len(motions), dtype=np.bool_), motions.copy()
     for leg in range(len(plan.legs)):
         _hold(plan, state, leg, rests[leg], motions, root, elapsed, began)
-        _bend(plan, state, leg, motions, changed)
+        _bend(plan, state, leg, motions, changed, elapsed)
     carry_along(motions, before, plan.parents, changed)
 
 
 @numba.njit
-def _performers_feet(plan, state, positions, confidence, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return which of the performer's feet rest, and bring their velocities and the floor up to date."""
+def _fade(seconds, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the share of a distance that is left after a time."""
+    return math.exp(-elapsed / seconds)
+
+
+@numba.njit
+def _ease(shares, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring shares nearer to 1 where something is wanted, and to 0 elsewhere."""
+    for leg in range(len(shares)):
+        goal = 1.0 if wanted[leg] else 0.0
+        shares[leg] = goal + _fade(SETTLE_SECONDS, elapsed) * (shares[leg] - goal)
+
+
+@numba.njit
+def _performers_feet(plan, state, positions, confidence, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return which of the performer's feet rest and which are low; bring their velocities and the floor up to date."""
     _follow(plan, state, positions, confidence, elapsed)
-    lowest, slowest = np.inf, np.inf
+    lowest, still = np.inf, 0.0
     for leg in range(len(plan.joints)):
+        quick = _speed(state, leg) > SLOW + NOISE_SHARE * state.noise[leg]
+        state.still[leg] = 0.0 if quick or not began else state.still[leg] + elapsed
         if state.last[leg, 1] < lowest:  # which NaN is not
-            lowest, slowest = state.last[leg, 1], length(state.velocity[leg])
-    rests = np.zeros(len(plan.joints), dtype=np.bool_)
+            lowest, still = state.last[leg, 1], state.still[leg]
+    rests, low = np.zeros((2, len(plan.joints)), dtype=np.bool_)
     if not math.isfinite(lowest):
-        return rests
-    _find_floor(plan, state.clock, lowest, slowest, elapsed)
+        return rests, low
+    _find_floor(plan, state.clock, lowest, still, elapsed)
     for leg in range(len(plan.joints)):
         held = state.held[leg] > 0
-        speed, height = length(state.velocity[leg]), state.last[leg, 1] - state.clock[FLOOR]
+        height = state.last[leg, 1] - state.clock[FLOOR]
+        if state.still[leg] > STILL_SECONDS:
+            height = min(height, state.last[leg, 1] - lowest)
+        slow = _speed(state, leg) < (FAST if held else SLOW) + NOISE_SHARE * state.noise[leg]
+        vote = 1.0 if slow and height < (HIGH if held else LOW) else 0.0
+        if not began:
+            state.votes[leg] = vote
         state.votes[leg, :-1] = state.votes[leg, 1:]
-        slow = speed < (FAST if held else SLOW) and height < (HIGH if held else LOW)
-        state.votes[leg, -1] = 1.0 if slow else 0.0
+        state.votes[leg, -1] = vote
         rests[leg] = 2 * state.votes[leg].sum() > VOTES
-    return rests
+        low[leg] = height < LOW
+    return rests, low
 
 
 @numba.njit
 def _follow(plan, state, positions, confidence, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring the velocities of the performer's feet up to date; a lost foot stays where it was."""
-    fading = math.exp(-elapsed / VELOCITY_SECONDS)
+    fading = _fade(VELOCITY_SECONDS, elapsed)
     for leg in range(len(plan.joints)):
         j = plan.joints[leg]
         farthest = max(abs(positions[j, 0]), abs(positions[j, 1]), abs(positions[j, 2]))
         if not (confidence[j] > SEEN and farthest < FARTHEST):
             continue
+        away = 0.0
         for axis in range(3):
             moved = positions[j, axis] - state.last[leg, axis]
             if 0 < elapsed < np.inf and math.isfinite(moved):
-                velocity = moved / elapsed
-                state.velocity[leg, axis] = velocity + fading * (state.velocity[leg, axis] - velocity)
+                velocity, mean = moved / elapsed, state.velocity[leg, axis]
+                mean = mean if math.isfinite(mean) else velocity
+                away += (velocity - mean) ** 2
+                state.velocity[leg, axis] = velocity + fading * (mean - velocity)
             state.last[leg, axis] = positions[j, axis]
+        if _speed(state, leg) < FAST and elapsed < np.inf:
+            away = math.sqrt(away)
+            state.noise[leg] = away + _fade(NOISE_SECONDS, elapsed) * (state.noise[leg] - away)
 
 
 @numba.njit
-def _find_floor(plan, clock, lowest, slowest, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _speed(state, leg):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return how fast a performer's foot is; 0 before that is known."""
+    speed = length(state.velocity[leg])
+    return speed if math.isfinite(speed) else 0.0
+
+
+@numba.njit
+def _find_floor(plan, clock, lowest, still, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring the height of the performer's floor up to date, and how far both feet are over it."""
     if not math.isfinite(clock[FLOOR]):
         clock[FLOOR] = lowest
-    if lowest < clock[FLOOR] or (slowest < SLOW and lowest < clock[FLOOR] + HIGH):
-        clock[FLOOR] = lowest + math.exp(-elapsed / FLOOR_SECONDS) * (clock[FLOOR] - lowest)
-    else:  # a foot rests higher, on a step, or the sensor is tilted
-        seconds = STEP_SECONDS if slowest < SLOW else DRIFT_SECONDS
-        clock[FLOOR] = lowest + math.exp(-elapsed / seconds) * (clock[FLOOR] - lowest)
+    stands = still > STILL_SECONDS or (still > 0 and lowest < clock[FLOOR] + HIGH)
+    seconds = FLOOR_SECONDS if stands or lowest < clock[FLOOR] else DRIFT_SECONDS
+    clock[FLOOR] = lowest + _fade(seconds, elapsed) * (clock[FLOOR] - lowest)
     clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - JUMP)
 
 
 @numba.njit
-def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _set_height(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
 
-    That is the height of the lower foot, and of both if both rest: the leg that reaches less far must reach.
+    That is the height of the lower foot, and of both if both rest but for `SLACK`: the leg that reaches less far must
+    reach.
     """
     up, heights = (plan.up[0], plan.up[1], plan.up[2]), np.empty(len(plan.legs))
     for leg in range(len(plan.legs)):
@@ -269,14 +340,13 @@ def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-
         ankle = plan.tails[shin]
         height = quat.dot(minus(moved(motions[shin], ankle), ankle), up)
         # a foot that lies flat is as high as its ankle; another may be lower with its tip
-        flat = 1.0 if rests[leg] else 0.0
-        state.flat[leg] = flat + math.exp(-elapsed / SETTLE_SECONDS) * (state.flat[leg] - flat)
         if foot >= 0:
             tip = quat.dot(minus(moved(motions[foot], plan.tails[foot]), plan.tails[foot]), up)
             height += (1 - state.flat[leg]) * min(0.0, tip - height)
         heights[leg] = height
     lowest = heights.min()
-    wanted = state.clock[LIFT] - lowest - (state.flat * (heights - lowest)).max()
+    apart = (state.stands * (heights - lowest)).max()
+    wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK)
     farthest = plan.metre * FALL * elapsed
     last = state.clock[HEIGHT]
     state.clock[HEIGHT] = min(max(wanted, last - farthest), last + farthest)
@@ -286,53 +356,96 @@ def _set_height(plan, state, motions, root, rests, elapsed):  # type: ignore[no-
 
 
 @numba.njit
+def _shift(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Shift the root along the floor so that legs with held feet turn least.
+
+    The shift s minimises Σ ‖t − s‖² + `STAY` ‖s‖² over the ways t from where those legs point to where the feet are.
+    """
+    up = (plan.up[0], plan.up[1], plan.up[2])
+    wanted, count = (0.0, 0.0, 0.0), 0
+    for leg in range(len(plan.legs)):
+        if state.held[leg] > 0:
+            wanted = plus(wanted, _way(plan, state, leg, motions, root), 1.0)
+            count += 1
+    fading = _fade(SHIFT_SECONDS if count else SHIFT_BACK_SECONDS, elapsed)
+    level = plus(wanted, up, -quat.dot(wanted, up))
+    for axis in range(3):
+        wanted_shift = level[axis] / (count + STAY)
+        state.shift[axis] = wanted_shift + fading * (state.shift[axis] - wanted_shift)
+        root[axis] += state.shift[axis]
+
+
+@numba.njit
+def _way(plan, state, leg, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the way from where a leg points to where its foot is held."""
+    shin = plan.legs[leg, 1]
+    points = plus(moved(motions[shin], plan.tails[shin]), root, 1.0)
+    return minus((state.place[leg, 0], state.place[leg, 1], state.place[leg, 2]), points)
+
+
+@numba.njit
 def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Decide whether a foot is held, and where it is shown against where its leg points."""
-    shin, up = plan.legs[leg, 1], (plan.up[0], plan.up[1], plan.up[2])
+    thigh, shin, up = plan.legs[leg, 0], plan.legs[leg, 1], (plan.up[0], plan.up[1], plan.up[2])
     floor = quat.dot((plan.tails[shin, 0], plan.tails[shin, 1], plan.tails[shin, 2]), up)
     points = plus(moved(motions[shin], plan.tails[shin]), root, 1.0)
+    hip = plus(moved(motions[thigh], plan.heads[thigh]), root, 1.0)
     offset = (state.offset[leg, 0], state.offset[leg, 1], state.offset[leg, 2])
     if state.held[leg] == 0:
-        fading = math.exp(-elapsed / RETURN_TIME) if began else 0.0
-        offset = (fading * offset[0], fading * offset[1], fading * offset[2])
+        fading = _fade(RETURN_TIME, elapsed) if began else 0.0
+        offset = quat.scaled(offset, fading)
         if rests and length(offset) < NEAR * plan.metre:
             state.held[leg] = 1.0
             state.place[leg] = plus(points, offset, 1.0)
     if state.held[leg] > 0:
-        there = (state.place[leg, 0], state.place[leg, 1], state.place[leg, 2])
-        sink = (floor - quat.dot(there, up)) * (1 - math.exp(-elapsed / SETTLE_SECONDS))
-        there = plus(there, up, sink)
+        offset = _way(plan, state, leg, motions, root)
+        level = plus(offset, up, -quat.dot(offset, up))
+        if not rests or length(plus(level, (state.shift[0], state.shift[1], state.shift[2]), 1.0)) > FAR * plan.metre:
+            state.held[leg] = 0.0
+        # as high as the leg reaches without bending, if that is near the floor
+        there = plus(points, level, 1.0)
+        away = minus(there, hip)
+        high = quat.dot(away, up)
+        straight = length(minus(points, hip)) ** 2 - (quat.dot(away, away) - high * high)
+        high = quat.dot(hip, up) - math.sqrt(max(0.0, straight))
+        wanted = min(max(high, floor), floor + plan.metre * SLACK)
+        last = quat.dot((state.place[leg, 0], state.place[leg, 1], state.place[leg, 2]), up)
+        high = wanted + _fade(SETTLE_SECONDS, elapsed) * (last - wanted)
+        there = plus(there, up, high - quat.dot(there, up))
         state.place[leg] = there
         offset = minus(there, points)
-        if not rests or length(plus(offset, up, -quat.dot(offset, up))) > FAR * plan.metre:
-            state.held[leg] = 0.0
     sunk = floor - quat.dot(plus(points, offset, 1.0), up)
     state.offset[leg] = plus(offset, up, max(0.0, sunk))
 
 
 @numba.njit
-def _bend(plan, state, leg, motions, changed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _bend(plan, state, leg, motions, changed, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bend a leg so that its ankle is where it is shown, and lay its foot flat as far as it rests."""
     thigh, shin, foot = plan.legs[leg]
     ankle = moved(motions[shin], plan.tails[shin])
     if length(state.offset[leg]) > 1e-9 * plan.metre:
         ankle = bend(motions, plan.heads, plan.tails, thigh, shin, plan.poles[leg], state.offset[leg])
         changed[thigh] = changed[shin] = True
-    if foot >= 0 and (state.flat[leg] > 1e-6 or changed[shin]):
+    if foot >= 0:
         turn = quat.of_rows(motions[foot])
-        # flat as at rest, but for the heading
-        twist = quat.normalised(_twist_about(turn, plan.up))
-        level = quat.to_vector(quat.product(twist, quat.inverse(turn)))
-        share = state.flat[leg]
-        level = (share * level[0], share * level[1], share * level[2])
-        place(motions[foot], quat.product(quat.from_vector(level), turn), plan.heads[foot], ankle)
-        changed[foot] = True
+        _follow_heading(state, leg, _twist_about(turn, plan.up), elapsed)
+        if state.flat[leg] > 1e-6 or changed[shin]:
+            up = (plan.up[0], plan.up[1], plan.up[2])
+            level = quat.to_vector(quat.product(quat.about(up, state.heading[leg]), quat.inverse(turn)))
+            level = quat.from_vector(quat.scaled(level, state.flat[leg]))
+            place(motions[foot], quat.product(level, turn), plan.heads[foot], ankle)
+            changed[foot] = True
+
+
+@numba.njit
+def _follow_heading(state, leg, heading, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Bring the heading of a foot up to date: slowly while it is held."""
+    away = (state.heading[leg] - heading + math.pi) % (2 * math.pi) - math.pi
+    fading = _fade(HEADING_SECONDS, elapsed) if state.held[leg] > 0 else 0.0
+    state.heading[leg] = heading + fading * away
 
 
 @numba.njit
 def _twist_about(q, axis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the part of a rotation that is about a unit axis."""
-    along = q[1] * axis[0] + q[2] * axis[1] + q[3] * axis[2]
-    if q[0] * q[0] + along * along < 1e-12:
-        return (1.0, 0.0, 0.0, 0.0)
-    return (q[0], along * axis[0], along * axis[1], along * axis[2])
+    """Return the angle of the part of a rotation that is about a unit axis."""
+    return 2 * math.atan2(q[1] * axis[0] + q[2] * axis[1] + q[3] * axis[2], q[0])

@@ -4,10 +4,11 @@ A limb is a chain of bones that follows a chain of the performer's joints. Its b
 (`follow = "direction"`), or turn from their rest as the performer's have turned from theirs (`"turn"`). The bones keep
 their own lengths: only directions are taken over.
 
-A sensor does not see how a limb is rolled about itself. A bone is carried by its parent and turned by the least
-rotation to where it should point; its roll is then corrected, a little in each frame, towards what the pose says about
-it: the two sides of the body for the trunk, the plane of the elbow or knee where an arm or leg is bent, and otherwise
-the roll that the least rotation from rest gives. Each loses its weight where it is undefined, so that no roll flips.
+Few sensors see how a limb is rolled about itself. A bone is carried by its parent and turned by the least
+rotation to where it should point; its roll is then corrected, a little in each frame, towards what is known about it:
+the two sides of the body for the trunk; the orientation of the performer's bone where a log has it; the plane of the
+elbow or knee where an arm or leg is bent; and otherwise the roll that the least rotation from rest gives. Each loses
+its weight where it is undefined, so that no roll flips.
 """
 
 import math
@@ -22,12 +23,26 @@ from solver.motion import quaternions as quat
 from solver.motion.limb_plan import BENT, HINGE, SIDES, plan_of
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
 from solver.motion.retarget import FARTHEST, RETURN_TIME
+from solver.motion.two_bones import length
 
 FASTEST = 25.0
 """Radians per second that a limb turns at most against what it hangs on; a thrower's forearm reaches about 40."""
 
+FOOT_MOST = 0.9
+"""Radians that a foot turns at most from how the shin carries it; the joint of a foot is a sensor's noisiest."""
+
+FOOT_SECONDS = 0.05
+"""Time constant with which a foot turns to where the performer's points, in seconds. It begins as at rest."""
+
 HINGE_RATE = 20.0
 """Per second, how fast the roll of an upper arm or thigh closes in on the plane of a limb that is bent."""
+
+TURNED_RATE = 30.0
+"""Per second, how fast a roll closes in on that of the performer's bone, where its orientation is known."""
+
+TURNED_COSINE = 0.5, 0.8
+"""Cosine of the angle between where a bone points and where its orientation has it, from which the orientation counts,
+and from which it counts in full."""
 
 SWING_RATE = 20.0
 """Per second, how fast a roll closes in on the one that the least rotation from rest gives."""
@@ -67,6 +82,7 @@ class _State(NamedTuple):
     known: NDArray[np.float64]  # (b + 1,): 1 where the bone was known in the last frame
     roll_known: NDArray[np.float64]  # (b + 1,)
     vector: NDArray[np.float64]  # (b + 1, 3): `local` as axis times angle, for the gain
+    mount: NDArray[np.float64]  # (b + 1, 4): from the performer's bone's own axes to the bone's rest; NaN before
     side: NDArray[np.float64]  # (3,): the mean direction from the body's right to its left
     clock: NDArray[np.float64]  # (5,): time; time of `side`; 1 while exchanged; since when; heading
 
@@ -105,6 +121,7 @@ class LimbMotion:
         basis = np.eye(3) if basis is None else np.ascontiguousarray(basis, dtype=np.float64)
         self._plan = plan_of(self.limbs, self.bones, performer, rest, basis, turns)
         rows = len(self._plan.roll)
+        self._unknown = np.full((len(performer.opposite), 4), np.nan)
         self._state = _State(
             local=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)),
             gap=np.zeros((rows, 3)),
@@ -112,6 +129,7 @@ class LimbMotion:
             known=np.zeros(rows),
             roll_known=np.zeros(rows),
             vector=np.zeros((rows, 3)),
+            mount=np.full((rows, 4), np.nan),
             side=np.zeros(3),
             clock=np.array([-np.inf, -np.inf, 0.0, 0.0, 0.0]),
         )
@@ -122,6 +140,8 @@ class LimbMotion:
         positions: NDArray[np.float64],
         confidence: NDArray[np.float32],
         out: NDArray[np.float64] | None = None,
+        *,
+        orientations: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
         """Return the motions of the bones in one frame.
 
@@ -138,6 +158,9 @@ class LimbMotion:
             0 where a joint is lost.
         out : (b, 4, 3) float64, optional
             Written to, and returned.
+        orientations : (j, 4) float64, optional
+            Unit quaternions (w, x, y, z) of the bones that begin at the joints, from axes of their own to character
+            axes; NaN where unknown. A bone's roll follows how they turn from where they are first known.
 
         Returns
         -------
@@ -145,7 +168,8 @@ class LimbMotion:
             Motions for row vectors, x' = [x 1] T, mesh file's coordinates, without the root's translation.
         """
         out = np.empty((len(self.bones.parents), 4, 3)) if out is None else out
-        _step(self._plan, self._state, float(time), np.ascontiguousarray(positions), confidence, out)
+        turns = self._unknown if orientations is None else np.ascontiguousarray(orientations)
+        _step(self._plan, self._state, float(time), np.ascontiguousarray(positions), confidence, turns, out)
         return out
 
     @property
@@ -158,19 +182,9 @@ class LimbMotion:
         """The first bone of the trunk, if there is one."""
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """The state carried from frame to frame; setting it continues where another one of the same limbs was."""
-        return {name: values.copy() for name, values in self._state._asdict().items()}
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        for name, values in self._state._asdict().items():
-            values[:] = memory[name]
-
 
 @numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _step(plan, state, time, positions, confidence, orientations, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring the state up to a frame, and write the motions of the bones."""
     began = math.isfinite(state.clock[TIME])
     elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # a clock that is set back stands still here
@@ -182,13 +196,15 @@ def _step(plan, state, time, positions, confidence, out):  # type: ignore[no-unt
     aims, across = plan.aims.copy(), _sides_of(plan, seen, rows)
     for row in plan.trunk_rows:
         aims[row] = quat.unit(_blend(plan.chords[row], plan.aims[row], counts))
+    turned = _turned(plan, state, orientations, rows)
     world = np.empty((rows, 4))
     for row in range(rows):
         base = (1.0, 0.0, 0.0, 0.0)
         if plan.base[row] >= 0:
             base = _quaternion(world, plan.base[row])
-        local = _turn(plan, state, row, quat.inverse(base), aims, directions, across, elapsed, began)
+        local = _turn(plan, state, row, quat.inverse(base), aims, directions, across, turned, elapsed, began)
         world[row] = quat.product(base, local)
+    _mount(state, turned, world)
     _write_motions(plan, state, out)
 
 
@@ -220,12 +236,7 @@ def _between(seen, tail, head):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 @numba.njit
-def _length(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return math.sqrt(quat.dot(v, v))
-
-
-@numba.njit
-def _torso_length(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _torso(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the vector from the middle of the hips to that of the shoulders."""
     up = np.empty(3)
     for axis in range(3):
@@ -237,13 +248,13 @@ def _torso_length(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 @numba.njit
 def _pair(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the directions from right to left of hips and shoulders; zero where they cannot be told."""
-    trunk = _length(_torso_length(pairs, seen))
+    trunk = length(_torso(pairs, seen))
     hips = _between(seen, pairs[0, 1], pairs[0, 0])
     shoulders = _between(seen, pairs[1, 1], pairs[1, 0])
     # comparisons with NaN are false: what is not known is too narrow
-    if not (_length(hips) > quat.TINY and not _length(hips) < NARROWEST[0] * trunk):
+    if not (length(hips) > quat.TINY and not length(hips) < NARROWEST[0] * trunk):
         hips = (0.0, 0.0, 0.0)
-    if not (_length(shoulders) > quat.TINY and not _length(shoulders) < NARROWEST[1] * trunk):
+    if not (length(shoulders) > quat.TINY and not length(shoulders) < NARROWEST[1] * trunk):
         shoulders = (0.0, 0.0, 0.0)
     return quat.unit(hips), quat.unit(shoulders)
 
@@ -268,8 +279,8 @@ def _seen(plan, state, time, positions, confidence):  # type: ignore[no-untyped-
     if quat.dot(side, side) > 0:
         mean = (state.side[0], state.side[1], state.side[2])
         pause = time - clock[SIDE_TIME]
-        if _length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
-            turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * _length(mean)
+        if length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
+            turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * length(mean)
             # hips and shoulders alike: one alone is noise
             if turned and sign * quat.dot(hips, mean) <= 0 and sign * quat.dot(shoulders, mean) <= 0:
                 clock[EXCHANGED], clock[SINCE] = 1 - clock[EXCHANGED], time
@@ -305,7 +316,7 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
                 count += 1
         points[p] /= count
     directions = np.zeros((rows, 3))
-    directions[0] = _known_unit(_torso_length(plan.pairs, seen))
+    directions[0] = _known_unit(_torso(plan.pairs, seen))
     for row in range(1, rows):
         direction = _known_unit(_between(points, plan.ends[row, 0], plan.ends[row, 1]))
         directions[row] = _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction
@@ -314,9 +325,9 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
         first, last = plan.trunk[0], plan.trunk[-1]
         chord = _between(points, first, last)
         for k in range(1, len(plan.trunk) - 1):
-            near = _length(_between(points, first, plan.trunk[k]))
-            near = min(near, _length(_between(points, plan.trunk[k], last)))
-            share = _rise(near / max(_length(chord), quat.TINY), INNER_JOINT)
+            near = length(_between(points, first, plan.trunk[k]))
+            near = min(near, length(_between(points, plan.trunk[k], last)))
+            share = _rise(near / max(length(chord), quat.TINY), INNER_JOINT)
             counts = min(counts, share) if share == share else 0.0
         chord = _known_unit(chord)
         if counts < 1 and quat.dot(chord, chord) > 0:
@@ -363,19 +374,63 @@ def _sides_of(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001
 
 
 @numba.njit
-def _turn(plan, state, row, from_base, aims, directions, across, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _turned(plan, state, orientations, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the orientation of the performer's bone that tells each roll (rows, 4); NaN where none does."""
+    turned = np.full((rows, 4), np.nan)
+    if state.clock[EXCHANGED] > 0:
+        return turned
+    heading = (1.0, 0.0, 0.0, 0.0)
+    if not plan.turns:
+        heading = quat.about((0.0, 1.0, 0.0), -state.clock[HEADING])
+    for row in range(rows):
+        if plan.oriented[row] >= 0:
+            turned[row] = quat.normalised(quat.product(heading, _quaternion(orientations, plan.oriented[row])))
+    return turned
+
+
+@numba.njit
+def _mount(state, turned, world):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Note where bones are in the axes of the performer's when their orientations are first known."""
+    for row in range(len(world)):
+        if math.isfinite(turned[row, 0]) and state.known[row] > 0 and not math.isfinite(state.mount[row, 0]):
+            state.mount[row] = quat.product(quat.inverse(_quaternion(turned, row)), _quaternion(world, row))
+
+
+@numba.njit
+def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Bring a bone's turn against its base up to date."""
     aim, direction = _vector(aims, row), _vector(directions, row)
     local = _quaternion(state.local, row)
     known = quat.dot(aim, aim) > 0.5 and quat.dot(direction, direction) > 0.5
     fading = math.exp(-elapsed / RETURN_TIME)
     if known:
-        local = _swing(state, row, local, aim, quat.rotated(from_base, direction), fading, elapsed, began)
-        local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
+        wanted = quat.rotated(from_base, direction)
+        if plan.foot[row]:
+            wanted = _eased_foot(aim, quat.rotated(local, aim), wanted, elapsed if began else 0.0)
+        local = _swing(state, row, local, aim, wanted, fading, elapsed, began)
+        if math.isfinite(turned[row, 0] + state.mount[row, 0]):
+            local = _as_turned(plan, state, row, local, from_base, aim, turned, elapsed)
+        else:
+            local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
         local = quat.normalised(local)
         state.local[row] = local
     state.known[row] = 1.0 if known else 0.0
     return local
+
+
+@numba.njit
+def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
+    away = length(quat.to_vector(quat.least(aim, wanted)))
+    wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
+    return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
+
+
+@numba.njit
+def _on_the_way(start, end, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the direction a share of the least rotation from one to another."""
+    way = quat.to_vector(quat.least(start, end))
+    return quat.unit(quat.rotated(quat.from_vector(quat.scaled(way, share)), start))
 
 
 @numba.njit
@@ -384,16 +439,15 @@ def _swing(state, row, local, aim, wanted, fading, elapsed, began):  # type: ign
     now = quat.rotated(local, aim)
     gap = (0.0, 0.0, 0.0)
     if began:
-        gap = (fading * state.gap[row, 0], fading * state.gap[row, 1], fading * state.gap[row, 2])
+        gap = quat.scaled(state.gap[row], fading)
         if state.known[row] == 0:
             gap = quat.to_vector(quat.least(wanted, now))
         wanted = quat.rotated(quat.from_vector(gap), wanted)
     state.gap[row] = gap
     turn = quat.to_vector(quat.least(now, wanted))
-    angle = _length(turn)
+    angle = length(turn)
     if angle > FASTEST * elapsed:
-        share = FASTEST * elapsed / angle
-        turn = (share * turn[0], share * turn[1], share * turn[2])
+        turn = quat.scaled(turn, FASTEST * elapsed / angle)
     return quat.product(quat.from_vector(turn), local)
 
 
@@ -405,7 +459,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
     if plan.roll[row] == SIDES:
         wanted = quat.rotated(from_base, _vector(across, row))
         flat = quat.cross(axis, wanted)
-        known = _length(flat) > 0.2
+        known = length(flat) > 0.2
         angle, gap = 0.0, 0.0
         if known:
             angle = quat.twist(now, wanted, axis)
@@ -422,7 +476,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
         x, y = weight * math.cos(error), weight * math.sin(error)
         if plan.roll[row] == HINGE:
             hinge = quat.cross(_vector(directions, row), _vector(directions, row + 1))
-            bent = HINGE_RATE * _rise(_length(hinge), BENT)
+            bent = HINGE_RATE * _rise(length(hinge), BENT)
             if bent > 0:
                 error = quat.twist(now, quat.rotated(from_base, hinge), axis)
                 if began:
@@ -430,6 +484,18 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
                 x, y, weight = x + bent * math.cos(error), y + bent * math.sin(error), weight + bent
         share = 1 - math.exp(-weight * elapsed) if began else 1.0
         angle = share * math.atan2(y, x) if weight > 0 else 0.0
+    fastest = FASTEST * elapsed
+    return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
+
+
+@numba.njit
+def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Roll a bone about itself as the performer's has rolled."""
+    there = quat.product(from_base, quat.product(_quaternion(turned, row), _quaternion(state.mount, row)))
+    axis, side = quat.rotated(local, aim), _vector(plan.sides, row)
+    weight = TURNED_RATE * _rise(quat.dot(axis, quat.rotated(there, aim)), TURNED_COSINE)
+    angle = quat.twist(quat.rotated(local, side), quat.rotated(there, side), axis)
+    angle *= 1 - math.exp(-weight * elapsed)
     fastest = FASTEST * elapsed
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 
@@ -445,8 +511,7 @@ def _write_motions(plan, state, out):  # type: ignore[no-untyped-def]  # noqa: A
         if plan.gain[row] != 1:
             vector = quat.near_vector(local, _vector(state.vector, row))
             state.vector[row] = vector
-            gain = plan.gain[row]
-            local = quat.from_vector((gain * vector[0], gain * vector[1], gain * vector[2]))
+            local = quat.from_vector(quat.scaled(vector, plan.gain[row]))
         base = plan.shown_base[row]
         shown[row] = quat.product(_quaternion(shown, base), local) if base >= 0 else local
         bone = row - 1

@@ -31,7 +31,9 @@ class Plan(NamedTuple):
     base: NDArray[np.int64]  # (b + 1,): the row that each bone's turn is measured against, −1 for none
     shown_base: NDArray[np.int64]  # (b + 1,): the row of the character's that it is applied on top of
     gain: NDArray[np.float64]  # (b + 1,)
+    oriented: NDArray[np.int64]  # (b + 1,): the joint whose orientation tells the roll, −1 for none
     pitch: NDArray[np.float64]  # (b + 1,): radians by which a direction is raised: a foot's
+    foot: NDArray[np.bool_]  # (b + 1,): whether it is the foot of a leg
     trunk: NDArray[np.int64]  # (q,): the points of the trunk, none if there is no trunk
     trunk_rows: NDArray[np.int64]  # (q − 1,): its bones
     pairs: NDArray[np.int64]  # (2, 2): hips and shoulders, left and right
@@ -103,7 +105,9 @@ def plan_of(
         base=base,
         shown_base=shown_base,
         gain=np.array([1.0, *(place.limb.gain for place in places for _ in place.rows)]),
+        oriented=np.array([-1, *(_oriented(place.limb, k) for place in places for k in range(len(place.rows)))]),
         pitch=_pitches(places, aims, performer, rest),
+        foot=np.isin(np.arange(count), [place.rows[k] for place, k in _feet(places, performer)]),
         trunk=none if trunk is None else trunk.points,
         trunk_rows=none if trunk is None else trunk.rows,
         pairs=np.array([performer.hips, performer.shoulders], dtype=np.int64),
@@ -166,6 +170,12 @@ def _hinges(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[in
                     yield int(row), forward[joints]
 
 
+def _oriented(limb: Limb, bone: int) -> int:
+    """Return the joint at which the performer's bone begins, or −1 for a bone whose roll the sides of the body tell."""
+    joints = limb.joints[bone]
+    return joints[0] if len(joints) == 1 and limb.name != TRUNK else -1
+
+
 def _pitches(
     places: Sequence[_Place], aims: NDArray[np.float64], performer: Performer, rest: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -174,13 +184,21 @@ def _pitches(
     A sensor has the foot's joint at another height than a mesh: Kinect v1's is nearly below the ankle.
     """
     pitches = np.zeros(len(aims))
-    for limb, rows, _ in places:
-        for k in range(len(rows) - 2):
-            if limb.follow == "direction" and limb.joints[k] in {(joint,) for joint in performer.hips}:
-                ankle, foot = (rest[list(joints)].mean(axis=0) for joints in limb.joints[k + 2 : k + 4])
-                pitch = _elevation(aims[rows[k + 2]]) - _elevation(foot - ankle)
-                pitches[rows[k + 2]] = pitch if np.isfinite(pitch) else 0.0
+    for (limb, rows, _), k in _feet(places, performer):
+        if limb.follow == "direction":
+            ankle, foot = (rest[list(joints)].mean(axis=0) for joints in limb.joints[k : k + 2])
+            pitch = _elevation(aims[rows[k]]) - _elevation(foot - ankle)
+            pitches[rows[k]] = pitch if np.isfinite(pitch) else 0.0
     return pitches
+
+
+def _feet(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[_Place, int]]:
+    """Go through the feet: the third bones from a hip on, of which limb they are and the how manieth there."""
+    hips = {(joint,) for joint in performer.hips}
+    for place in places:
+        for k in range(2, len(place.rows)):
+            if place.limb.joints[k - 2] in hips:
+                yield place, k
 
 
 def _elevation(direction: NDArray[np.float64]) -> float:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
+from solver.motion.two_bones import moved
 
 
 def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -54,15 +55,7 @@ def moved_by(
 @numba.njit
 def _place(motions, bone, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return where a bone's motion takes a point; where the point is, for bone −1."""
-    x, y, z = point[0], point[1], point[2]
-    if bone < 0:
-        return (x, y, z)
-    T = motions[bone]
-    return (
-        x * T[0, 0] + y * T[1, 0] + z * T[2, 0] + T[3, 0],
-        x * T[0, 1] + y * T[1, 1] + z * T[2, 1] + T[3, 1],
-        x * T[0, 2] + y * T[1, 2] + z * T[2, 2] + T[3, 2],
-    )
+    return moved(motions[bone], point) if bone >= 0 else (point[0], point[1], point[2])
 
 
 @numba.njit
@@ -91,7 +84,7 @@ def _move(parents, heads, motions, apart, share, out):  # type: ignore[no-untype
     turns = np.empty((len(parents), 4))
     for bone in range(len(parents)):
         parent = parents[bone]
-        turn = quat.from_vector((share * apart[bone, 0], share * apart[bone, 1], share * apart[bone, 2]))
+        turn = quat.from_vector(quat.scaled(apart[bone], share))
         turn = quat.product(turn, _against_parent(motions, parents, bone))
         if parent >= 0:
             turn = quat.product((turns[parent, 0], turns[parent, 1], turns[parent, 2], turns[parent, 3]), turn)

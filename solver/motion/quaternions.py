@@ -43,11 +43,17 @@ def dot(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
 
 
 @numba.njit(inline="always")
+def scaled(v, factor):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Return a vector times a number."""
+    return (factor * v[0], factor * v[1], factor * v[2])
+
+
+@numba.njit(inline="always")
 def rotated(q, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Return a vector turned by a quaternion."""
     u = (q[1], q[2], q[3])
     t = cross(u, v)
-    t = (2 * t[0], 2 * t[1], 2 * t[2])
+    t = scaled(t, 2)
     s = cross(u, t)
     return (v[0] + q[0] * t[0] + s[0], v[1] + q[0] * t[1] + s[1], v[2] + q[0] * t[2] + s[2])
 
@@ -103,7 +109,7 @@ def to_vector(q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     sign = -1.0 if q[0] < 0 else 1.0
     s = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     scale = sign * (2 * math.atan2(s, sign * q[0]) / s if s > 1e-12 else 2.0)
-    return (scale * q[1], scale * q[2], scale * q[3])
+    return scaled((q[1], q[2], q[3]), scale)
 
 
 @numba.njit
@@ -113,7 +119,7 @@ def near_vector(q, before):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
     angle = math.sqrt(dot(v, v))
     axis = (v[0] / angle, v[1] / angle, v[2] / angle) if angle > 1e-9 else unit(before)
     length = angle + 2 * math.pi * round((dot(before, axis) - angle) / (2 * math.pi))
-    return (length * axis[0], length * axis[1], length * axis[2])
+    return scaled(axis, length)
 
 
 @numba.njit

@@ -2,7 +2,6 @@
 
 The paper adds up the joints' motion from frame to frame, C^t+1 = C + H^t. While every joint is tracked that sum is the
 displacement from the first pose, which is what `Retargeter` uses: unlike the sum it does not drift after a drop-out.
-`accumulated` keeps the paper's form as the reference.
 """
 
 import math
@@ -109,15 +108,6 @@ class Retargeter:
         """
         return self.targets(self._return.step(time, positions - self.calibration, confidence > 0))
 
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another retargeter was."""
-        return self._return.memory
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._return.memory = memory
-
     def targets(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where the handles go for joint displacements from the calibration pose.
 
@@ -147,22 +137,6 @@ class SmoothReturn:
         self._offset = np.zeros((joints, 3))
         self._known = np.zeros(joints, dtype=bool)
         self._time = -np.inf
-
-    @property
-    def memory(self) -> dict[str, NDArray[np.float64]]:
-        """What is carried from frame to frame; setting it goes on where another one was."""
-        return {
-            "time": np.array(self._time),
-            "last": self._last.copy(),
-            "offset": self._offset.copy(),
-            "known": self._known.astype(np.float64),
-        }
-
-    @memory.setter
-    def memory(self, memory: dict[str, NDArray[np.float64]]) -> None:
-        self._time = float(memory["time"])
-        self._last, self._offset = memory["last"].copy(), memory["offset"].copy()
-        self._known = memory["known"] > 0
 
     def step(self, time: float, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the displacements to use.
@@ -242,23 +216,3 @@ def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
             scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE else 1.0
             for axis in range(3):
                 out[k, h, axis] = moved[k, h, axis] * scale
-
-
-def accumulated(positions: NDArray[np.float64], mapping: Mapping, scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum joint motion from frame to frame as the paper does (Eq. 6-7).
-
-    Parameters
-    ----------
-    positions : (T, j, 3) float64
-        Filtered joints, every one tracked throughout.
-    mapping : Mapping
-    scale : (h,) float64
-
-    Returns
-    -------
-    (T, h, 3) float64
-        How far each handle has moved since the first frame.
-    """
-    motion = np.diff(positions, axis=0, prepend=positions[:1])
-    steps = (mapping.matrix @ motion) * mapping.axes * (scale * mapping.gain)[:, None]
-    return np.cumsum(steps, axis=0)

@@ -15,7 +15,7 @@ PATIENCE = 20.0
 class Scripted:
     """A source that gives a list at a time, or raises what stands there, and nothing in the end."""
 
-    name, beginning = "scripted", None
+    name = "scripted"
 
     def __init__(self, *script, received=0, clock=0.0, recorded=False):
         self.recorded = recorded

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 import capture.recording
 from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
-from capture.formats.puppetline_log import beginning, events, read
+from capture.formats.puppetline_log import events, read
 from capture.recording import HEADER, Recorder, as_recorded, encode
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import OutputError, SkeletonLogError
@@ -33,20 +33,16 @@ def make_frame(k, user=1):
     return SkeletonFrame(k / 30, user, positions, confidence)
 
 
-BEGINNING = {"roles": {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}, "level": {}}
-"""What a stage may say of itself: objects in objects, floats of every kind."""
-
-
-def record(path, events, state=None):
+def record(path, events):
     with Recorder(path) as recorder:
-        if state is not None:
-            recorder.write_beginning(state)
         for event in events:
             recorder.write(event)
 
 
 def performance(count):
     """Frames of two performers, and all else that happens between them."""
+    state = {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}  # floats of every kind
+    yield Cue(0.0, "stage", {"characters": state, "level": {}})
     for k in range(count):
         yield make_frame(k, user=1 + k % 2)
         yield Tick(k / 30)
@@ -184,11 +180,10 @@ def test_a_disk_that_fails_to_sync_is_reported(tmp_path, monkeypatch):
         recorder.close()
 
 
-def test_every_kind_of_event_and_the_beginning_read_back_to_the_bit(tmp_path):
+def test_every_kind_of_event_reads_back_to_the_bit(tmp_path):
     written = list(performance(40))
-    record(tmp_path / "take", written, BEGINNING)
+    record(tmp_path / "take", written)
     assert_reads_back(tmp_path / "take", written)
-    assert repr(beginning(tmp_path / "take")) == repr(BEGINNING)
     clips = read(tmp_path / "take", ReadOptions())
     frames = [event for event in written if isinstance(event, SkeletonFrame)]
     for clip, user in zip(clips, (1, 2), strict=True):
@@ -221,14 +216,6 @@ def test_each_kind_of_event_is_a_line_of_its_own():
     )
 
 
-def test_only_a_new_recording_has_a_beginning(tmp_path):
-    record(tmp_path / "take", [], BEGINNING)
-    whole = (tmp_path / "take").read_bytes()
-    with Recorder(tmp_path / "take") as recorder, pytest.raises(OutputError, match="has begun already"):
-        recorder.write_beginning(BEGINNING)
-    assert (tmp_path / "take").read_bytes() == whole
-
-
 @pytest.mark.parametrize("wrong", [Cue(0.0, "x", {"n": float("nan")}), Cue(0.0, "x", {"n": b""}), Tick(float("inf"))])
 def test_what_json_cannot_hold_is_refused_before_anything_is_written(tmp_path, wrong):
     with Recorder(tmp_path / "take") as recorder:
@@ -242,16 +229,14 @@ def test_cut_off_at_any_byte_all_whole_lines_are_there_and_recording_goes_on(tmp
     """The lines hold objects in objects, so that many of the cuts leave a line that ends in a brace."""
     monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
     written = list(performance(3))
-    record(tmp_path / "whole", written, BEGINNING)
+    record(tmp_path / "whole", written)
     whole = (tmp_path / "whole").read_bytes()
     ends = [place + 1 for place, byte in enumerate(whole) if byte == ord("\n")]
-    begun = ends[1]
     cut = tmp_path / "cut"
     for size in range(len(whole)):
         cut.write_bytes(whole[:size])
-        complete = sum(size >= end for end in ends[2:])
+        complete = sum(size >= end for end in ends[1:])
         assert_reads_back(cut, written[:complete])
-        assert beginning(cut) == (BEGINNING if size >= begun else None)
         record(cut, [Tick(99.0)])
         assert_reads_back(cut, [*written[:complete], Tick(99.0)])
         assert cut.read_bytes().startswith(whole[:size])

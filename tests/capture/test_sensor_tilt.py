@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from capture.pose import Pose
 from capture.sensor_tilt import Level, level_of
-from capture.skeleton import JOINT_INDEX, JOINTS
+from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 
 from .network.conftest import STANDING
 
@@ -36,6 +37,17 @@ def test_somebody_who_stands_upright_tells_how_the_sensor_stands(upright, degree
 
 def test_levelling_undoes_the_sensor_exactly(upright):
     np.testing.assert_allclose(Level(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+
+
+def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
+    level, turns = Level(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
+    ends = upright + turns.apply([0.0, 0.3, 0.0])
+    seen = SkeletonFrame(1.0, 0, upright, np.ones(len(JOINTS)), turns.as_quat()[:, [3, 0, 1, 2]])
+    frame = level.frame(seen)
+    np.testing.assert_array_equal(frame.positions, level(upright))
+    found = Rotation.from_quat(frame.orientations[:, [1, 2, 3, 0]]).apply([0.0, 0.3, 0.0])
+    np.testing.assert_allclose(frame.positions + found, level(ends), atol=1e-12)
+    assert Level().frame(seen) is seen
 
 
 @pytest.mark.parametrize(("tilt", "roll", "height"), [(25.0, 0.0, 1.4), (10.0, -7.0, 0.8), (-15.0, 90.0, 0.0)])

@@ -5,12 +5,21 @@ from pathlib import Path
 
 import pytest
 
-from puppetline.errors import OutputError
-from puppetline.files import check_writable, written_whole
+from puppetline.errors import MeshError, OutputError
+from puppetline.files import check_writable, read_whole, written_whole
 
 
 def names(folder):
     return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_file_is_read_whole_or_an_error_of_the_family_says_why_not(tmp_path):
+    (tmp_path / "a.obj").write_bytes(b"v 0\r\n\0")
+    assert read_whole(tmp_path / "a.obj", "a mesh", MeshError) == b"v 0\r\n\0"
+    for path, why in ((tmp_path / "none.obj", "No such file or directory"), (tmp_path, "Is a directory")):
+        with pytest.raises(MeshError) as error:
+            read_whole(path, "a mesh", MeshError, "Look for it.")
+        assert str(error.value) == f"{path}: found that it cannot be read ({why}); expected a mesh. Look for it."
 
 
 def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):

@@ -14,7 +14,6 @@ from engine_bridge.puppet import puppet
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import (
     FRAME_KINDS,
-    STATES,
     Header,
     Kind,
     join,
@@ -23,6 +22,7 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import decode, encode
+from engine_bridge.service.states import STATES
 from solver.motion.deformer import Deformer
 
 HERE = Path(__file__).parent

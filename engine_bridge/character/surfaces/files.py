@@ -1,5 +1,6 @@
 """Files that a mesh file names: its materials and their pictures, all in its own folder or below."""
 
+import hashlib
 import io
 import warnings
 from pathlib import Path
@@ -23,6 +24,9 @@ KEPT = {"PNG": "image/png", "JPEG": "image/jpeg", "MPO": "image/jpeg"}
 CONVERTED = ("BMP", "DDS", "GIF", "PPM", "TGA", "TIFF", "WEBP")
 """Others that are read. Not all that Pillow knows: for EPS it would run another program."""
 
+NO_FILE_NAME = (OSError, ValueError, RuntimeError)
+"""What is raised for a name that is too long, has a zero byte in it, or is a link in a circle."""
+
 
 class Folder:
     """The folder of a mesh file, and what was said of the files in it.
@@ -33,12 +37,19 @@ class Folder:
         The mesh file.
     notes : list of str
         Takes what has to be told of files that are named.
+
+    Attributes
+    ----------
+    files : dict
+        The `state` of every file that was looked for, by its name and the folder of the file that names it.
     """
 
     def __init__(self, mesh: Path, notes: list[str]) -> None:
         self.notes = notes
+        self.files: dict[tuple[str, str], str] = {}
         self._root = mesh.parent.resolve()
         self._pictures: dict[Path, Picture | None] = {}
+        self._states: dict[Path | None, str] = {}
         self._pixels = 0
         self._namesakes: dict[Path, dict[str, list[Path]]] = {}
 
@@ -56,25 +67,35 @@ class Folder:
         where : str
             The line that names it, for a note.
         """
-        slashed = name.replace("\\", "/")
-        last = slashed.rpartition("/")[2]
+        self.files[name, str(below)] = self.state(name, below)
         try:
-            stated = self._inside(below / slashed)
-            if stated and stated.is_file():
-                return stated
-            namesake = self._namesake(below, last)
-        except (OSError, ValueError, RuntimeError):  # a name too long, a zero byte in it, links in a circle
+            stated, found = self._resolve(name, below)
+        except NO_FILE_NAME:
             self.notes.append(f"{where}: {name[:60]!r} is no file name. It is omitted.")
             return None
-        if namesake:
-            self.notes.append(f"{name!r} is not there: {namesake.name!r} beside it is taken.")
-        elif stated:
+        if found and found != stated:
+            self.notes.append(f"{name!r} is not there: {found.name!r} beside it is taken.")
+        elif stated and not found:
             self.notes.append(f"{name!r} is not there.")
-        else:
+        elif not found:
+            copied = _last(name)
             self.notes.append(
-                f"{where}: {name!r} is outside of the mesh's folder and is not read. Copy {last!r} beside the mesh."
+                f"{where}: {name!r} is outside of the mesh's folder and is not read. Copy {copied!r} beside the mesh."
             )
-        return namesake
+        return found
+
+    def state(self, name: str, below: Path) -> str:
+        """Say which file a name stands for and what it holds, as a text that is another where any of that is.
+
+        Parameters as for `find`.
+        """
+        try:
+            _, found = self._resolve(name, below)
+            if found not in self._states:
+                self._states[found] = f"{found} {hashlib.sha256(found.read_bytes()).hexdigest()}" if found else "none"
+        except NO_FILE_NAME as error:
+            return type(error).__name__
+        return self._states[found]
 
     def picture(self, name: str, below: Path, where: str) -> Picture | None:
         """Read a picture that is named; note it where it is not there or cannot be shown.
@@ -91,6 +112,11 @@ class Folder:
                 self.notes.append(f"The picture {path.name!r} cannot be read ({error}): left out.")
                 self._pictures[path] = None
         return self._pictures[path]
+
+    def _resolve(self, name: str, below: Path) -> tuple[Path | None, Path | None]:
+        """Return where a name leads, if not out of the mesh's folder, and the file that it stands for, if any."""
+        stated = self._inside(below / name.replace("\\", "/"))
+        return stated, stated if stated and stated.is_file() else self._namesake(below, _last(name))
 
     def _inside(self, path: Path) -> Path | None:
         """Return where a path leads, or None where that is not in the mesh's folder or below."""
@@ -126,3 +152,8 @@ class Folder:
                 image.convert("RGBA" if has_alpha else "RGB").save(png, "PNG")
         self.notes.append(f"The picture {path.name!r} is converted to PNG.")
         return Picture(path.stem, "image/png", png.getvalue())
+
+
+def _last(name: str) -> str:
+    """Return the last part of a path of any system."""
+    return name.replace("\\", "/").rpartition("/")[2]

@@ -1,8 +1,8 @@
 """Wavefront OBJ: objects, groups and materials, polygons, texture coordinates, normals and vertex colours."""
 
 import re
-from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,6 @@ from engine_bridge.character.surfaces import mtl
 from engine_bridge.character.surfaces.corners import distinct
 from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.polygons import triangulate
-from engine_bridge.character.surfaces.scanning import read_corners
 from engine_bridge.character.surfaces.surface import (
     CLAY,
     Material,
@@ -24,14 +23,11 @@ from engine_bridge.character.surfaces.surface import (
     material_for,
     upper_left,
 )
-from engine_bridge.character.surfaces.text import Lines, Rows, decoded, lines_of, word
+from engine_bridge.character.surfaces.text import Rows, decoded, parsed
 from puppetline.errors import at
 
 CONTINUED = "\r"
 """Stands for the end of a line that goes on in the next."""
-
-FACES = ("f", "fo")
-"""Statements of a face, the second is what f was called once."""
 
 SILENT = re.compile(
     "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
@@ -45,6 +41,15 @@ LIBRARY_END = re.compile(r"(?<=\.mtl)(?=\s|\"|$)", re.IGNORECASE)
 """Where the name of a material file ends, which may hold spaces."""
 
 HEAD = re.compile(rb"^[ \t]*(?:v|vn|vt|f|o|g|mtllib|usemtl)[ \t]", re.MULTILINE)
+
+CORNER = re.compile(r"(?:[-+]?\d{1,18})?(?:/(?:[-+]?\d{1,18})?){0,2}", re.ASCII)
+"""A corner of a face: a vertex, texture coordinates and a normal, any of which may be left out."""
+
+LARGEST = 10**18
+"""Indices from it on are refused: NumPy reads what does not fit into 64 bits as another number."""
+
+LEFT_OUT = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
+"""Where a corner has no number before or after a slash."""
 
 
 def matches(head: bytes) -> bool:
@@ -69,75 +74,71 @@ def read(path: Path, content: bytes) -> Surface:
     text = decoded(path, content)
     if "\\" in text:  # which is found sooner than a pair
         text = text.replace("\\\n", CONTINUED).removesuffix("\\")
-    return _Statements(path, lines_of(text, CONTINUED)).surface()
+    return _Statements(path, text).surface()
 
 
 class _Statements:
     """The statements of a file, collected by kind."""
 
-    def __init__(self, path: Path, lines: Lines) -> None:
+    def __init__(self, path: Path, text: str) -> None:
         self.path = path
         self.notes: list[str] = []
-        self.vertices = _rows(path, lines, ("v",), "'v x y z' with finite numbers")
-        self.coordinates = _rows(path, lines, ("vt",), "'vt u v' with numbers")
-        self.normals = _rows(path, lines, ("vn",), "'vn x y z' with numbers")
-        self.faces = _rows(path, lines, FACES, "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn")
-        self.so_far = _counted(lines, ("v", "vt", "vn"), FACES)
+        self.folder = Folder(path, self.notes)
+        self.vertices = Rows(path, "'v x y z' with finite numbers")
+        self.coordinates = Rows(path, "'vt u v' with numbers")
+        self.normals = Rows(path, "'vn x y z' with numbers")
+        self.faces = Rows(path, "'f a b c' with vertices from 1 on, as a, a/vt, a//vn or a/vt/vn")
         self.groups: dict[tuple[str, str], int] = {}
-        self.group_of = np.zeros(len(self.faces), dtype=np.int64)
+        self.group_of: list[int] = []
         self.libraries: dict[str, int] = {}
-        self.group = self.material = ""
-        self.smoothing = ""
+        self.group = self.material = self.smoothing = ""
         self.smoothings: set[str] = set()
         self.lines_and_points = 0
         self.unknown: list[int] = []
-        self._read_others(lines)
+        self._read(text)
 
-    def _read_others(self, lines: Lines) -> None:
-        """Go through all lines besides those of numbers; what they say holds for the faces after them."""
-        handlers: dict[str, Callable[[int, str], None]] = {
-            "g": self._group,
-            "o": self._group,
-            "s": self._smooth,
-            "usemtl": self._usemtl,
-            "mtllib": self._mtllib,
-        }
-        others = np.flatnonzero(~_begins(lines, ("v", "vt", "vn", *FACES)) & (lines.comments > lines.starts))
-        faces_before = np.searchsorted(self.faces.lines, lines.numbers[others])
-        done = 0
-        for line, faces in zip(others.tolist(), faces_before.tolist(), strict=True):
-            self._assign(done, faces)
-            done = faces
-            kind, *rest = lines.text(line).split(None, 1)
-            handler, number = handlers.get(kind), int(lines.numbers[line])
-            if handler:
-                handler(number, rest[0] if rest else "")
-            elif kind in NOT_A_SURFACE:
-                self.lines_and_points += 1
-            elif not SILENT.fullmatch(kind):
-                self.unknown.append(number)
-        self._assign(done, len(self.faces))
+    def _read(self, text: str) -> None:
+        """Go through all lines."""
+        rows = {"v": self.vertices, "vt": self.coordinates, "vn": self.normals, "f": self.faces, "fo": self.faces}
+        lines = text.split("\n")
+        numbers = accumulate((1 + line.count(CONTINUED) for line in lines), initial=1)
+        for number, line in zip(numbers, lines, strict=False):
+            kind, _, value = line.partition(" ")
+            if kind not in rows:  # it may be indented, or end with a tab
+                kind, _, value = " ".join(line.split(None, 1)).partition(" ")
+            if kind in rows:
+                rows[kind].lines.append(number)
+                rows[kind].texts.append(value.partition("#")[0] if "#" in value else value)
+            elif kind:
+                self._assign()
+                self._other(number, kind, value)
+        self._assign()
 
-    def _assign(self, start: int, end: int) -> None:
-        """Put faces into the group and material that hold now."""
-        if start < end:
-            self.group_of[start:end] = self.groups.setdefault((self.group, self.material), len(self.groups))
+    def _assign(self) -> None:
+        """Put the faces since the last statement of another kind into the group and material that hold now."""
+        new = len(self.faces) - len(self.group_of)
+        if new:
+            self.group_of += [self.groups.setdefault((self.group, self.material), len(self.groups))] * new
             self.smoothings.add(self.smoothing)
 
-    def _group(self, _: int, rest: str) -> None:
-        self.group = " ".join(rest.split())
-
-    def _smooth(self, _: int, rest: str) -> None:
-        group = rest.partition("#")[0].strip()
-        self.smoothing = "" if group in ("off", "0") else group
-
-    def _usemtl(self, _: int, rest: str) -> None:
-        self.material = rest.strip()
-
-    def _mtllib(self, line: int, rest: str) -> None:
-        named = [name.strip('" \t') for name in LIBRARY_END.split(rest)[:-1]]
-        for name in named or rest.split():
-            self.libraries.setdefault(name.strip('"'), line)
+    def _other(self, line: int, kind: str, value: str) -> None:
+        """Read a statement that holds for the faces after it, or says nothing of polygons."""
+        match kind:
+            case "g" | "o":
+                self.group = " ".join(value.split())
+            case "s":
+                group = value.partition("#")[0].strip()
+                self.smoothing = "" if group in ("off", "0") else group
+            case "usemtl":
+                self.material = value.strip()
+            case "mtllib":
+                named = [name.strip('" \t') for name in LIBRARY_END.split(value)[:-1]]
+                for name in named or value.split():
+                    self.libraries.setdefault(name.strip('"'), line)
+            case _ if kind in NOT_A_SURFACE:
+                self.lines_and_points += 1
+            case _ if not SILENT.fullmatch(kind):
+                self.unknown.append(line)
 
     def surface(self) -> Surface:
         """Make pieces of all that was read."""
@@ -154,7 +155,7 @@ class _Statements:
         kind = 4 * groups + 2 * has_normal + has_uv
         pieces = self._pieces(table, corners, np.repeat(kind, sizes), triangles, kind[polygon])
         self._note_what_is_left_out()
-        return Surface(pieces, self.notes)
+        return Surface(pieces, self.notes, files=self.folder.files)
 
     def _polygons(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Read the faces.
@@ -167,12 +168,15 @@ class _Statements:
             How many corners each polygon has.
         groups : (p,) int64
         """
-        stated, sizes = self._stated()
+        stated, sizes = self._stated(), self.faces.widths
         owner = np.repeat(np.arange(len(sizes)), sizes)
         known = np.array([[len(self.vertices)], [len(self.coordinates)], [len(self.normals)]])
-        corners, backwards = stated - 1, stated < 0
+        backwards = stated < 0
+        corners = stated - 1
         if backwards.any():
-            corners = np.where(backwards, self.so_far[:, owner] + stated, corners)
+            rows = (self.vertices, self.coordinates, self.normals)
+            so_far = np.array([np.searchsorted(kind.lines, self.faces.lines) for kind in rows])
+            corners = np.where(backwards, so_far[:, owner] + stated, corners)
         wrong = (corners >= known) | (backwards & (corners < 0))
         no_vertex = wrong[0] | (stated[0] == 0)
         if no_vertex.any():
@@ -182,19 +186,30 @@ class _Statements:
             self.notes.append("The faces name texture coordinates or normals that the file does not have.")
             corners[wrong] = -1
         enough = sizes >= 3
-        if enough.all():
-            return corners, sizes, self.group_of
-        self.notes.append(f"{count(int((~enough).sum()), 'face')} of fewer than 3 corners left out.")
-        return corners[:, enough[owner]], sizes[enough], self.group_of[enough]
+        if not enough.all():
+            self.notes.append(f"{count(int((~enough).sum()), 'face')} of fewer than 3 corners left out.")
+        return corners[:, enough[owner]], sizes[enough], np.array(self.group_of, dtype=np.int64)[enough]
 
-    def _stated(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the corners (3, c) as they stand in the file, 0 for what is not there, and how many a face has."""
-        faces = self.faces
-        corners, sizes = np.empty((3, faces.most), dtype=np.int64), np.empty(len(faces), dtype=np.int64)
-        count, wrong = read_corners(faces.data, faces.starts, faces.ends, corners, sizes)
-        if wrong >= 0:
-            raise faces.error(wrong)
-        return corners[:, :count], sizes
+    def _stated(self) -> NDArray[np.int64]:
+        """Return the corners (3, c) as they stand in the file, 0 for what is not there."""
+        text = " ".join(" ".join(self.faces.texts).split())
+        if "//" in text or "/ " in text or " /" in text or text.endswith("/"):
+            text = LEFT_OUT.sub("0", text)
+        letters = np.frombuffer(text.encode("utf-8"), np.uint8)
+        slashes = np.cumsum(letters == ord("/"))
+        ends = slashes[np.append(np.flatnonzero(letters == ord(" ")), -1)] if text else np.empty(0, dtype=np.int64)
+        parts = np.diff(ends, prepend=0) + 1
+        numbers = parsed(text.replace("/", " "), np.int64)
+        is_read = numbers is not None and len(numbers) == parts.sum() and parts.max(initial=0) <= 3
+        if numbers is None or not is_read or np.abs(numbers).max(initial=0) >= LARGEST:
+            is_face = (all(map(CORNER.fullmatch, face.split())) for face in self.faces.texts)
+            raise self.faces.error(next((row for row, fits in enumerate(is_face) if not fits), 0))
+        stated = np.zeros((3, len(parts)), dtype=np.int64)
+        first = np.cumsum(parts) - parts
+        for part in range(3):
+            there = parts > part
+            stated[part, there] = numbers[first[there] + part]
+        return stated
 
     def _pieces(
         self,
@@ -208,7 +223,7 @@ class _Statements:
         uvs = _texture_coordinates(self.coordinates.table(1))
         normals = self.normals.table(3)[:, :3]
         colors = linear(table[:, 3:6]) if table.shape[1] >= 6 else None
-        if colors is None and (self.vertices.numbers[1] >= 6).any():
+        if colors is None and (self.vertices.widths >= 6).any():
             self.notes.append("Vertex colours left out: some vertices have none.")
         names, materials = list(self.groups), self._materials()
         isolated = np.ones(len(table), dtype=np.bool_)
@@ -246,12 +261,11 @@ class _Statements:
 
     def _materials(self) -> dict[str, Material]:
         """Read the material files and return every material that a face has."""
-        folder = Folder(self.path, self.notes)
         known: dict[str, Material] = {}
         for name, line in self.libraries.items():
-            path = folder.find(name, self.path.parent, at(self.path, line=line))
+            path = self.folder.find(name, self.path.parent, at(self.path, line=line))
             if path:
-                known |= mtl.read(path, folder)
+                known |= mtl.read(path, self.folder)
         used = list(dict.fromkeys(material for _, material in self.groups if material))
         unknown = [name for name in used if name not in known]
         if unknown:
@@ -275,22 +289,6 @@ class _Statements:
         if self.unknown:
             number = count(len(self.unknown), "line")
             self.notes.append(f"{number} not understood and left out, the first is line {self.unknown[0]}.")
-
-
-def _begins(lines: Lines, kinds: Sequence[str]) -> NDArray[np.bool_]:
-    """Tell which lines begin with one of some words."""
-    return np.isin(lines.words, [word(kind) for kind in kinds])
-
-
-def _rows(path: Path, lines: Lines, kinds: Sequence[str], expected: str) -> Rows:
-    which = _begins(lines, kinds)
-    return Rows(path, expected, lines.data, lines.numbers[which], lines.rests[which], lines.comments[which])
-
-
-def _counted(lines: Lines, kinds: Sequence[str], at_kinds: Sequence[str]) -> NDArray[np.int64]:
-    """Return how many lines of each kind (rows) come before each line of other kinds (columns)."""
-    here = _begins(lines, at_kinds)
-    return np.stack([np.cumsum(_begins(lines, (kind,)))[here] for kind in kinds])
 
 
 def _runs(keys: NDArray[np.int64]) -> list[NDArray[np.int64]]:

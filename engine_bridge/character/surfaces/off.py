@@ -1,6 +1,7 @@
 """OFF in its text form: polygons, with normals (NOFF), colours (COFF) and texture coordinates (STOFF) of vertices."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces.polygons import triangulate
 from engine_bridge.character.surfaces.surface import Piece, Surface, count, damaged, linear, material_for, upper_left
-from engine_bridge.character.surfaces.text import Rows, decoded, lines_of, spans
+from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines, spans
 from puppetline.errors import MeshError, at
 
 KEYWORD = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF(?![A-Za-z])")
@@ -33,20 +34,26 @@ def read(path: Path, content: bytes) -> Surface:
     binary = re.match(rb"\s*\w*OFF\s+BINARY", content[:100])
     if binary:
         raise MeshError(path, found="a binary OFF file", expected="OFF as text", fix="Export the mesh as .ply or .obj.")
-    lines = _Lines(path, content)
-    keyword = KEYWORD.match(lines.text(0)) if len(lines) else None
-    if keyword:
-        lines.take(keyword.end())
+    lines = Rows(path, "the numbers of vertices, faces and edges")
+    for number, line in filled_lines(decoded(path, content)):
+        if text := line.partition("#")[0].strip():
+            lines.lines.append(number)
+            lines.texts.append(text)
+    keyword = KEYWORD.match(lines.texts[0]) if len(lines) else None
+    if keyword:  # more may follow on its line, even without a space
+        lines.texts[0] = lines.texts[0][keyword.end() :].strip()
+        begin = 0 if lines.texts[0] else 1
+        lines = replace(lines, lines=lines.lines[begin:], texts=lines.texts[begin:])
     textured, colored, with_normals, *of_other_dimension = keyword.groups() if keyword else [None] * 5
     if any(of_other_dimension):
         raise MeshError(
             path, found="vertices in another space", expected="x, y and z", fix="Export the mesh as plain OFF."
         )
-    vertices, faces, notes = _rows(path, lines)
+    vertices, faces, notes = _divided(path, lines)
     needed = 3 + 3 * bool(with_normals) + 3 * bool(colored) + 2 * bool(textured)
     table = vertices.positions()
     if table.shape[1] < needed:
-        vertices.refuse(vertices.numbers[1] < needed)
+        vertices.refuse(vertices.widths < needed)
     end = 6 if with_normals else 3
     colors = linear(table[:, end : table.shape[1] - 2 * bool(textured)][:, :4]) if colored else None
     triangles, more_notes = _triangles(faces, table[:, :3])
@@ -62,61 +69,37 @@ def read(path: Path, content: bytes) -> Surface:
     return Surface([piece], notes + more_notes)
 
 
-class _Lines:
-    """The lines that hold something besides a comment."""
-
-    def __init__(self, path: Path, content: bytes) -> None:
-        self._path = path
-        lines = lines_of(decoded(path, content))
-        filled = lines.starts < lines.comments
-        self._data = lines.data
-        self.numbers, self._starts, self._ends = lines.numbers[filled], lines.starts[filled], lines.comments[filled]
-
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def text(self, line: int) -> str:
-        return self._data[self._starts[line] : self._ends[line]].tobytes().decode().strip()
-
-    def take(self, characters: int) -> None:
-        """Take ASCII characters from the first line: more may follow there, even without a space."""
-        self._starts[0] += characters
-        if not self.text(0):
-            self.numbers, self._starts, self._ends = self.numbers[1:], self._starts[1:], self._ends[1:]
-
-    def rows(self, which: slice, expected: str) -> Rows:
-        return Rows(self._path, expected, self._data, self.numbers[which], self._starts[which], self._ends[which])
-
-
-def _rows(path: Path, lines: _Lines) -> tuple[Rows, Rows, list[str]]:
+def _divided(path: Path, lines: Rows) -> tuple[Rows, Rows, list[str]]:
     """Divide the lines after the keyword into those of vertices and those of faces, and note what is left."""
-    expected = "the numbers of vertices, faces and edges"
     if not len(lines):
-        raise damaged(path, "no counts", expected)
-    line, text = int(lines.numbers[0]), lines.text(0)
-    counts = text.split()
+        raise damaged(path, "no counts", lines.expected)
+    counts = lines.texts[0].split()
     if not (2 <= len(counts) <= 3 and all(number.isascii() and number.isdigit() for number in counts)):
-        raise damaged(at(path, line=line), repr(text[:60]), expected)
+        raise lines.error(0)
     vertices, faces = (int(number[:12]) for number in counts[:2])
+    where, there = at(path, line=lines.lines[0]), len(lines) - 1
     if not vertices or not faces:
-        raise damaged(at(path, line=line), repr(text), "a surface: points have none")
-    rest = len(lines) - 1 - vertices - faces
-    if rest < 0:
-        raise damaged(
-            at(path, line=line),
-            f"{count(vertices, 'vertex', 'vertices')} and {count(faces, 'face')} announced",
-            f"a line for each, and not {len(lines) - 1:,} in all",
-        )
-    vertex_rows = lines.rows(slice(1, vertices + 1), "'x y z' with finite numbers")
-    face_rows = lines.rows(
-        slice(vertices + 1, vertices + faces + 1), f"'n v1 … vn' with vertices from 0 to {vertices - 1}"
+        raise damaged(where, repr(lines.texts[0]), "a surface: points have none")
+    if vertices + faces > there:
+        announced = f"{count(vertices, 'vertex', 'vertices')} and {count(faces, 'face')} announced"
+        raise damaged(where, announced, f"a line for each, and not {there:,} in all")
+    points, polygons = slice(1, vertices + 1), slice(vertices + 1, vertices + faces + 1)
+    rest = there - vertices - faces
+    return (
+        Rows(path, "'x y z' with finite numbers", lines.lines[points], lines.texts[points]),
+        Rows(
+            path,
+            f"'n v1 … vn' with vertices from 0 to {vertices - 1}",
+            lines.lines[polygons],
+            lines.texts[polygons],
+        ),
+        [f"{count(rest, 'line')} after the last face left out."] if rest else [],
     )
-    return vertex_rows, face_rows, [f"{count(rest, 'line')} after the last face left out."] if rest else []
 
 
 def _triangles(faces: Rows, positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], list[str]]:
     """Read the faces as triangles, and note what they have besides."""
-    values, widths = faces.numbers
+    values, widths = faces.numbers, faces.widths
     starts = np.cumsum(widths) - widths
     stated = values[starts]  # no line is empty
     faces.refuse(~((stated >= 0) & (stated < widths) & (stated == np.floor(stated))))

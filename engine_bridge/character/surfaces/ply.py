@@ -56,6 +56,7 @@ def read(path: Path, content: bytes) -> Surface:
     """
     tables, pictures = read_tables(path, content)
     vertex, notes = tables.get("vertex", {}), _not_carried(tables)
+    folder = Folder(path, notes)
     positions = _positions(path, vertex)
     triangles, uvs_of_corners = _triangles(path, tables, positions, notes)
     normals, colors, uvs = _numbers(vertex, NORMAL), _colors(vertex, notes), _texture_coordinates(vertex)
@@ -72,10 +73,10 @@ def read(path: Path, content: bytes) -> Surface:
     material = material_for(colors)
     if uvs is not None:
         uvs = upper_left(uvs)
-        material = _textured(path, pictures, notes) or material
+        material = _textured(path, pictures, folder) or material
     elif pictures:
         notes.append(f"No texture coordinates for the picture {pictures[0][1]!r}: left out.")
-    return Surface([Piece("", positions, triangles, material, normals, uvs, colors)], notes)
+    return Surface([Piece("", positions, triangles, material, normals, uvs, colors)], notes, files=folder.files)
 
 
 def _positions(path: Path, vertex: Table) -> NDArray[np.float64]:
@@ -186,12 +187,12 @@ def _colors(vertex: Table, notes: list[str]) -> NDArray[np.float64] | None:
     return colors
 
 
-def _textured(path: Path, pictures: list[tuple[int, str]], notes: list[str]) -> Material | None:
+def _textured(path: Path, pictures: list[tuple[int, str]], folder: Folder) -> Material | None:
     """Return a material with the file's picture, where it has one."""
     if len(pictures) > 1:
-        notes.append(f"{count(len(pictures), 'picture')} named: only the first is used.")
+        folder.notes.append(f"{count(len(pictures), 'picture')} named: only the first is used.")
     for line, name in pictures[:1]:
-        picture = Folder(path, notes).picture(name, path.parent, at(path, line=line))
+        picture = folder.picture(name, path.parent, at(path, line=line))
         if picture:
             return Material(texture=picture)
     return None

@@ -1,8 +1,7 @@
 """PLY, text and binary, as tables of named columns, whatever they describe."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
 from typing import Any, Literal
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces.surface import count, damaged
-from engine_bridge.character.surfaces.text import Rows, decoded, lines_of, spans
+from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines, spans
 from puppetline.errors import MeshError, at
 
 TYPES = {
@@ -20,7 +19,10 @@ TYPES = {
     "double": "f8", "float64": "f8",
 }  # fmt: skip
 
-ORDERS: dict[str, Literal["little", "big"]] = {"binary_little_endian": "little", "binary_big_endian": "big"}
+Order = Literal["little", "big"]
+
+ORDERS: dict[str, Order | None] = {"ascii": None, "binary_little_endian": "little", "binary_big_endian": "big"}
+"""The order of bytes for each word of the format; None for text."""
 
 HEAD = re.compile(rb"ply[ \t]*(\r\n|\r|\n)")
 END = re.compile(rb"^end_header[ \t]*(?:\r\n|\r|\n|$)", re.MULTILINE)
@@ -66,15 +68,6 @@ class Column:
     lengths: NDArray[np.int64] | None
 
 
-@dataclass
-class Header:
-    """What stands before the data."""
-
-    word: str = ""
-    elements: list[Element] = field(default_factory=list)
-    pictures: list[tuple[int, str]] = field(default_factory=list)
-
-
 Table = dict[str, Column]
 
 
@@ -104,103 +97,85 @@ def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tupl
     length = end.end()
     if content[length - 1 : length + 1] == b"\r\n":
         length += 1
-    header = _header(path, content[:length])
-    if header.word == "ascii":
-        tables = _text_tables(path, content, length, header.elements)
-    else:
-        tables = _binary_tables(path, content, length, header)
-    return tables, header.pictures
+    order, elements, pictures = _header(path, content[:length])
+    if order is None:
+        return _text_tables(path, content, length, elements), pictures
+    tables = {}
+    for element in elements:
+        tables[element.name], length = _BinaryElement(path, content, length, element, order).read()
+    return tables, pictures
 
 
-def _header(path: Path, content: bytes) -> Header:
-    """Read the lines up to ``end_header``."""
-    header = Header()
+def _header(path: Path, content: bytes) -> tuple[Order | None, list[Element], list[tuple[int, str]]]:
+    """Read the lines up to ``end_header``: the order of bytes, the elements with properties, and pictures."""
+    word = ""
+    elements: list[Element] = []
+    pictures = []
     for number, line in enumerate(decoded(path, content).split("\n"), 1):
         match line.split():
-            case ["format", word, *_] if word == "ascii" or word in ORDERS:
-                header.word = word
+            case ["format", stated, *_] if stated in ORDERS:
+                word = stated
             case ["element", name, rows] if re.fullmatch("[0-9]{1,18}", rows):
-                header.elements.append(Element(name, int(rows), []))
-            case ["property", "list", length, kind, name] if header.elements and TYPES.get(length, "f")[0] != "f":
-                _add(path, number, header, name, kind, length)
-            case ["property", kind, name] if header.elements:
-                _add(path, number, header, name, kind, None)
+                elements.append(Element(name, int(rows), []))
+            case ["property", "list", length, kind, name] if elements and TYPES.get(length, "f")[0] != "f":
+                elements[-1].properties.append(Property(name, _type(path, number, kind), np.dtype(TYPES[length])))
+            case ["property", kind, name] if elements:
+                elements[-1].properties.append(Property(name, _type(path, number, kind), None))
             case ["comment", "TextureFile", *_]:
-                header.pictures.append((number, line.split(None, 2)[-1].strip()))
+                pictures.append((number, line.split(None, 2)[-1].strip()))
             case ["ply" | "comment" | "obj_info" | "end_header", *_] | []:
                 pass
             case _:
                 raise damaged(at(path, line=number), repr(line[:60]), "a statement of a PLY header")
-    if not header.word:
-        raise damaged(path, "no format", f"'format', ascii or {' or '.join(ORDERS)}, '1.0'")
-    return header
+    if not word:
+        raise damaged(path, "no format", f"'format', {' or '.join(ORDERS)}, '1.0'")
+    return ORDERS[word], [element for element in elements if element.properties], pictures
 
 
-def _add(path: Path, number: int, header: Header, name: str, kind: str, length: str | None) -> None:
-    if kind not in TYPES:
-        raise damaged(at(path, line=number), f"the type {kind[:20]!r}", ", ".join(TYPES))
-    kind_of_length = None if length is None else np.dtype(TYPES[length])
-    header.elements[-1].properties.append(Property(name, np.dtype(TYPES[kind]), kind_of_length))
+def _type(path: Path, line: int, name: str) -> np.dtype[Any]:
+    if name not in TYPES:
+        raise damaged(at(path, line=line), f"the type {name[:20]!r}", ", ".join(TYPES))
+    return np.dtype(TYPES[name])
 
 
 def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]) -> dict[str, Table]:
-    lines = lines_of(decoded(path, content))
-    first = int(np.searchsorted(lines.numbers, decoded(path, content[:start]).count("\n"), side="right"))
+    header = decoded(path, content[:start]).count("\n")
+    lines = [line for line in filled_lines(decoded(path, content)) if line[0] > header]
     tables = {}
     for element in elements:
-        if not element.properties:
-            continue
-        if element.rows > len(lines) - first:
-            raise damaged(
-                at(path, field=f"element {element.name}"),
-                f"{count(len(lines) - first, 'line')} for {count(element.rows, 'row')}",
-                "a whole PLY file",
-            )
-        own = slice(first, first + element.rows)
-        first += element.rows
-        expected = " ".join(_described(element))
-        rows = Rows(path, expected, lines.data, lines.numbers[own], lines.starts[own], lines.ends[own])
-        tables[element.name] = _text_columns(rows, element)
+        own, lines = lines[: element.rows], lines[element.rows :]
+        if len(own) < element.rows:
+            there = f"{count(len(own), 'line')} for {count(element.rows, 'row')}"
+            raise damaged(at(path, field=f"element {element.name}"), there, "a whole PLY file")
+        expected = " ".join(
+            prop.name if prop.kind_of_length is None else f"n {prop.name}…" for prop in element.properties
+        )
+        tables[element.name] = _text_columns(
+            Rows(path, expected, [line for line, _ in own], [text for _, text in own]), element
+        )
     return tables
-
-
-def _described(element: Element) -> Iterator[str]:
-    return (name.name if name.kind_of_length is None else f"n {name.name}…" for name in element.properties)
 
 
 def _text_columns(rows: Rows, element: Element) -> Table:
-    values, widths = rows.numbers
-    place, ends = np.cumsum(widths) - widths, np.cumsum(widths)
-    table = {}
+    values, ends = rows.numbers, np.cumsum(rows.widths)
+    place, table = ends - rows.widths, {}
     for prop in element.properties:
         rows.refuse(place >= ends)
-        if prop.kind_of_length is None:
-            table[prop.name] = Column(prop.kind, values[place], None)
-            place = place + 1
-        else:
+        lengths = None
+        if prop.kind_of_length is not None:
             stated = values[place]
             rows.refuse(~((stated >= 0) & (stated < ends - place) & (stated == np.floor(stated))))
             lengths = stated.astype(np.int64)
-            table[prop.name] = Column(prop.kind, values[spans(place + 1, lengths)], lengths)
-            place = place + 1 + lengths
+            place = place + 1
+        table[prop.name] = Column(prop.kind, values[place if lengths is None else spans(place, lengths)], lengths)
+        place = place + (1 if lengths is None else lengths)
     return table
-
-
-def _binary_tables(path: Path, content: bytes, start: int, header: Header) -> dict[str, Table]:
-    tables = {}
-    for element in header.elements:
-        if element.properties:
-            reader = _BinaryElement(path, content, start, element, ORDERS[header.word])
-            tables[element.name], start = reader.read()
-    return tables
 
 
 class _BinaryElement:
     """The bytes of an element, from `start` on."""
 
-    def __init__(
-        self, path: Path, content: bytes, start: int, element: Element, order: Literal["little", "big"]
-    ) -> None:
+    def __init__(self, path: Path, content: bytes, start: int, element: Element, order: Order) -> None:
         self.path = path
         self.content = content
         self.start = start

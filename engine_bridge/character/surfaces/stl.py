@@ -1,13 +1,12 @@
 """STL, binary and text: triangles, each with corners of its own."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces.surface import Piece, Surface, count, damaged, outside
-from engine_bridge.character.surfaces.text import Lines, Rows, decoded, lines_of, word
+from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines
 from puppetline.errors import at
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -24,14 +23,6 @@ FOLLOWS = {
     "endsolid": ("solid",),
 }
 """The words that may begin the line after one that begins with this word, or the first line."""
-
-KINDS = tuple(FOLLOWS)
-SOLID, OUTER, VERTEX, ENDLOOP, ENDFACET, ENDSOLID = map(
-    KINDS.index, ("solid", "outer", "vertex", "endloop", "endfacet", "endsolid")
-)
-
-CAPITALS = np.uint64(0x2020202020202020)
-"""The bits that tell small letters from capitals."""
 
 
 def matches(head: bytes, size: int) -> bool:
@@ -82,60 +73,59 @@ def _read_binary(path: Path, content: bytes) -> Surface:
         raise damaged(at(path, field=f"facet {facet}"), str(corners[facet].tolist()), "finite coordinates")
     rest = len(content) - HEADER - facets * FACET.itemsize
     notes = [f"{count(rest, 'byte')} after the last facet left out."] if rest else []
-    return Surface([_piece("", corners)], notes, faceted=True)
+    return Surface([_piece("", corners.reshape(-1, 3))], notes, faceted=True)
 
 
 def _read_text(path: Path, content: bytes) -> Surface:
     text = decoded(path, content)
-    lines = lines_of(text)
-    kinds = np.zeros(len(lines), dtype=np.int64)
-    for kind, name in enumerate(KINDS[1:], 1):
-        kinds[(lines.words | CAPITALS) == (word(name) | CAPITALS)] = kind
+    vertices, solids, unknown, last = _statements(path, text)
     notes = []
-    unknown = lines.numbers[kinds == 0]
-    if len(unknown):
+    if unknown:
         notes.append(f"{count(len(unknown), 'line')} not understood and left out, the first is line {unknown[0]}.")
-    lines, kinds = lines.only(kinds > 0), kinds[kinds > 0]
-    _check_order(path, lines, kinds)
-    if len(kinds) and kinds[-1] == ENDFACET:
+    if last == "endfacet":
         notes.append("The file ends without 'endsolid': facets may be missing.")
-    elif not len(kinds) or kinds[-1] != ENDSOLID:
+    elif last != "endsolid":
         raise damaged(at(path, line=text.count("\n") + 1), "the end of the file within a solid", "'endsolid'")
-    own = kinds == VERTEX
-    expected = "'vertex x y z' with finite numbers"
-    vertices = Rows(path, expected, lines.data, lines.numbers[own], lines.rests[own], lines.ends[own])
-    corners = vertices.positions()[:, :3].reshape(-1, 3, 3)
-    solids = np.flatnonzero(kinds == SOLID)
-    names = [lines.text(line)[len("solid") :].strip() for line in solids.tolist()]
-    ends = [*(np.cumsum(own)[solids] // 3).tolist(), len(corners)]
-    pieces = [
-        _piece(name, corners[start:end])
-        for name, (start, end) in zip(names, pairwise(ends), strict=True)
-        if end > start
-    ]
+    corners = vertices.positions()[:, :3]
+    ends = [*(start for _, start in solids[1:]), len(corners)]
+    pieces = [_piece(name, corners[start:end]) for (name, start), end in zip(solids, ends, strict=True) if end > start]
     if not pieces:
         raise damaged(path, "no facets", "an STL file with a surface")
     return Surface(pieces, notes, faceted=True)
 
 
-def _check_order(path: Path, lines: Lines, kinds: NDArray[np.int64]) -> None:
-    """Refuse the first line that does not follow from the one before, or ends a facet of other than 3 vertices."""
-    follows = np.array([[name in others for name in KINDS] for others in FOLLOWS.values()])
-    before = np.concatenate([[0], kinds])
-    wrong = np.flatnonzero(~follows[before[:-1], kinds])
-    in_order = kinds[: wrong[0]] if len(wrong) else kinds
-    so_far = np.cumsum(in_order == VERTEX)
-    ends = np.flatnonzero(in_order == ENDLOOP)
-    sizes = so_far[ends] - so_far[np.flatnonzero(in_order == OUTER)[: len(ends)]]
-    if (sizes != 3).any():
-        facet = int(np.argmax(sizes != 3))
-        where = at(path, line=int(lines.numbers[ends[facet]]))
-        raise damaged(where, f"a facet of {sizes[facet]} vertices", "3 vertices")
-    if len(wrong):
-        expected = FOLLOWS[KINDS[before[wrong[0]]]]
-        found = repr(lines.text(int(wrong[0])).strip()[:60])
-        raise damaged(at(path, line=int(lines.numbers[wrong[0]])), found, " or ".join(map(repr, expected)))
+def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], list[int], str]:
+    """Return the rows of vertices, each solid's name and first vertex, the lines of other formats, and the last word.
+
+    Raises
+    ------
+    MeshError
+        With the first line that does not follow from the one before, or ends a facet of other than 3 vertices.
+    """
+    vertices = Rows(path, "'vertex x y z' with finite numbers")
+    solids: list[tuple[str, int]] = []
+    unknown = []
+    before = ""
+    for line, statement in filled_lines(text):
+        word, *rest = statement.split(None, 1)
+        word = word.lower()
+        if word not in FOLLOWS:
+            unknown.append(line)
+            continue
+        if word not in FOLLOWS[before]:
+            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, FOLLOWS[before])))
+        if word == "vertex":
+            vertices.lines.append(line)
+            vertices.texts.extend(rest or [""])
+        elif word == "outer":
+            loop = len(vertices)
+        elif word == "endloop" and len(vertices) != loop + 3:
+            raise damaged(at(path, line=line), f"a facet of {len(vertices) - loop} vertices", "3 vertices")
+        elif word == "solid":
+            solids.append(("".join(rest), len(vertices)))
+        before = word
+    return vertices, solids, unknown, before
 
 
 def _piece(name: str, corners: NDArray[np.float64]) -> Piece:
-    return Piece(name, corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+    return Piece(name, corners, np.arange(len(corners)).reshape(-1, 3))

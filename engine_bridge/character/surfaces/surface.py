@@ -105,11 +105,14 @@ class Surface:
         What was changed or could not be carried.
     faceted : bool
         Pieces without normals are shown with a hard edge between any two triangles.
+    files : dict
+        The files that it names, see `engine_bridge.character.surfaces.files.Folder`.
     """
 
     pieces: list[Piece]
     notes: list[str] = field(default_factory=list)
     faceted: bool = False
+    files: dict[tuple[str, str], str] = field(default_factory=dict)
 
 
 def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:

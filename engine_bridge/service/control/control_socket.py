@@ -1,4 +1,4 @@
-"""The control socket: clients ask for something, and get one answer each (docs/control.md)."""
+"""The control socket, which answers each request of a client once (docs/control.md)."""
 
 import json
 import logging
@@ -21,42 +21,45 @@ from engine_bridge.service.control.requests import (
     take_command,
     take_id,
 )
-from engine_bridge.service.security.endpoints import Door, check_token
+from engine_bridge.service.security.credentials import check_token
+from engine_bridge.service.security.endpoints import Endpoint
 from puppetline import toml_schema
 from puppetline.errors import PuppetlineError, ServiceError
 from puppetline.toml_schema import Table
 
-AT_A_TIME = 16
-BYTES_AT_A_TIME = 65_536
-"""Requests, and bytes of them, after which frames have their turn again."""
+REQUESTS_PER_TURN = 16
+BYTES_PER_TURN = 65_536
+"""Number and size of requests answered before frames are sent again."""
 
-REQUESTS_WAITING, REPLIES_WAITING = 16, 64
-"""For one client; what comes on top waits on its side, or is lost to it."""
+QUEUED_REQUESTS, QUEUED_REPLIES = 16, 64
+"""Maximum queue lengths per client; further requests wait on the client's side, further replies are lost."""
 
-MOST_DEFERRED = 256
-"""Answers that may be due later."""
+MAX_DEFERRED = 256
+"""Maximum number of answers that are given later."""
 
 Command = tuple[type[Table], Callable[[Any], Any]]
-"""What arguments it takes, and what is called with them: it returns a result of JSON's types or a `Deferred`."""
-
+"""Model of the arguments, and the function that is called with them; it returns JSON types or a `Deferred`."""
 
 FAILED = ServiceError(
-    "the service", found="an unforeseen error", expected="none", fix="Look into the log of the service, and report it."
+    "the service", found="an internal error", expected="none", fix="Read the log of the service, and report the error."
 )
 BUSY = ServiceError(
-    "the service", found="too many requests that wait", expected="some patience", fix="Ask again in a few seconds."
+    "the service",
+    found="too many pending requests",
+    expected="fewer requests at a time",
+    fix="Retry in a few seconds.",
 )
 
 log = logging.getLogger(__name__)
 
 
 class Deferred:
-    """An answer that a command will give in a later turn of the loop, by `Control.finish`."""
+    """An answer that a command gives in a later turn of the loop, by `Control.finish`."""
 
 
 @dataclass
 class _Caller:
-    """Where an answer goes: the socket, the parts that stand before it, how it is written, and what it refers to."""
+    """Destination of an answer: the socket, the parts before it, its encoding, and the number of its request."""
 
     socket: "zmq.Socket[bytes]"
     envelope: list[bytes]
@@ -65,14 +68,14 @@ class _Caller:
 
 
 class Control:
-    """Answers requests, each with one reply, whatever it holds.
+    """Answers each request with one reply, whatever it contains.
 
     Parameters
     ----------
     context : zmq.Context
-    doors : sequence of Door
+    endpoints : sequence of Endpoint
     commands : mapping
-        By name. A `PuppetlineError` is told to whoever asked, any other exception is logged.
+        By name. The client receives a `PuppetlineError`; any other exception is logged.
 
     Raises
     ------
@@ -83,62 +86,62 @@ class Control:
     def __init__(
         self,
         context: "zmq.Context[zmq.Socket[bytes]]",
-        doors: Sequence[Door],
+        endpoints: Sequence[Endpoint],
         commands: Mapping[str, Command],
     ) -> None:
         self._commands = commands
         self._deferred: dict[Deferred, _Caller] = {}
         self.sockets: list[zmq.Socket[bytes]] = []
-        """What to poll for reading: one socket a door, in their order."""
+        """Sockets to poll for reading, one per endpoint, in their order."""
         try:
-            for door in doors:
-                self._open(context, door)
+            for endpoint in endpoints:
+                self._open(context, endpoint)
         except zmq.ZMQError:
             self.close()
             raise
 
-    def _open(self, context: "zmq.Context[zmq.Socket[bytes]]", door: Door) -> None:
+    def _open(self, context: "zmq.Context[zmq.Socket[bytes]]", endpoint: Endpoint) -> None:
         socket = context.socket(zmq.ROUTER)
         self.sockets.append(socket)
         socket.linger = 0
-        socket.rcvhwm = REQUESTS_WAITING
-        socket.sndhwm = REPLIES_WAITING
-        door.prepare(socket)
-        socket.bind(door.control)
+        socket.rcvhwm = QUEUED_REQUESTS
+        socket.sndhwm = QUEUED_REPLIES
+        endpoint.prepare(socket)
+        socket.bind(endpoint.control)
 
     @property
     def endpoints(self) -> list[str]:
-        """Where clients connect to, in the order of the doors."""
+        """Addresses that clients connect to, with their actual ports."""
         return [cast(bytes, socket.last_endpoint).rstrip(b"\0").decode() for socket in self.sockets]
 
     def handle(self, socket: "zmq.Socket[bytes]") -> None:
-        """Take requests that have come in, not too many at a time, and answer them."""
+        """Read and answer requests, up to `REQUESTS_PER_TURN`."""
         taken = 0
-        for _ in range(AT_A_TIME):
+        for _ in range(REQUESTS_PER_TURN):
             try:
                 frames = socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 return
             self._take(socket, frames)
             taken += sum(map(len, frames))
-            if taken >= BYTES_AT_A_TIME:
+            if taken >= BYTES_PER_TURN:
                 return
 
     def finish(self, deferred: Deferred, outcome: Any) -> None:
-        """Give an answer that was put off: a result, or the exception that came instead."""
+        """Send a deferred answer: a result, or the exception that was raised instead."""
         caller = self._deferred.pop(deferred, None)
         if caller is not None:
             self._answer(caller, outcome)
 
     def close(self) -> None:
-        """Close all doors; closing again does nothing."""
+        """Close all sockets; closing again does nothing."""
         for socket in self.sockets:
             socket.close(0)
         self.sockets.clear()
         self._deferred.clear()
 
     def _take(self, socket: "zmq.Socket[bytes]", frames: list[bytes]) -> None:
-        """Answer one message: who sent it, an empty part (of a REQ socket) or none, the request."""
+        """Answer one message: the sender's identity, an empty part if it has a REQ socket, the request."""
         start = 2 if len(frames) > 2 and not frames[1] else 1
         caller = _Caller(socket, frames[:start], encoding_of(frames[start]))
         try:
@@ -147,11 +150,11 @@ class Control:
                     WHERE, found=f"{len(frames) - start} parts", expected="one", fix="Send a request in one part."
                 )
             outcome = self._carry_out(caller, frames[start])
-        except Exception as error:  # whatever a command does, the service goes on
+        except Exception as error:  # a command must not end the service
             outcome = error
         if not isinstance(outcome, Deferred):
             self._answer(caller, outcome)
-        elif len(self._deferred) < MOST_DEFERRED:
+        elif len(self._deferred) < MAX_DEFERRED:
             self._deferred[outcome] = caller
         else:
             self._answer(caller, BUSY)
@@ -175,7 +178,7 @@ def request(
     timeout: float = 5.0,
     **arguments: Any,
 ) -> Any:
-    """Ask a service for something, and wait for its answer.
+    """Send a request to a service, and wait for its answer.
 
     Parameters
     ----------
@@ -184,12 +187,12 @@ def request(
     do : str
         See `engine_bridge.service.control.requests.ARGUMENTS`.
     token : str, optional
-        Where the service asks for one.
+        Required if the service has one.
     encoding : {"json", "msgpack"}
     timeout : float
         Seconds.
     **arguments
-        What belongs to the command.
+        Arguments of the command.
 
     Returns
     -------
@@ -199,7 +202,7 @@ def request(
     Raises
     ------
     ServiceError
-        The service's own, if it refuses; or there is no answer, or none that is understood.
+        The service's own error; or no answer, or one that is not understood.
     """
     password = None if token is None else check_token(token, "the token").encode()
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -219,21 +222,24 @@ def request(
             return _result(address, socket.recv(), encoding)
     except zmq.ZMQError as error:
         raise ServiceError(
-            address, found=f"no address ({error})", expected="tcp://HOST:PORT", fix="Write tcp://127.0.0.1:7401, say."
+            address,
+            found=f"no address ({error})",
+            expected="tcp://HOST:PORT",
+            fix="Write for example tcp://127.0.0.1:7401.",
         ) from error
     finally:
         context.destroy(linger=0)
     if monitor in ready:
         raise ServiceError(
             address,
-            found="a service that does not let this client in",
-            expected="a token if it asks for one, and none if not",
-            fix="Give the token of the service, which its token_file holds.",
+            found="a service that refuses this client",
+            expected="a token if the service has one, and none otherwise",
+            fix="Use the token in the service's token_file.",
         )
     raise ServiceError(
         address,
         found=f"no answer within {timeout:g} s",
-        expected="a service that runs there",
+        expected="a running service",
         fix="Start it (puppetline serve), or check its address.",
     )
 
@@ -247,7 +253,7 @@ def _result(address: str, reply: bytes, encoding: Encoding) -> Any:
     except (ValueError, KeyError, TypeError) as mistake:
         raise ServiceError(
             address,
-            found="an answer that makes no sense",
+            found="an answer that is not understood",
             expected="a Puppetline service of this version",
             fix="Check the address; the control socket's port follows the stream's.",
         ) from mistake
@@ -255,7 +261,7 @@ def _result(address: str, reply: bytes, encoding: Encoding) -> Any:
 
 
 def _reply(caller: _Caller, outcome: Any) -> bytes:
-    """Write the answer; what only the service's own log should say is a general error."""
+    """Write the answer; an internal error is logged, and the client receives `FAILED`."""
     try:
         if not isinstance(outcome, Exception):
             return encode(ok_reply(caller.request, outcome), caller.encoding)

@@ -1,4 +1,4 @@
-"""What clients may ask of the service, and how requests and replies are written: docs/control.md.
+"""The requests of the control socket, and the encoding of requests and replies (docs/control.md).
 
 A request is one flat map, in JSON or msgpack: ``{"do": "calibrate", "id": 7, "character": "dog"}``.
 """
@@ -21,12 +21,10 @@ Encoding = Literal["json", "msgpack"]
 RequestId = int | str | None
 
 WHERE = "the request"
-LARGEST = 65_536
-"""Bytes of a request."""
-
-MOST_KEYS = 16
-LONGEST_TEXT = 500
-"""Characters of what an error quotes."""
+MAX_REQUEST_BYTES = 65_536
+MAX_KEYS = 16
+MAX_QUOTED_CHARACTERS = 500
+"""Maximum length of each text of an error, which may quote a request."""
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 SCALARS = (str, int, float, bool, type(None))
@@ -34,22 +32,22 @@ MSGPACK_MAPS = frozenset([*range(0x80, 0x90), 0xDE, 0xDF])
 
 
 def _plain_name(name: str) -> str:
-    """Let no path through: what a name stands for is looked up, or put into the folder of takes."""
+    """Refuse paths: a name may become that of a file in the folder of takes."""
     if not NAME.fullmatch(name):
         raise mistake(
-            found=repr(name), expected="a name of 1 to 64 letters (a to z), digits, _ and -", fix="Give it such a name."
+            found=repr(name), expected="a name of 1 to 64 letters (a to z), digits, _ and -", fix="Choose such a name."
         )
     return name
 
 
 def _joint_names(value: Any) -> Any:
-    """Split what stands for a list, which a request does not have."""
+    """Split a text into names, because a request has no lists."""
     if value is None:
         return ()
     if not isinstance(value, str):
         raise mistake(
             found=repr(value),
-            expected="names of joints with spaces between them, or null",
+            expected="names of joints separated by spaces, or null",
             fix="Write 'hand_left'.",
         )
     return tuple(value.split())
@@ -65,27 +63,27 @@ class Nothing(Table):
 
 
 class ChooseUser(Table):
-    """Give a character a performer; none to let the service choose."""
+    """Assign a performer to a character; null lets the service choose."""
 
     character: Name
     user: User | None
 
 
 class Mirror(Table):
-    """Let the performer's left move the character's right, or not."""
+    """Turn mirroring on or off: the performer's left moves the character's right."""
 
     character: Name
     on: Annotated[bool, Field(strict=True)]
 
 
 class OneCharacter(Table):
-    """Something about a character."""
+    """A character."""
 
     character: Name
 
 
 class SetHandle(Table):
-    """Have other joints move a handle, along other axes, or farther; what is left out stays."""
+    """Change the joints that move a handle, its axes or its gain; omitted keys stay unchanged."""
 
     character: Name
     handle: Annotated[str, Field(strict=True, min_length=1)]
@@ -95,7 +93,7 @@ class SetHandle(Table):
 
 
 class SetRoot(Table):
-    """Have another joint carry the character, or none; what is left out stays."""
+    """Change the joint of the root motion; null turns it off, and omitted keys stay unchanged."""
 
     character: Name
     joint: JointName | None
@@ -105,14 +103,14 @@ class SetRoot(Table):
 
 
 class SetScale(Table):
-    """Set the character's metres for one of the performer's."""
+    """Set how many metres the character moves per metre of the performer."""
 
     character: Name
     scale: Scale
 
 
 class RecordStart(Table):
-    """Record a stage, the only one where none is named."""
+    """Record a stage; its name may be omitted if it is the only one."""
 
     name: Name | None = None
     stage: Name | None = None
@@ -141,23 +139,23 @@ ARGUMENTS: dict[str, type[Table]] = {
     "revert_puppet": OneCharacter,
     "reload": Nothing,
 }
-"""All that can be asked for, and what goes with it."""
+"""Every command, and its arguments."""
 
 
 def encoding_of(body: bytes) -> Encoding:
-    """Tell by the first byte how a request is written, and its reply will be."""
+    """Return the encoding of a request, which its first byte shows; its reply has the same."""
     return "msgpack" if body[:1] and body[0] in MSGPACK_MAPS else "json"
 
 
 def decode(body: bytes) -> dict[str, Any]:
-    """Read a request: texts as keys; texts, numbers, booleans and null as values.
+    """Read a request: a map from strings to strings, numbers, booleans and null.
 
     Raises
     ------
     ServiceError
     """
-    if len(body) > LARGEST:
-        raise _not_a_request(f"{len(body)} bytes", f"no more than {LARGEST}")
+    if len(body) > MAX_REQUEST_BYTES:
+        raise _not_a_request(f"{len(body)} bytes", f"no more than {MAX_REQUEST_BYTES}")
     encoding = encoding_of(body)
     try:
         if encoding == "msgpack":
@@ -165,7 +163,7 @@ def decode(body: bytes) -> dict[str, Any]:
                 body,
                 raw=False,
                 strict_map_key=True,
-                max_map_len=MOST_KEYS,
+                max_map_len=MAX_KEYS,
                 max_array_len=0,
                 max_bin_len=0,
                 max_ext_len=0,
@@ -174,16 +172,16 @@ def decode(body: bytes) -> dict[str, Any]:
             values = json.loads(body.decode())
     except (ValueError, RecursionError) as error:
         raise _not_a_request(_beginning(body), f"one whole map in {encoding}") from error
-    if not isinstance(values, dict) or len(values) > MOST_KEYS:
-        raise _not_a_request(_beginning(body), f"a map of up to {MOST_KEYS} keys")
+    if not isinstance(values, dict) or len(values) > MAX_KEYS:
+        raise _not_a_request(_beginning(body), f"a map of up to {MAX_KEYS} keys")
     for key, value in values.items():
         if not isinstance(key, str) or not isinstance(value, SCALARS):
-            raise _not_a_request(f"a {type(value).__name__} under {key!r}", "texts, numbers, booleans and null only")
+            raise _not_a_request(f"a {type(value).__name__} under {key!r}", "strings, numbers, booleans and null only")
     return values
 
 
 def take_id(values: dict[str, Any]) -> RequestId:
-    """Remove what the reply will be known by from a request, and return it.
+    """Remove the number or name of a request, which its reply repeats, and return it.
 
     Raises
     ------
@@ -197,13 +195,13 @@ def take_id(values: dict[str, Any]) -> RequestId:
     raise ServiceError(
         f"{WHERE}, id",
         found=repr(found),
-        expected="a whole number of 64 bits, or a text of up to 64 printable characters",
+        expected="an integer of 64 bits, or a string of up to 64 printable characters",
         fix="Count your requests: 1, 2, 3.",
     )
 
 
 def take_command(values: dict[str, Any], known: Collection[str]) -> str:
-    """Remove what is to be done from a request, and return it: one of those that are known.
+    """Remove the command from a request, and return it.
 
     Raises
     ------
@@ -217,17 +215,17 @@ def take_command(values: dict[str, Any], known: Collection[str]) -> str:
         f"{WHERE}, do",
         found="nothing" if do is None else f"the unknown command {do!r}",
         expected=f"one of {', '.join(known)}",
-        fix=f"Did you mean {close[0]!r}?" if close else 'Ask for one of them: {"do": "list"}',
+        fix=f"Did you mean {close[0]!r}?" if close else 'List the commands: {"do": "list"}',
     )
 
 
 def ok_reply(request: RequestId, result: Any) -> dict[str, Any]:
-    """Return the reply that something was done."""
+    """Return the reply to a request that succeeded."""
     return {"id": request, "ok": True, "result": result}
 
 
 def error_reply(request: RequestId, error: PuppetlineError) -> dict[str, Any]:
-    """Return the reply that something could not be done, and why."""
+    """Return the reply to a request that failed."""
     told = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
     return {"id": request, "ok": False, "error": {key: _quoted(text) for key, text in told.items()}}
 
@@ -238,7 +236,7 @@ def encode(value: dict[str, Any], encoding: Encoding) -> bytes:
     Raises
     ------
     TypeError, ValueError, OverflowError, RecursionError
-        It holds what JSON has no type for, NaN included.
+        It contains values without a type in JSON, or NaN.
     """
     text = json.dumps(value, allow_nan=False)
     return text.encode() if encoding == "json" else msgpack.packb(json.loads(text))
@@ -246,7 +244,10 @@ def encode(value: dict[str, Any], encoding: Encoding) -> bytes:
 
 def _not_a_request(found: str, expected: str) -> ServiceError:
     return ServiceError(
-        WHERE, found=found, expected=expected, fix='Send {"do": "ping"}, say, in JSON or msgpack (docs/control.md).'
+        WHERE,
+        found=found,
+        expected=expected,
+        fix='Send for example {"do": "ping"} in JSON or msgpack (docs/control.md).',
     )
 
 
@@ -255,6 +256,6 @@ def _beginning(body: bytes) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Shorten a text, some of which a client may have sent, and write out what is no character."""
-    short = text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
+    """Shorten a text that a client may have sent, and escape what is no character."""
+    short = text if len(text) <= MAX_QUOTED_CHARACTERS else text[: MAX_QUOTED_CHARACTERS - 1] + "…"
     return short.encode("utf-8", "backslashreplace").decode()

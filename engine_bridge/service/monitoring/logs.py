@@ -1,4 +1,4 @@
-"""Logs for people and for programs: one line a record, with fields.
+"""Logs for people and for programs: one line per record, with fields.
 
 ``log.info("performer found", extra=fields(stage="kinect", user=3))`` is one of these::
 
@@ -19,32 +19,31 @@ from logging.handlers import QueueHandler
 from queue import Full, Queue
 from typing import Any, Literal, TextIO
 
-INTERVAL = 1.0
-"""Seconds in which a `OnceASecond` says the same thing once."""
+REPEAT_SECONDS = 1.0
+"""Minimum time between two records of the same event from a `OnceASecond`, in seconds."""
 
+MAX_QUEUED = 1000
+"""Maximum number of records that wait to be written."""
 
-MOST_WAITING = 1000
-"""Records that wait to be written."""
-
-LAST_WORDS = 0.3
-"""Seconds that the end waits for them."""
+CLOSE_SECONDS = 0.3
+"""Maximum time that closing waits for them to be written, in seconds."""
 
 
 def fields(**values: Any) -> dict[str, Any]:
-    """Return what `logging` wants as its extra, for a record with these fields."""
+    """Return the argument `extra` of `logging`'s functions, for a record with these fields."""
     return {"fields": values}
 
 
 def setup(form: Literal["text", "json"] = "text", level: str = "info", stream: TextIO | None = None) -> None:
-    """Send all logs to a stream, instead of where they went before.
+    """Send all logs to one stream.
 
     Parameters
     ----------
     form : "text" or "json"
     level : str
-        ``"debug"``, ``"info"``, ``"warning"`` or ``"error"``: the least that is written.
+        ``"debug"``, ``"info"``, ``"warning"`` or ``"error"``: the lowest level that is written.
     stream : text file, optional
-        Standard error where none is given.
+        Standard error by default.
     """
     handler = logging.StreamHandler(stream or sys.stderr)
     handler.setFormatter(JsonFormatter() if form == "json" else TextFormatter())
@@ -53,8 +52,8 @@ def setup(form: Literal["text", "json"] = "text", level: str = "info", stream: T
 
 @contextmanager
 def beside() -> Iterator[None]:
-    """Let a thread write the logs: a terminal that is halted, or a full pipe, then costs records and not time."""
-    root, waiting = logging.getLogger(), Queue[logging.LogRecord | None](MOST_WAITING)
+    """Write the logs in a thread: a paused terminal or a full pipe then loses records, but delays nothing."""
+    root, waiting = logging.getLogger(), Queue[logging.LogRecord | None](MAX_QUEUED)
     before = root.handlers[:]
 
     def write() -> None:
@@ -71,11 +70,11 @@ def beside() -> Iterator[None]:
         root.handlers[:] = before
         with suppress(Full):
             waiting.put_nowait(None)
-        writer.join(LAST_WORDS)
+        writer.join(CLOSE_SECONDS)
 
 
 class _Waiting(QueueHandler):
-    """Puts records into a queue; those for which there is no room are lost."""
+    """Puts records into a queue; if it is full, they are lost."""
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
         return record  # with its exception: it stays in this process
@@ -103,10 +102,10 @@ class JsonFormatter(logging.Formatter):
 
 
 class TextFormatter(logging.Formatter):
-    """A record as a line to read; what is not printable stands there escaped, for some of it comes from the network."""
+    """A record as readable text, with unprintable characters escaped, because some texts come from the network."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return local time, level, logger, event and fields; the traceback of an exception on lines of its own."""
+        """Return local time, level, logger, event and fields; an exception's traceback follows on lines of its own."""
         moment = datetime.fromtimestamp(record.created).astimezone()
         values = ", ".join(f"{key}={value}" for key, value in _fields(record).items())
         line = (
@@ -118,7 +117,7 @@ class TextFormatter(logging.Formatter):
 
 
 class OnceASecond:
-    """Says each thing at most once a second, and then how often it has happened in between.
+    """Logs each event at most once per second, with the number of times that it happened in between.
 
     Parameters
     ----------
@@ -127,18 +126,18 @@ class OnceASecond:
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
-        self._said: dict[str, float] = {}
-        self._unsaid: dict[str, int] = {}
+        self._logged: dict[str, float] = {}
+        self._skipped: dict[str, int] = {}
 
     def warning(self, event: str, **values: Any) -> None:
-        """Log an event, one of a closed set; what is left out is a number in the field ``more`` of the next."""
+        """Log an event, one of a closed set; the field ``more`` of the next record counts those that were skipped."""
         now = time.monotonic()
-        if now - self._said.get(event, -INTERVAL) < INTERVAL:
-            self._unsaid[event] = self._unsaid.get(event, 0) + 1
+        if now - self._logged.get(event, -REPEAT_SECONDS) < REPEAT_SECONDS:
+            self._skipped[event] = self._skipped.get(event, 0) + 1
             return
-        self._said[event] = now
-        unsaid = self._unsaid.pop(event, 0)
-        self._log.warning(event, extra=fields(**values, **({"more": unsaid} if unsaid else {})))
+        self._logged[event] = now
+        skipped = self._skipped.pop(event, 0)
+        self._log.warning(event, extra=fields(**values, **({"more": skipped} if skipped else {})))
 
 
 def _fields(record: logging.LogRecord) -> dict[str, Any]:

@@ -1,62 +1,66 @@
-"""The status (`engine_bridge.service.monitoring.statistics`) for Prometheus, at ``http://127.0.0.1:PORT/metrics``."""
+"""The status for Prometheus, at ``http://127.0.0.1:PORT/metrics``, served by prometheus_client."""
 
 import ipaddress
-import socket
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler
-from socketserver import ThreadingTCPServer
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
+from wsgiref.simple_server import WSGIRequestHandler, make_server
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
-from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client.exposition import ThreadingWSGIServer, make_wsgi_app
 from prometheus_client.registry import Collector
 
+from engine_bridge.service.monitoring.status import (
+    CharacterStatus,
+    ClientsStatus,
+    OutputStatus,
+    ServiceStatus,
+    StageStatus,
+    Status,
+)
+from engine_bridge.service.states import STATES
 from puppetline.errors import ServiceError
 
-STATES = ("waiting", "calibrating", "performing", "leaving")
+CLIENT_SECONDS = 2.0
+"""Maximum time that a client may send nothing before its connection is closed, in seconds."""
 
-PATIENCE = 2.0
-"""Seconds that a client may keep silent before it is let go."""
+MAX_CLIENTS = 16
+"""Maximum number of clients served at the same time; further connections are closed."""
 
-_POLL = 0.1  # seconds until the end of the service is noticed
+_POLL_SECONDS = 0.1  # until the server notices that it is to close
 
 
 class MetricsServer:
-    """Answers Prometheus, in threads of its own.
+    """Answers Prometheus in threads of its own.
 
     Parameters
     ----------
     status : callable
-        Returns the latest status; it is called in that thread.
+        Returns the latest status; it is called in those threads.
     port : int
-        0 takes a free one, which is then `port`.
-    host : str
-        The address to listen at. On loopback a request must be for an address or ``localhost``, so that a web page that
-        has its own name point here (DNS rebinding) gets nothing.
+        0 chooses a free one, which is then `port`.
 
     Raises
     ------
     ServiceError
-        If the port is not to be had.
+        The port cannot be bound.
     """
 
-    def __init__(self, status: Callable[[], dict[str, Any]], port: int, host: str = "127.0.0.1") -> None:
+    def __init__(self, status: Callable[[], Status], port: int) -> None:
         registry = CollectorRegistry()
         registry.register(_StatusCollector(status))
         try:
-            self._server = _Server(host, port, registry)
+            self._server = make_server("127.0.0.1", port, _local_only(make_wsgi_app(registry)), _Server, _Handler)
         except (OSError, OverflowError) as error:
             raise ServiceError(
-                f"metrics at {host}:{port}",
-                found=f"that nothing can listen there ({error})",
-                expected="an address of this machine and a free port",
-                fix="Choose another port, or end the program that has it.",
+                f"metrics at 127.0.0.1:{port}",
+                found=f"a port that cannot be bound ({error})",
+                expected="a free port",
+                fix="Choose another port, or close the program that uses it.",
             ) from error
         self.port: int = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(_POLL,), daemon=True)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(_POLL_SECONDS,), daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -65,43 +69,48 @@ class MetricsServer:
         self._server.server_close()
 
 
-class _Server(ThreadingTCPServer):
-    allow_reuse_address = True
-    daemon_threads = True
-    block_on_close = False  # who asks and then says nothing holds up nobody, and the end least of all
+class _Server(ThreadingWSGIServer):
+    block_on_close = False  # a client that sends nothing must not delay the end
 
-    def __init__(self, host: str, port: int, registry: CollectorRegistry) -> None:
-        self.address_family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self.registry = registry
-        super().__init__((host, port), _Handler)
-        self.local = ipaddress.ip_address(str(self.server_address[0])).is_loopback
+    def __init__(self, *arguments: Any) -> None:
+        self._free = threading.BoundedSemaphore(MAX_CLIENTS)
+        super().__init__(*arguments)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a client, or close its connection while others use all the threads."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a client in a thread of its own."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
     def handle_error(self, *_request: object) -> None:
-        """Say nothing: a client that has gone is no concern of ours."""
+        """Ignore clients that disconnect or send garbage."""
 
 
-class _Handler(BaseHTTPRequestHandler):
-    server: _Server
-    timeout = PATIENCE
-
-    def do_GET(self) -> None:
-        """Give the metrics."""
-        if self.server.local and not _is_local(self.headers.get("Host", "")):
-            self._answer(HTTPStatus.MISDIRECTED_REQUEST, b"Ask for 127.0.0.1 or localhost.\n")
-        elif self.path != "/metrics":
-            self._answer(HTTPStatus.NOT_FOUND, b"There is /metrics here.\n")
-        else:
-            self._answer(HTTPStatus.OK, generate_latest(self.server.registry), CONTENT_TYPE_LATEST)
-
-    def _answer(self, status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8") -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
+class _Handler(WSGIRequestHandler):
+    timeout = CLIENT_SECONDS
 
     def log_message(self, *_message: object) -> None:
-        """Say nothing: who asks every few seconds would fill the log."""
+        """Log nothing: Prometheus asks every few seconds."""
+
+
+def _local_only(application: Callable[..., Iterable[bytes]]) -> Callable[..., Iterable[bytes]]:
+    """Refuse requests for other hosts, so that a web page whose name points here (DNS rebinding) gets nothing."""
+
+    def answer(environ: dict[str, Any], start_response: Callable[..., Any]) -> Iterable[bytes]:
+        if _is_local(environ.get("HTTP_HOST", "")):
+            return application(environ, start_response)
+        start_response("421 Misdirected Request", [("Content-Type", "text/plain; charset=utf-8")])
+        return [b"Ask for 127.0.0.1 or localhost.\n"]
+
+    return answer
 
 
 def _is_local(host: str) -> bool:
@@ -116,72 +125,74 @@ def _is_local(host: str) -> bool:
 
 
 class _StatusCollector(Collector):
-    def __init__(self, status: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, status: Callable[[], Status]) -> None:
         self._status = status
 
     def collect(self) -> Iterator[Metric]:
         """Turn the latest status into metrics."""
         status = self._status()
-        yield from _service(status["service"], status["clients"])
-        yield from _stages(status["stages"])
-        yield from _characters(status["characters"])
-        for what, value in status["sent"].items():
-            yield _counter(f"sent_{what}", "Sent over ZeroMQ.", (), [((), value)])
-        for what in ("sent", "skipped", "failed"):
-            yield _counter(
-                f"osc_{what}",
-                "Frames for an OSC target.",
-                ("target",),
-                [((t["target"],), t[what]) for t in status["osc"]],
-            )
+        yield from _service(status.service, status.clients)
+        yield from _stages(status.stages)
+        yield from _characters(status.characters)
+        yield from _outputs(status.outputs)
 
 
-def _service(service: dict[str, Any], clients: dict[str, int]) -> Iterator[Metric]:
-    yield InfoMetricFamily("puppetline", "The service.", {"version": service["version"]})
-    yield _gauge("uptime_seconds", "Since the start.", (), [((), service["uptime"])])
-    yield _gauge("resident_memory_bytes", "Of the process.", (), [((), service["memory"])])
-    yield _gauge("cpu_share", "Of one core, since the last status.", (), [((), service["cpu"])])
-    yield _gauge("clients_connected", "Over ZeroMQ.", (), [((), clients["connected"])])
-    yield _gauge("clients_limit", "The most that are let in.", (), [((), clients["limit"])])
-    yield _counter("clients_refused", "Turned away.", (), [((), clients["refused"])])
+def _service(service: ServiceStatus, clients: ClientsStatus) -> Iterator[Metric]:
+    yield InfoMetricFamily("puppetline", "The service.", {"version": service.version})
+    yield _gauge("uptime_seconds", "Time since the start.", (), [((), service.uptime)])
+    yield _gauge("resident_memory_bytes", "Memory of the process.", (), [((), service.memory)])
+    yield _gauge("cpu_share", "Share of one core since the last status.", (), [((), service.cpu)])
+    yield _gauge("clients_connected", "ZeroMQ clients.", (), [((), clients.connected)])
+    yield _gauge("clients_limit", "Maximum number of ZeroMQ clients.", (), [((), clients.limit)])
+    yield _counter("clients_refused", "Refused ZeroMQ connections.", (), [((), clients.refused)])
 
 
-def _stages(stages: Sequence[dict[str, Any]]) -> Iterator[Metric]:
-    yield _counter("stage_frames", "Skeletons taken in.", ("stage",), [((s["name"],), s["frames"]) for s in stages])
-    yield _counter(
-        "stage_dropped",
-        "Skeletons overtaken by newer ones.",
-        ("stage",),
-        [((s["name"],), s["dropped"]) for s in stages],
-    )
-    refused = [((s["name"], reason), count) for s in stages for reason, count in s["refused"].items()]
+def _stages(stages: Iterable[StageStatus]) -> Iterator[Metric]:
+    label = ("stage",)
+    yield _counter("stage_frames", "Skeletons received.", label, (((s.name,), s.frames) for s in stages))
+    about = "Skeletons skipped because a newer one had arrived."
+    yield _counter("stage_dropped", about, label, (((s.name,), s.dropped) for s in stages))
+    refused = (((s.name, reason), count) for s in stages for reason, count in s.refused.items())
     yield _counter("stage_refused", "Packets that were not understood.", ("stage", "reason"), refused)
-    latencies = [
-        ((s["name"], quantile), s["latency_ms"][key] / 1000)
-        for s in stages
-        for key, quantile in (("p50", "0.5"), ("p95", "0.95"), ("p99", "0.99"), ("max", "1"))
-        if s["latency_ms"][key] is not None
-    ]
-    yield _gauge("latency_seconds", "From skeleton in to character out, lately.", ("stage", "quantile"), latencies)
-    yield _gauge("stage_users", "Performers in view.", ("stage",), [((s["name"],), len(s["users"])) for s in stages])
-    recording = [((s["name"],), s["recording"] is not None) for s in stages]
-    yield _gauge("stage_recording", "1 while a take is recorded.", ("stage",), recording)
-
-
-def _characters(characters: Sequence[dict[str, Any]]) -> Iterator[Metric]:
-    yield _counter(
-        "character_frames", "Frames performed.", ("character",), [((c["name"],), c["frames"]) for c in characters]
+    latencies = (
+        ((stage.name, quantile), milliseconds / 1000)
+        for stage in stages
+        for quantile, milliseconds in (
+            ("0.5", stage.latency_ms.p50),
+            ("0.95", stage.latency_ms.p95),
+            ("0.99", stage.latency_ms.p99),
+            ("1", stage.latency_ms.max),
+        )
+        if milliseconds is not None
     )
-    states = [((c["name"], state), c["state"] == state) for c in characters for state in STATES]
-    yield _gauge("character_state", "1 for the state that it is in.", ("character", "state"), states)
-    residuals = [((c["name"],), c["residual"]) for c in characters if c["residual"] is not None]
-    yield _gauge("character_residual", "Of the last pose, on the morph basis.", ("character",), residuals)
-    limited = [((c["name"],), c["limited"]) for c in characters if c["residual"] is not None]
-    about = "Frames whose pose is beyond the range of the morph weights."
-    yield _counter("character_limited_frames", about, ("character",), limited)
+    yield _gauge("latency_seconds", "Time from a skeleton to its frame.", ("stage", "quantile"), latencies)
+    yield _gauge("stage_users", "Performers in view.", label, (((s.name,), len(s.users)) for s in stages))
+    recording = (((s.name,), s.recording is not None) for s in stages)
+    yield _gauge("stage_recording", "1 while a take is recorded.", label, recording)
 
 
-_Samples = Sequence[tuple[tuple[str, ...], float]]
+def _characters(characters: Iterable[CharacterStatus]) -> Iterator[Metric]:
+    label = ("character",)
+    yield _counter("character_frames", "Frames sent.", label, (((c.name,), c.frames) for c in characters))
+    states = (((c.name, state), c.state == state) for c in characters for state in STATES)
+    yield _gauge("character_state", "1 for the current state.", ("character", "state"), states)
+    residuals = (((c.name,), c.residual) for c in characters if c.residual is not None)
+    yield _gauge("character_residual", "Distance of the last pose from the morph basis.", label, residuals)
+    limited = (((c.name,), c.limited) for c in characters if c.residual is not None)
+    about = "Frames whose pose exceeds the range of the morph weights."
+    yield _counter("character_limited_frames", about, label, limited)
+
+
+def _outputs(outputs: Iterable[OutputStatus]) -> Iterator[Metric]:
+    labels = ("wire", "target")
+    yield _counter("output_sent", "Messages sent.", labels, (((o.wire, o.target), o.sent) for o in outputs))
+    yield _counter("output_sent_bytes", "Bytes sent.", labels, (((o.wire, o.target), o.bytes) for o in outputs))
+    skipped = (((o.wire, o.target), o.skipped) for o in outputs if o.skipped is not None)
+    yield _counter("output_skipped", "Frames replaced by newer ones before they were sent.", labels, skipped)
+    yield _counter("output_failed", "Messages not sent.", labels, (((o.wire, o.target), o.failed) for o in outputs))
+
+
+_Samples = Iterable[tuple[tuple[str, ...], float]]
 
 
 def _counter(name: str, about: str, labels: tuple[str, ...], samples: _Samples) -> Metric:

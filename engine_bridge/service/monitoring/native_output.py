@@ -1,4 +1,4 @@
-"""What native libraries write to the standard streams by themselves: MediaPipe, OpenCV, FFmpeg and OpenNI2 all do."""
+"""Sends what native libraries (MediaPipe, OpenCV, FFmpeg, OpenNI2) write to the standard streams to the debug log."""
 
 import ctypes
 import faulthandler
@@ -12,20 +12,20 @@ from typing import TextIO
 
 _Streams = tuple[TextIO, TextIO]
 
-_LAST_WORDS = 0.3  # seconds that the end waits for them
+_CLOSE_SECONDS = 0.3  # maximum time that closing waits for them
 
 log = logging.getLogger(__name__)
 
 
 @contextmanager
 def logged() -> Iterator[None]:
-    """Send it to the debug log, so that users see what is meant for them, and programs nothing but JSON.
+    """Send the output of native libraries to the debug log, so that users and programs read only Puppetline's.
 
-    What Python writes goes where it went, through other file descriptors.
+    Python's own output goes to the same place as before, through other file descriptors.
     """
     before = sys.stdout, sys.stderr
     if os.name != "posix" or None in before or not _are_the_systems(before):
-        yield  # somebody else has changed them, and knows why
+        yield  # another program has redirected them
         return
     for stream in before:
         stream.flush()
@@ -35,7 +35,7 @@ def logged() -> Iterator[None]:
         os.dup2(write, descriptor)
     after = _on(kept[0], before[0]), _on(kept[1], before[1])
     _bind(before, after)
-    os.set_blocking(write, False)  # what is too much at once is lost, and nobody waits
+    os.set_blocking(write, False)  # what exceeds the pipe is lost, and nothing waits
     os.close(write)
     faulthandler.enable(after[1])  # a crash is no debug message
     reader = threading.Thread(target=_log, args=[read], name="native output", daemon=True)
@@ -46,11 +46,11 @@ def logged() -> Iterator[None]:
         faulthandler.disable()
         for stream in after:
             stream.flush()
-        ctypes.CDLL(None).fflush(None)  # what C has not written yet
+        ctypes.CDLL(None).fflush(None)  # C has buffers of its own
         for descriptor, original in zip((1, 2), kept, strict=True):
             os.dup2(original, descriptor)
         _bind(after, before)
-        reader.join(_LAST_WORDS)
+        reader.join(_CLOSE_SECONDS)
 
 
 def _are_the_systems(streams: _Streams) -> bool:
@@ -62,7 +62,7 @@ def _on(descriptor: int, like: TextIO) -> TextIO:
 
 
 def _bind(before: _Streams, after: _Streams) -> None:
-    """Have Python and its logs write to other streams."""
+    """Make Python and its logs write to other streams."""
     sys.stdout, sys.stderr = after
     for handler in logging.getLogger().handlers:
         if isinstance(handler, logging.StreamHandler) and handler.stream in before:

@@ -1,42 +1,25 @@
-"""What the service knows about itself: rates and latencies of the last seconds, put together into the status.
-
-The status is a dict of JSON's types. It is published on ``service/status`` each second, shown by ``--status``
-(`engine_bridge.service.monitoring.status`) and exported to Prometheus (`engine_bridge.service.monitoring.metrics`)::
-
-    {"service": {"version": str, "uptime": s, "pid": int, "memory": bytes resident, "cpu": share of one core},
-     "stages": [{"name": str, "source": URI, "frames": skeletons taken in, "rate": 1/s, "dropped": int,
-                 "refused": {reason: count}, "faults": int,
-                 "latency_ms": {"p50": ms | null, "p95": …, "p99": …, "max": …},
-                 "users": [{"user": int, "state": str, "character": str | null, "seen": s ago, "distance": m,
-                            "height": m | null, "reach": m | null}],
-                 "sensor": {"tilt": degrees, "height": m, "roll": degrees},
-                 "recording": name | null}],
-     "characters": [{"name": str, "performer": user | null, "state": str, "frames": performed, "rate": 1/s,
-                     "residual": float | null, "limited": frames beyond the range of the morph weights}],
-     "clients": {"connected": int, "refused": int, "limit": int},
-     "sent": {"messages": int, "bytes": int, …},
-     "osc": [{"target": str, "sent": int, "skipped": int, "failed": int}]}
-"""
+"""Rates and latencies of the last seconds, collected while the service runs."""
 
 import os
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection
 from importlib.metadata import version
-from typing import Any
 
 import numpy as np
 import psutil
 
-WINDOW = 10.0
-"""Seconds that rates and latencies are of."""
+from engine_bridge.service.monitoring.status import LatencyStatus, ServiceStatus
 
-CAPACITY = 16_384
-"""Frames that a window holds at most: ten seconds of 1600 a second."""
+WINDOW_SECONDS = 10.0
+"""Length of the time that rates and latencies cover, in seconds."""
+
+WINDOW_FRAMES = 16_384
+"""Maximum number of frames in a window: ten seconds at 1600 frames per second."""
 
 
 class Statistics:
-    """Collects while the service runs; one thread calls it."""
+    """Counts skeletons and frames; one thread calls it."""
 
     def __init__(self) -> None:
         self._process = psutil.Process()
@@ -48,72 +31,48 @@ class Statistics:
         self._cpu = (self._started, time.process_time())
 
     def taken(self, stage: str) -> None:
-        """Count a skeleton frame that a stage has taken in."""
+        """Count a skeleton that a stage has received."""
         _window(self._taken, stage).add(time.monotonic())
 
     def performed(self, stage: str, character: str, received: int) -> None:
-        """Count a character's frame that has just gone out.
+        """Count a character's frame that has just been sent.
 
         Parameters
         ----------
         stage, character : str
             Names.
         received : int
-            `time.monotonic_ns` at which what the frame comes from came in.
+            `time.monotonic_ns` at which the skeleton that moved it arrived.
         """
         now = time.monotonic_ns()
         _window(self._latencies, stage).add(now * 1e-9, (now - received) * 1e-6)
         _window(self._performed, character).add(now * 1e-9)
 
-    def snapshot(
-        self,
-        stages: Sequence[dict[str, Any]],
-        characters: Sequence[dict[str, Any]],
-        clients: dict[str, int],
-        sent: dict[str, int],
-        osc: Sequence[dict[str, Any]],
-    ) -> dict[str, Any]:
-        """Return the status: what is given here as it is, with the figures that were collected.
-
-        Parameters
-        ----------
-        stages : sequence of dict
-            Each with name, source, dropped, refused, users, recording.
-        characters : sequence of dict
-            Each with name, performer, state, residual, limited. Figures of characters and stages that are not named any
-            more are forgotten.
-        clients, sent : dict
-        osc : sequence of dict
-        """
+    def service(self) -> ServiceStatus:
+        """Return the state of the process; the processor's share is that since the call before."""
         now = time.monotonic()
-        for windows, named in (
-            (self._taken, stages),
-            (self._latencies, stages),
-            (self._performed, characters),
-        ):
-            for gone in windows.keys() - {each["name"] for each in named}:
-                del windows[gone]
-        return {
-            "service": {
-                "version": self._version,
-                "uptime": now - self._started,
-                "pid": os.getpid(),
-                "memory": self._process.memory_info().rss,
-                "cpu": self._cpu_share(now),
-            },
-            "stages": [
-                stage
-                | _window(self._taken, stage["name"]).figures(now)
-                | {"latency_ms": _window(self._latencies, stage["name"]).percentiles(now)}
-                for stage in stages
-            ],
-            "characters": [
-                character | _window(self._performed, character["name"]).figures(now) for character in characters
-            ],
-            "clients": clients,
-            "sent": sent,
-            "osc": list(osc),
-        }
+        return ServiceStatus(
+            version=self._version,
+            uptime=now - self._started,
+            pid=os.getpid(),
+            memory=self._process.memory_info().rss,
+            cpu=self._cpu_share(now),
+        )
+
+    def stage(self, name: str) -> tuple[int, float, LatencyStatus]:
+        """Return the number of skeletons of a stage, their rate per second, and its latency."""
+        now = time.monotonic()
+        return *_window(self._taken, name).count_and_rate(now), _window(self._latencies, name).percentiles(now)
+
+    def character(self, name: str) -> tuple[int, float]:
+        """Return the number of frames of a character and their rate per second."""
+        return _window(self._performed, name).count_and_rate(time.monotonic())
+
+    def keep(self, stages: Collection[str], characters: Collection[str]) -> None:
+        """Forget all stages and characters but these."""
+        for windows, named in ((self._taken, stages), (self._latencies, stages), (self._performed, characters)):
+            for name in windows.keys() - set(named):
+                del windows[name]
 
     def _cpu_share(self, now: float) -> float:
         """Return the share of one core since the last snapshot."""
@@ -123,34 +82,34 @@ class Statistics:
 
 
 class _Window:
-    """Moments of the last `WINDOW` seconds with a number each; how many there ever were."""
+    """Moments of the last `WINDOW_SECONDS`, each with a number, and the count of all moments so far."""
 
     def __init__(self, since: float) -> None:
         self._since = since
         self._count = 0
-        self._moments: deque[tuple[float, float]] = deque(maxlen=CAPACITY)
+        self._moments: deque[tuple[float, float]] = deque(maxlen=WINDOW_FRAMES)
 
     def add(self, now: float, value: float = 0.0) -> None:
         self._forget(now)
         self._moments.append((now, value))
         self._count += 1
 
-    def figures(self, now: float) -> dict[str, float]:
-        """Return how many there were and how many a second there are."""
+    def count_and_rate(self, now: float) -> tuple[int, float]:
+        """Return the number of moments so far and their present rate per second."""
         self._forget(now)
-        full = len(self._moments) == CAPACITY
-        since = self._moments[0][0] if full else max(self._since, now - WINDOW)
-        return {"frames": self._count, "rate": len(self._moments) / max(now - since, 1.0)}
+        full = len(self._moments) == WINDOW_FRAMES
+        since = self._moments[0][0] if full else max(self._since, now - WINDOW_SECONDS)
+        return self._count, len(self._moments) / max(now - since, 1.0)
 
-    def percentiles(self, now: float) -> dict[str, float | None]:
+    def percentiles(self, now: float) -> LatencyStatus:
+        """Return the percentiles of the numbers."""
         self._forget(now)
         if not self._moments:
-            return dict.fromkeys(("p50", "p95", "p99", "max"))
-        values = np.percentile([value for _, value in self._moments], (50, 95, 99, 100))
-        return dict(zip(("p50", "p95", "p99", "max"), values.tolist(), strict=True))
+            return LatencyStatus()
+        return LatencyStatus(*np.percentile([value for _, value in self._moments], (50, 95, 99, 100)).tolist())
 
     def _forget(self, now: float) -> None:
-        while self._moments and self._moments[0][0] < now - WINDOW:
+        while self._moments and self._moments[0][0] < now - WINDOW_SECONDS:
             self._moments.popleft()
 
 

@@ -1,164 +1,203 @@
-"""The status (`monitoring.statistics`) for people: a live table in a terminal, lines now and then elsewhere."""
+"""The status of the service: one value that the table, Prometheus, systemd and the stream read.
 
-import threading
-import time
+`Status.as_json` is what is published on ``service/status`` (docs/protocol.md).
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from rich.console import Console, Group, RenderableType
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
 
-LINE_INTERVAL = 10.0
-"""Seconds between the lines that are written where there is no terminal."""
+@dataclass(frozen=True)
+class ServiceStatus:
+    """The process.
 
-LAST_DRAWING = 0.5
-"""Seconds that the end waits for a terminal that does not take its last picture."""
-
-
-class StatusDisplay:
-    """Shows each status in a thread of its own, so that a terminal that is halted halts nothing else.
-
-    Parameters
+    Attributes
     ----------
-    console : Console, optional
-        Standard output where none is given.
+    version : str
+    uptime : float
+        Seconds since the start.
+    pid : int
+    memory : int
+        Resident bytes.
+    cpu : float
+        Share of one core since the status before.
     """
 
-    def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console()
-        self._latest: dict[str, Any] | None = None
-        self._changed = threading.Condition()
-        self._open = True
-        self._thread = threading.Thread(target=self._draw if self._console.is_terminal else self._write, daemon=True)
-        self._thread.start()
-
-    def update(self, status: dict[str, Any]) -> None:
-        """Show this from now on."""
-        with self._changed:
-            self._latest = status
-            self._changed.notify()
-
-    def close(self) -> None:
-        """Leave the last status standing."""
-        with self._changed:
-            self._open = False
-            self._changed.notify()
-        self._thread.join(LAST_DRAWING)
-
-    def _next(self) -> dict[str, Any] | None:
-        """Wait for a status; None when it is over."""
-        with self._changed:
-            self._changed.wait_for(lambda: self._latest is not None or not self._open)
-            status, self._latest = self._latest, None
-            return status
-
-    def _draw(self) -> None:
-        with Live(console=self._console, auto_refresh=False) as live:
-            while (status := self._next()) is not None:
-                live.update(show(status), refresh=True)
-
-    def _write(self) -> None:
-        written = -LINE_INTERVAL
-        while (status := self._next()) is not None:
-            if time.monotonic() - written >= LINE_INTERVAL:
-                written = time.monotonic()
-                for text in lines(status):
-                    self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+    version: str
+    uptime: float
+    pid: int
+    memory: int
+    cpu: float
 
 
-def show(status: dict[str, Any]) -> RenderableType:
-    """Return a status as tables: the service, its sources, its users, its characters, its OSC targets."""
-    tables = [_stages(status), _users(status), _characters(status), _osc(status)]
-    return Group(_service(status), *(table for table in tables if table.row_count))
+@dataclass(frozen=True)
+class LatencyStatus:
+    """Percentiles of the time from a skeleton to its frame, in milliseconds; None without frames."""
+
+    p50: float | None = None
+    p95: float | None = None
+    p99: float | None = None
+    max: float | None = None
 
 
-def lines(status: dict[str, Any]) -> list[str]:
-    """Return a status as a few lines: one for the service, one for each stage."""
-    return [
-        str(_service(status)),
-        *(
-            f"  {stage['name']} ({stage['source']}): {stage['rate']:.1f} frames/s, "
-            f"latency p50 {_ms(stage, 'p50')} p99 {_ms(stage, 'p99')} ms, {len(stage['users'])} users, "
-            f"{stage['dropped']} dropped, {sum(stage['refused'].values())} refused"
-            + (f", recording {stage['recording']}" if stage["recording"] else "")
-            for stage in status["stages"]
-        ),
-    ]
+@dataclass(frozen=True)
+class UserStatus:
+    """A performer in view.
+
+    Attributes
+    ----------
+    user : int
+        The source's number for the performer.
+    state : str
+        One of `engine_bridge.service.states.STATES`.
+    character : str or None
+        The character that the performer drives.
+    seen : float
+        Seconds since the performer was last tracked.
+    distance : float
+        From the sensor, in metres.
+    height, reach : float or None
+        Of the performer's body, in metres; None before the calibration.
+    """
+
+    user: int
+    state: str
+    character: str | None
+    seen: float
+    distance: float
+    height: float | None
+    reach: float | None
 
 
-def _service(status: dict[str, Any]) -> Text:
-    service, clients, sent = status["service"], status["clients"], status["sent"]
-    minutes, seconds = divmod(int(service["uptime"]), 60)
-    hours, minutes = divmod(minutes, 60)
-    return Text(
-        f"Puppetline {service['version']}  up {hours}:{minutes:02}:{seconds:02}  {service['memory'] / 1e6:.0f} MB  "
-        f"{100 * service['cpu']:.0f} % of a core  {clients['connected']} of {clients['limit']} clients  "
-        f"{clients['refused']} refused  {sent['messages']} messages sent"
-    )
+@dataclass(frozen=True)
+class SensorStatus:
+    """Position of the sensor: tilt and roll in degrees, height above the floor in metres."""
+
+    tilt: float
+    height: float
+    roll: float
 
 
-def _stages(status: dict[str, Any]) -> Table:
-    table = _table("source", "users", "frames/s", "p50 ms", "p95 ms", "p99 ms", "max ms", "dropped", "refused")
-    for stage in status["stages"]:
-        label = stage["name"] if stage["name"] == stage["source"] else f"{stage['name']}  {stage['source']}"
-        _add(
-            table,
-            f"{label}  ● {stage['recording']}" if stage["recording"] else label,
-            len(stage["users"]),
-            f"{stage['rate']:.1f}",
-            *(_ms(stage, key) for key in ("p50", "p95", "p99", "max")),
-            stage["dropped"],
-            ", ".join(f"{count} {reason}" for reason, count in stage["refused"].items()) or 0,
-        )
-    return table
+@dataclass(frozen=True)
+class StageStatus:
+    """A stage.
+
+    Attributes
+    ----------
+    name : str
+    source : str
+        URI.
+    frames : int
+        Skeletons received so far.
+    rate : float
+        Skeletons per second, over the last seconds.
+    dropped : int
+        Skeletons skipped so far because a newer one of the same performer had arrived.
+    refused : dict
+        Packets that were not understood, by reason.
+    faults : int
+        Events lost to internal errors.
+    latency_ms : LatencyStatus
+    users : sequence of UserStatus
+    sensor : SensorStatus
+    recording : str or None
+        Name of the take that is being recorded.
+    """
+
+    name: str
+    source: str
+    frames: int
+    rate: float
+    dropped: int
+    refused: dict[str, int]
+    faults: int
+    latency_ms: LatencyStatus
+    users: Sequence[UserStatus]
+    sensor: SensorStatus
+    recording: str | None
 
 
-def _users(status: dict[str, Any]) -> Table:
-    table = _table("user", "state", "character", "seen s ago", "tall m", "reach m")
-    for stage in status["stages"]:
-        for user in stage["users"]:
-            who = f"{user['user']}" if len(status["stages"]) == 1 else f"{stage['name']} {user['user']}"
-            measures = ("–" if user[name] is None else f"{user[name]:.2f}" for name in ("height", "reach"))
-            _add(table, who, user["state"], user["character"] or "–", f"{user['seen']:.1f}", *measures)
-    return table
+@dataclass(frozen=True)
+class CharacterStatus:
+    """A character.
+
+    Attributes
+    ----------
+    name : str
+    performer : int or None
+        User number.
+    state : str
+        One of `engine_bridge.service.states.STATES`.
+    frames : int
+        Frames sent so far.
+    rate : float
+        Frames per second, over the last seconds.
+    residual : float or None
+        Distance of the last pose from the morph basis; None without one.
+    limited : int
+        Frames whose pose exceeds the range of the morph weights.
+    """
+
+    name: str
+    performer: int | None
+    state: str
+    frames: int
+    rate: float
+    residual: float | None
+    limited: int
 
 
-def _characters(status: dict[str, Any]) -> Table:
-    table = _table("character", "state", "performer", "frames/s", "frames", "residual", "limited")
-    for character in status["characters"]:
-        performer, residual = character["performer"], character["residual"]
-        _add(
-            table,
-            character["name"],
-            character["state"],
-            "–" if performer is None else performer,
-            f"{character['rate']:.1f}",
-            character["frames"],
-            *(("–", "–") if residual is None else (f"{residual:.2g}", character["limited"])),
-        )
-    return table
+@dataclass(frozen=True)
+class ClientsStatus:
+    """ZeroMQ clients: connected to the stream, connections refused so far, and the maximum number of clients."""
+
+    connected: int
+    refused: int
+    limit: int
 
 
-def _osc(status: dict[str, Any]) -> Table:
-    table = _table("OSC to", "sent", "skipped", "failed")
-    for target in status["osc"]:
-        _add(table, target["target"], target["sent"], target["skipped"], target["failed"])
-    return table
+@dataclass(frozen=True)
+class OutputStatus:
+    """An output.
+
+    Attributes
+    ----------
+    wire : str
+        Name of the protocol, such as ``"zeromq"``.
+    target : str
+        Receiver, or the addresses that clients connect to.
+    sent, bytes : int
+        Messages sent so far, and their size; a message counts once, however many clients receive it.
+    skipped : int or None
+        Frames replaced by newer ones before they were sent; None if the wire cannot tell.
+    failed : int
+        Messages that could not be sent.
+    """
+
+    wire: str
+    target: str
+    sent: int
+    bytes: int
+    skipped: int | None
+    failed: int
 
 
-def _table(first: str, *columns: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, overflow="fold")
-    for column in columns:
-        table.add_column(column, justify="right")
-    return table
+@dataclass(frozen=True)
+class Status:
+    """The whole status."""
 
+    service: ServiceStatus
+    stages: Sequence[StageStatus]
+    characters: Sequence[CharacterStatus]
+    clients: ClientsStatus
+    outputs: Sequence[OutputStatus]
 
-def _add(table: Table, *cells: object) -> None:
-    table.add_row(*(Text(str(cell)) for cell in cells))  # as Text: in a str, rich takes what is in brackets for markup
+    @property
+    def performing(self) -> int:
+        """Number of characters that a performer drives."""
+        return sum(character.state == "performing" for character in self.characters)
 
-
-def _ms(stage: dict[str, Any], key: str) -> str:
-    value = stage["latency_ms"][key]
-    return "–" if value is None else f"{value:.2f}"
+    def as_json(self) -> dict[str, Any]:
+        """Return the status as dicts, lists and numbers, with the names of the attributes as keys."""
+        return asdict(self)

@@ -1,70 +1,130 @@
-"""Frames out as OSC over UDP, for TouchDesigner, Unity, Max and whatever else reads it: docs/osc.md.
+"""The output over OSC: UDP datagrams for TouchDesigner, Unity, Max and other programs (docs/osc.md).
 
-A target is sent the newest frame when its turn comes, and never more frames a second than it asked for.
+A target receives the newest frame when its time has come, and never more frames per second than it asks for.
 """
 
 import math
 import re
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
+from pydantic import Field, FiniteFloat
 
 from capture.network.osc import bundle, encode
 from capture.skeleton import JOINTS
+from engine_bridge.performance.humanoid import LIMBS, UPRIGHT, is_humanoid
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs import vmc
+from engine_bridge.service.outputs.output import Opening, Output, OutputTable
 from engine_bridge.service.protocol.frame import Frame
-from engine_bridge.service.protocol.header import NOBODY
-from puppetline.errors import ServiceError
+from engine_bridge.service.protocol.header import NO_USER
+from engine_bridge.service.security.endpoints import Text
+from puppetline.errors import PuppetError, ServiceError, at
+from puppetline.toml_schema import mistake
+from solver.motion.limbs import TRUNK
 
-KINDS = ("controls", "morphs", "joints", "handles", "vertices", "performer", "vmc")
+Kind = Literal["controls", "morphs", "joints", "handles", "vertices", "performer", "vmc"]
+
+KINDS = get_args(Kind)
 """What can be sent."""
 
-CHUNK = 250
-"""Vertices a datagram: 7.6 kB, for some systems send no more than 9."""
+CHUNK_VERTICES = 250
+"""Number of vertices per datagram: 7.6 kB, because some systems send no more than 9 kB."""
 
-AGAIN = 1.0
-"""Seconds after which the performer's state is sent again, for datagrams get lost."""
+PERFORMER_SECONDS = 1.0
+"""Time after which an unchanged performer is sent again, in seconds, because datagrams get lost."""
 
-SLACK = 0.1
-"""Of a period: a turn that was a little late does not put off the next one, or frames of just that rate get lost."""
+EARLY_SHARE = 0.1
+"""Share of the sending period by which a send may come early after a late one, so that no frame of that very rate is
+lost."""
 
-SEND_BUFFER = 1 << 20
-"""Bytes."""
+SEND_BUFFER_BYTES = 1 << 20
 
 UNFIT = re.compile(r"[^!-~]|[#*,/?\[\]{}]")
-"""What the name of a part of an address must not contain."""
+"""Characters that a part of an OSC address must not contain."""
 
 
-@dataclass(frozen=True)
-class OscTarget:
-    """Where to send, what, and how often.
+class OscTable(OutputTable):
+    """[[osc]]: a program that receives OSC over UDP.
 
     Attributes
     ----------
-    host : str
-    port : int
+    port, host
+        Its address.
     rate : float
-        Frames a second of each character: n more of them never take less than n − `SLACK` periods.
-    kinds : tuple of str
-        Some of `KINDS`.
+        Frames per second of each character: n more of them never take less than n − `EARLY_SHARE` periods.
+    send : tuple of Kind
     characters : tuple of str
-        Names; all of them if empty.
+        Names; empty for all characters.
     """
 
-    host: str
-    port: int
-    rate: float = 30.0
-    kinds: tuple[str, ...] = ("controls",)
-    characters: tuple[str, ...] = ()
+    port: Annotated[int, Field(strict=True, ge=1, le=65535)]
+    host: Text = "127.0.0.1"
+    rate: Annotated[FiniteFloat, Field(strict=True, gt=0, le=1000)] = 30.0
+    send: Annotated[tuple[Kind, ...], Field(min_length=1)] = ("morphs", "joints", "handles", "performer")
+    characters: tuple[Text, ...] = ()
+
+    def receives(self, name: str) -> bool:
+        """Tell whether the frames of a character are sent."""
+        return not self.characters or name in self.characters
+
+    def check(self, place: tuple[str | int, ...], morphs: Mapping[str, bool]) -> None:
+        """Refuse characters that do not exist, morph weights that no character has, and VMC of several characters."""
+        for index, name in enumerate(self.characters):
+            if name not in morphs:
+                raise mistake(
+                    *place,
+                    "characters",
+                    index,
+                    found=f"no character {name!r}",
+                    expected=f"one of {', '.join(morphs)}",
+                    fix="Choose one of these, or omit characters to send all of them.",
+                )
+        receives = [name for name in morphs if self.receives(name)]
+        if self.send == ("morphs",) and not any(morphs[name] for name in receives):
+            raise mistake(
+                *place,
+                "send",
+                found="morph weights, and no character that has morph targets",
+                expected="a character with morphs = FILE.glb",
+                fix="Make the file with puppetline bake, or send something else.",
+            )
+        if "vmc" in self.send and len(receives) > 1:
+            raise mistake(
+                *place,
+                "characters",
+                found=f"VMC of {len(receives)} characters ({', '.join(receives)})",
+                expected="one character, because VMC has no names for several",
+                fix="Choose one of them, and add an [[osc]] with another port for each of the others.",
+            )
+
+    def check_puppet(self, name: str, puppet: Puppet, path: Path) -> None:
+        """Refuse a puppet without the limbs that VMC sends."""
+        if "vmc" not in self.send or not self.receives(name) or is_humanoid(puppet):
+            return
+        limbs = ", ".join(limb.name for limb in puppet.limb)
+        sided = ", ".join(name for name in LIMBS if name not in UPRIGHT)
+        raise PuppetError(
+            at(path, field="[[limb]]"),
+            found=f"the limbs {limbs}" if limbs else "no limb",
+            expected=f"a limb {TRUNK} and one or more of {sided}, to send VMC",
+            fix='Name its limbs like this, as puppetline new does, or remove "vmc" from send.',
+        )
+
+    def open(self, opening: Opening) -> Output:  # noqa: ARG002
+        """Open a socket for the target; see `OscOutput`."""
+        return OscOutput(self)
 
 
 @dataclass
 class _Turn:
-    """A character at a target: the newest frame that has not been sent, and when the next one may be."""
+    """The newest frame of a character that has not been sent, and when the next one may be."""
 
     frame: Frame | None = None
     earliest: float = -math.inf
@@ -72,82 +132,60 @@ class _Turn:
     performer_sent: float = -math.inf
 
 
-@dataclass
-class _Line:
-    """A target with its address, found once, and what has gone out."""
-
-    target: OscTarget
-    family: int
-    address: Any
-    turns: dict[str, _Turn] = field(default_factory=dict)
-    sent: int = 0
-    skipped: int = 0
-    failed: int = 0
-
-
-class OscOutput:
-    """Sends frames to targets.
+class OscOutput(Output):
+    """Sends frames to one target.
 
     Parameters
     ----------
-    targets : sequence of OscTarget
+    target : OscTable
     clock : callable
-        Seconds that never go back.
+        Seconds that never decrease.
 
     Raises
     ------
     ServiceError
-        A host that is not known.
+        An unknown host.
     """
 
-    def __init__(self, targets: Sequence[OscTarget], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, target: OscTable, clock: Callable[[], float] = time.monotonic) -> None:
+        self._target = target
         self._clock, self._began = clock, clock()
-        self._lines = [_Line(target, *_resolved(target)) for target in targets]
-        self._sockets = {family: _socket(family) for family in {line.family for line in self._lines}}
+        self._turns: dict[str, _Turn] = {}
+        self._sent = self._bytes = self._skipped = self._failed = 0
+        family, self._address = _resolved(target)  # once: sending to a name would ask for its address each time
+        self._socket = _socket(family)
 
     @property
-    def statistics(self) -> list[dict[str, Any]]:
-        """What has gone to each target so far: datagrams sent, frames overtaken by newer ones, datagrams not sent."""
-        return [
-            {
-                "target": f"{line.target.host}:{line.target.port}",
-                "sent": line.sent,
-                "skipped": line.skipped,
-                "failed": line.failed,
-            }
-            for line in self._lines
-        ]
+    def statistics(self) -> OutputStatus:
+        """Datagrams sent, frames replaced by newer ones, datagrams not sent."""
+        target = f"{self._target.host}:{self._target.port}"
+        return OutputStatus("osc", target, self._sent, self._bytes, self._skipped, self._failed)
 
     def offer(self, frame: Frame) -> None:
-        """Hold a frame for every target that wants its character, in place of one that is still waiting there."""
+        """Hold a frame of a character that the target receives, in place of one that still waits."""
         name = frame.character.name
-        for line in self._lines:
-            if line.target.characters and name not in line.target.characters:
-                continue
-            turn = line.turns.setdefault(name, _Turn())
-            line.skipped += turn.frame is not None
+        if self._target.receives(name):
+            turn = self._turns.setdefault(name, _Turn())
+            self._skipped += turn.frame is not None
             turn.frame = frame
 
     def due(self) -> float:
-        """Return when `send_due` wants to be called: seconds of the clock, infinity for never."""
-        turns = (turn for line in self._lines for turn in line.turns.values() if turn.frame is not None)
-        return min((turn.earliest for turn in turns), default=math.inf)
+        """Return when to call `send_due`, in seconds of the clock; infinity for never."""
+        return min((turn.earliest for turn in self._turns.values() if turn.frame is not None), default=math.inf)
 
     def send_due(self) -> None:
-        """Send every frame whose turn has come."""
-        now = self._clock()
-        for line in self._lines:
-            for turn in line.turns.values():
-                if turn.frame is not None and turn.earliest <= now:
-                    self._send(line, turn, turn.frame, now)
-                    period = 1 / line.target.rate
-                    turn.frame, turn.earliest = None, max(turn.earliest + period, now + (1 - SLACK) * period)
+        """Send each frame whose time has come."""
+        now, period = self._clock(), 1 / self._target.rate
+        for turn in self._turns.values():
+            if turn.frame is not None and turn.earliest <= now:
+                self._send(turn, turn.frame, now)
+                turn.frame, turn.earliest = None, max(turn.earliest + period, now + (1 - EARLY_SHARE) * period)
 
-    def _send(self, line: _Line, turn: _Turn, frame: Frame, now: float) -> None:
+    def _send(self, turn: _Turn, frame: Frame, now: float) -> None:
         performer = (frame.state, frame.user)
-        for kind in line.target.kinds:
+        for kind in self._target.send:
             if kind == "performer":
-                if performer == turn.performer and now < turn.performer_sent + AGAIN:
+                if performer == turn.performer and now < turn.performer_sent + PERFORMER_SECONDS:
                     continue
                 turn.performer, turn.performer_sent = performer, now
             if kind == "vmc":  # addresses and a clock of its own
@@ -156,19 +194,18 @@ class OscOutput:
                 datagrams = _DATAGRAMS[kind](f"/puppetline/{frame.character.name}", frame)
             for datagram in datagrams:
                 try:
-                    self._sockets[line.family].sendto(datagram, line.address)
-                    line.sent += 1
-                except OSError:  # nobody there, no way there, no room: the next frame is another try
-                    line.failed += 1
+                    self._bytes += self._socket.sendto(datagram, self._address)
+                    self._sent += 1
+                except OSError:  # no receiver, no route, no room: the next frame is another try
+                    self._failed += 1
 
     def close(self) -> None:
-        """Close the sockets; closing again does nothing."""
-        for each in self._sockets.values():
-            each.close()
+        """Close the socket; closing again does nothing."""
+        self._socket.close()
 
 
 def part_names(names: Sequence[str]) -> list[str]:
-    """Return names as they stand in addresses: without what OSC forbids there, each another one."""
+    """Return names for addresses, without the characters that OSC forbids there, and each name once."""
     fit: list[str] = []
     for number, name in enumerate(names):
         own = UNFIT.sub("_", name)
@@ -203,16 +240,16 @@ def _handles(base: str, frame: Frame) -> Iterator[bytes]:
 
 def _vertices(base: str, frame: Frame) -> Iterator[bytes]:
     positions, normals = frame.vertices_and_normals
-    chunks = math.ceil(len(positions) / CHUNK)
+    chunks = math.ceil(len(positions) / CHUNK_VERTICES)
     number = frame.sequence % 2**31
     for chunk in range(chunks):
-        own = slice(chunk * CHUNK, (chunk + 1) * CHUNK)
+        own = slice(chunk * CHUNK_VERTICES, (chunk + 1) * CHUNK_VERTICES)
         both = np.concatenate([positions[own], normals[own]], axis=1)
         yield encode(f"{base}/vertices", number, chunk, chunks, own.start, both)
 
 
 def _performer(base: str, frame: Frame) -> Iterator[bytes]:
-    yield encode(f"{base}/performer", frame.state, NOBODY if frame.user is None else frame.user)
+    yield encode(f"{base}/performer", frame.state, NO_USER if frame.user is None else frame.user)
 
 
 _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
@@ -225,16 +262,16 @@ _DATAGRAMS: dict[str, Callable[[str, Frame], Iterator[bytes]]] = {
 }
 
 
-def _resolved(target: OscTarget) -> tuple[int, Any]:
-    """Return the family and the address of a target, IPv4 where it has both."""
+def _resolved(target: OscTable) -> tuple[int, Any]:
+    """Return the family and the address of a target, IPv4 if it has both."""
     try:
         found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_DGRAM)
     except (OSError, UnicodeError) as error:
         raise ServiceError(
             f"[[osc]], host {target.host!r}",
-            found="a name that nobody knows" if isinstance(error, socket.gaierror) else str(error),
+            found="an unknown name" if isinstance(error, socket.gaierror) else str(error),
             expected="an IP address, or the name of a machine",
-            fix="Check its spelling, or give the address in numbers.",
+            fix="Check its spelling, or use the IP address.",
         ) from error
     family, _, _, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
     return family, address
@@ -244,5 +281,5 @@ def _socket(family: int) -> socket.socket:
     made = socket.socket(family, socket.SOCK_DGRAM)
     made.setblocking(False)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     return made

@@ -1,34 +1,34 @@
-"""Who wants what on one socket, and what is still to be answered there: bounded, whatever clients send."""
+"""The subscriptions on one socket and the answers that are due there, bounded whatever clients send."""
 
 from collections import Counter
 from collections.abc import Iterable
 
-from engine_bridge.service.protocol.header import NAME, TOPIC, WORDS
+from engine_bridge.service.protocol.header import NAME, TOPIC_BYTES, WORDS
 
-MOST_REMEMBERED = 4096
-"""Different subscriptions to characters that are not there, kept for when they come."""
+MAX_SUBSCRIPTIONS = 4096
+"""Maximum number of different subscriptions at which those to characters that do not exist yet are still kept."""
 
-MOST_PENDING = 1024
-"""Topics that wait for an answer."""
+MAX_PENDING = 1024
+"""Maximum number of topics that wait for an answer."""
 
-ANSWER_EVERY = 1.0
-"""Seconds between two answers on one topic."""
+ANSWER_SECONDS = 1.0
+"""Minimum time between two answers on one topic, in seconds."""
 
-ANSWER_RATE = 500e6
-"""Bytes of answers a second, so that frames have their turn while a crowd asks for scenes."""
+ANSWER_BYTES_PER_SECOND = 500e6
+"""Maximum rate of answers, so that frames are sent while many clients request scenes."""
 
 
 class Subscriptions:
-    """What the clients of one socket have subscribed to.
+    """The subscriptions of all clients of one socket.
 
-    A subscription stands for every topic field that begins with it. It counts once for each time that it was made. A
-    client that withdraws what it has never asked for takes nothing from others; one that asks twice and leaves may
-    count for longer than it was there, which costs work and no client a message.
+    A subscription matches every topic field that begins with it, and counts once for each time that it was made. A
+    client that withdraws a subscription it never made removes none of another client. A client that subscribes twice
+    and disconnects may count for longer than it was connected; this costs work, but no client loses a message.
 
     Attributes
     ----------
     ignored : int
-        Subscriptions so far that no topic can match, or for which there was no room.
+        Number of subscriptions so far that no topic can match, or that exceeded `MAX_SUBSCRIPTIONS`.
     """
 
     def __init__(self) -> None:
@@ -37,17 +37,17 @@ class Subscriptions:
         self._held: Counter[bytes] = Counter()
 
     def add(self, prefix: bytes, connection: int, fields: Iterable[bytes]) -> None:
-        """Take a subscription.
+        """Add a subscription.
 
         Parameters
         ----------
         prefix : bytes
         connection : int
-            Where it came from.
+            The connection that it came from.
         fields : iterable of bytes
-            The topic fields that there are; what matches one of them is always taken.
+            The existing topic fields; a subscription that matches one of them is always kept.
         """
-        may_come = _may_come(prefix) and len(self._held) < MOST_REMEMBERED
+        may_come = _may_come(prefix) and len(self._held) < MAX_SUBSCRIPTIONS
         if prefix not in self._held and not may_come and not any(field.startswith(prefix) for field in fields):
             self.ignored += 1
             return
@@ -55,7 +55,7 @@ class Subscriptions:
         self._made.setdefault(prefix, Counter())[connection] += 1
 
     def remove(self, prefix: bytes, connection: int | None) -> None:
-        """Drop a subscription, because a client says so or, without a connection, because it has gone."""
+        """Remove a subscription that a client withdraws or, without a connection, of one that has disconnected."""
         if prefix not in self._held:
             return
         if connection is not None:
@@ -67,20 +67,20 @@ class Subscriptions:
             del self._held[prefix], self._made[prefix]
 
     def forget(self, connection: int) -> None:
-        """Let nobody drop anything in the name of a connection that has ended."""
+        """Forget the subscriptions that a connection, which has ended, could withdraw."""
         for made in self._made.values():
             made.pop(connection, None)
 
     def wants(self, field: bytes) -> bool:
-        """Tell whether somebody wants what is sent under a topic field."""
-        return any(field[:end] in self._held for end in range(TOPIC + 1))
+        """Tell whether a client subscribes to a topic field."""
+        return any(field[:end] in self._held for end in range(TOPIC_BYTES + 1))
 
 
 def _may_come(prefix: bytes) -> bool:
     """Tell whether a subscription could match topics of a character."""
     name, slash, rest = prefix.decode("latin-1").partition("/")
     word, zero, more = rest.partition("\0")
-    if not NAME.fullmatch(name) or len(prefix) > TOPIC:
+    if not NAME.fullmatch(name) or len(prefix) > TOPIC_BYTES:
         return False
     if zero:
         return word in WORDS and not more.strip("\0")
@@ -88,9 +88,9 @@ def _may_come(prefix: bytes) -> bool:
 
 
 class Answers:
-    """Topics on which something is to be sent again because somebody has just asked for it.
+    """Topics to send again because a client has just requested them.
 
-    Each is answered at most once in `ANSWER_EVERY` seconds, and all together with no more than `ANSWER_RATE`.
+    Each is answered at most once in `ANSWER_SECONDS`, and all together at `ANSWER_BYTES_PER_SECOND` or less.
     """
 
     def __init__(self) -> None:
@@ -99,18 +99,18 @@ class Answers:
         self._free = float("-inf")
 
     def ask(self, field: bytes, now: float) -> bool:
-        """Put a topic on the list if it is not there yet; False if the list is full."""
-        if field not in self._pending and len(self._pending) >= MOST_PENDING:
+        """Add a topic if it does not wait yet; return False if too many wait."""
+        if field not in self._pending and len(self._pending) >= MAX_PENDING:
             return False
-        self._pending.setdefault(field, max(now, self._given.get(field, now - ANSWER_EVERY) + ANSWER_EVERY))
+        self._pending.setdefault(field, max(now, self._given.get(field, now - ANSWER_SECONDS) + ANSWER_SECONDS))
         return True
 
     def due(self) -> float:
-        """Return when the next answer may be given."""
+        """Return when the next answer may be sent."""
         return max(self._free, min(self._pending.values())) if self._pending else float("inf")
 
     def take(self, now: float) -> bytes | None:
-        """Take a topic off the list that may be answered now."""
+        """Remove and return a topic that may be answered now."""
         if now < self._free:
             return None
         field = next((field for field, earliest in self._pending.items() if earliest <= now), None)
@@ -119,7 +119,7 @@ class Answers:
         return field
 
     def given(self, field: bytes, size: int, now: float) -> None:
-        """Take note that a topic was answered with so many bytes."""
-        self._free = now + size / ANSWER_RATE
-        self._given = {each: time for each, time in self._given.items() if now - time < ANSWER_EVERY}
+        """Record that a topic was answered with so many bytes."""
+        self._free = now + size / ANSWER_BYTES_PER_SECOND
+        self._given = {each: time for each, time in self._given.items() if now - time < ANSWER_SECONDS}
         self._given[field] = now

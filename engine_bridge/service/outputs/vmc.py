@@ -1,6 +1,6 @@
-"""Frames out by the VMC protocol: local rotations and places of Unity's humanoid bones, for one receiver.
+"""Frames in the VMC protocol: local rotations and positions of Unity's humanoid bones, for one receiver.
 
-The hips carry what the character walks, and the root stays at the origin: so programs do that send a person.
+The hips carry the character's root motion, and the root stays at the origin, as other senders of people do it.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,8 +10,8 @@ import numpy as np
 from capture.network.osc import bundle, encode
 from engine_bridge.service.protocol.frame import Frame
 
-MOST = 1472
-"""Bytes a datagram, which Ethernet carries in one piece."""
+DATAGRAM_BYTES = 1472
+"""Maximum size of a datagram that Ethernet carries in one piece, in bytes."""
 
 LOADED = 1
 NORMAL_MODE = 0
@@ -34,7 +34,7 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
     Yields
     ------
     bytes
-        Bundles of no more than `MOST` bytes.
+        Bundles of no more than `DATAGRAM_BYTES` bytes.
     """
     humanoid = frame.character.humanoid
     if humanoid is None or frame.motions is None:
@@ -53,9 +53,9 @@ def datagrams(frame: Frame, seconds: float) -> Iterator[bytes]:
 def _bundles(messages: Sequence[bytes]) -> Iterator[bytes]:
     """Put messages into as few bundles as hold them in their order."""
     waiting: list[bytes] = []
-    for message in messages:
-        if waiting and len(bundle(*waiting, message)) > MOST:
+    for each in messages:
+        if waiting and len(bundle(*waiting, each)) > DATAGRAM_BYTES:
             yield bundle(*waiting)
             waiting = []
-        waiting.append(message)
+        waiting.append(each)
     yield bundle(*waiting)

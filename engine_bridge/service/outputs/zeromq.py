@@ -1,15 +1,17 @@
-"""Frames out over ZeroMQ: whoever subscribes is served, and what nobody wants is not even computed.
+"""The output over ZeroMQ, the stream: clients subscribe, and only what they subscribe to is computed.
 
-Nothing here waits: a client that does not read loses messages and costs no one else anything (docs/protocol.md).
+Nothing here waits: a client that does not read loses messages, and does not slow down the others (docs/protocol.md).
 """
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import zmq
 
+from engine_bridge.service.monitoring.status import OutputStatus, Status
+from engine_bridge.service.outputs.output import Opening, Output, OutputTable
 from engine_bridge.service.outputs.subscriptions import Answers, Subscriptions
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import (
@@ -24,29 +26,30 @@ from engine_bridge.service.protocol.header import (
     write_json,
 )
 from engine_bridge.service.protocol.payloads import encode, header
+from engine_bridge.service.security.endpoints import Endpoint, NetworkSettings
 
-FRAMES_WAITING = 2
-"""Whole frames of all kinds that may wait for a client that is slow; what comes then is dropped for it."""
+QUEUED_FRAMES = 2
+"""Number of frames of all kinds queued for a slow client; later ones are dropped for that client."""
 
-OTHERS_WAITING = 8
-"""And beside them so many scenes and the like."""
+QUEUED_OTHERS = 8
+"""Number of further messages, such as scenes, queued for a client."""
 
-SEND_BUFFER = 128 * 1024
-"""Bytes that the system holds for a client; what waits there is old when it arrives."""
+SEND_BUFFER_BYTES = 128 * 1024
+"""Size of the system's send buffer per client; what waits there is old when it arrives."""
 
-AT_A_TIME = 256
-"""Subscriptions that are read before frames have their turn again."""
+REQUESTS_PER_TURN = 256
+"""Number of subscriptions read before frames are sent again."""
 
 
-class Door(Protocol):
-    """Where clients come in."""
+class NetworkTable(NetworkSettings, OutputTable):
+    """[network]: where the stream and the control socket listen, and which clients may connect."""
 
-    @property
-    def stream(self) -> str:
-        """Endpoint: ``tcp://127.0.0.1:7400``."""
-
-    def prepare(self, socket: zmq.Socket[bytes]) -> None:
-        """Set what limits who may come in and with what, before the socket is bound."""
+    def open(self, opening: Opening) -> Output:
+        """Open the stream; see `ZeroMqOutput`."""
+        output = ZeroMqOutput(opening.context, opening.endpoints, opening.characters)
+        for socket in output.sockets:
+            opening.guard.watch(socket, output.forget)
+        return output
 
 
 @dataclass
@@ -63,22 +66,18 @@ class _Stream:
         return self.kinds[name]
 
 
-class Publisher:
-    """Sends characters to whoever wants them.
+class ZeroMqOutput(Output):
+    """Sends characters to the clients that subscribe to them.
 
     Parameters
     ----------
     context : zmq.Context
-    doors : sequence of Door
+    endpoints : sequence of Endpoint
+        One socket is bound per endpoint.
     characters : sequence of StreamedCharacter
-        Who will be streamed; see `announce`.
+        See `announce`.
     clock : callable
-        Seconds that never go back.
-
-    Attributes
-    ----------
-    messages, bytes : int
-        Sent so far, each once however many clients it went to.
+        Seconds that never decrease.
 
     Raises
     ------
@@ -89,60 +88,60 @@ class Publisher:
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        doors: Sequence[Door],
+        endpoints: Sequence[Endpoint],
         characters: Sequence[StreamedCharacter],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.messages = self.bytes = 0
+        self._messages = self._bytes = 0
         self._clock = clock
         self._characters: dict[str, StreamedCharacter] = {}
         self._kept: dict[bytes, bytes] = {}
         self._performers: dict[str, tuple[str, int | None]] = {}
+        self._summaries: list[dict[str, Any]] | None = None
         self._streams: dict[zmq.Socket[bytes], _Stream] = {}
-        waiting = FRAMES_WAITING * len(FRAME_KINDS) * len(characters) + OTHERS_WAITING
+        waiting = QUEUED_FRAMES * len(FRAME_KINDS) * len(characters) + QUEUED_OTHERS
         try:
-            for door in doors:
-                self._open(context.socket(zmq.XPUB), door, waiting)
+            for endpoint in endpoints:
+                self._open(context.socket(zmq.XPUB), endpoint, waiting)
         except zmq.ZMQError:
             self.close()
             raise
         self.announce(characters)
 
-    def _open(self, socket: zmq.Socket[bytes], door: Door, waiting: int) -> None:
+    def _open(self, socket: zmq.Socket[bytes], endpoint: Endpoint, waiting: int) -> None:
         self._streams[socket] = _Stream()
         for option, value in (
             (zmq.XPUB_VERBOSER, 1),
             (zmq.SNDHWM, waiting),
-            (zmq.SNDBUF, SEND_BUFFER),
+            (zmq.SNDBUF, SEND_BUFFER_BYTES),
             (zmq.LINGER, 0),
         ):
             socket.setsockopt(option, value)
-        door.prepare(socket)
-        socket.bind(door.stream)
+        endpoint.prepare(socket)
+        socket.bind(endpoint.stream)
 
     @property
     def sockets(self) -> list[zmq.Socket[bytes]]:
-        """What to poll for reading: one socket a door, in their order."""
+        """One socket per endpoint, in their order."""
         return list(self._streams)
 
     @property
     def endpoints(self) -> list[str]:
-        """Where clients connect to, in the order of the doors."""
+        """Addresses that clients connect to, with their actual ports."""
         return [bytes(socket.getsockopt(zmq.LAST_ENDPOINT)).rstrip(b"\0").decode() for socket in self._streams]
 
     @property
     def ignored(self) -> int:
-        """Subscriptions so far that no topic can match."""
+        """Number of subscriptions so far that no topic can match."""
         return sum(stream.subscriptions.ignored for stream in self._streams.values())
 
-    def announce(self, characters: Sequence[StreamedCharacter]) -> None:
-        """Take over who is streamed from now on; scenes that are new go to whoever has subscribed to them.
+    @property
+    def statistics(self) -> OutputStatus:
+        """Messages and bytes so far; libzmq does not tell what it drops for slow clients."""
+        return OutputStatus("zeromq", " ".join(self.endpoints), self._messages, self._bytes, None, 0)
 
-        Parameters
-        ----------
-        characters : sequence of StreamedCharacter
-            One whose scene has changed has another revision than before.
-        """
+    def announce(self, characters: Sequence[StreamedCharacter]) -> None:
+        """Replace the characters; scenes with another revision go to the clients that have subscribed to them."""
         before, self._characters = self._characters, {each.name: each for each in characters}
         for name in before.keys() - self._characters.keys():
             self._kept.pop(topic(name, Kind.PERFORMER), None)
@@ -154,15 +153,14 @@ class Publisher:
                 for stream in self._streams.values():
                     if stream.subscriptions.wants(scene):
                         stream.answers.ask(scene, now)
-        self.publish_json("service/characters", [_summary(each) for each in characters])
+        summaries = [_summary(each) for each in characters]
+        if summaries != self._summaries:
+            self._summaries = summaries
+            self._publish_json("service/characters", summaries)
         self.send_due()
 
-    def redescribe(self, character: StreamedCharacter) -> None:
-        """Tell something else of a character, whose scene is the same, to whoever asks from now on."""
-        self._characters[character.name] = character
-
-    def publish(self, frame: Frame) -> None:
-        """Send a frame in all the kinds that somebody wants, and who performs where that has changed."""
+    def offer(self, frame: Frame) -> None:
+        """Send a frame in all the kinds that clients subscribe to, and the performer if it has changed."""
         name, performer = frame.character.name, (frame.state, frame.user)
         now = time.monotonic_ns()
         if self._performers.get(name) != performer:
@@ -179,15 +177,12 @@ class Publisher:
                 if message is not None:
                     self._send(socket, message)
 
-    def publish_json(self, name: str, value: Any) -> None:
-        """Send what concerns the whole service, and keep it for whoever subscribes later.
+    def report(self, status: Status) -> None:
+        """Send the status under ``service/status``."""
+        self._publish_json("service/status", status.as_json())
 
-        Parameters
-        ----------
-        name : str
-            ``service/status`` or ``service/characters``.
-        value : JSON
-        """
+    def _publish_json(self, name: str, value: Any) -> None:
+        """Send a value that concerns the whole service, and keep it for clients that subscribe later."""
         place, payload, kind = topic_field(name), write_json(value), WORDS[name.removeprefix("service/")]
         self._keep(place, join(place, Header(kind, len(payload), published=time.monotonic_ns()), payload))
 
@@ -198,9 +193,9 @@ class Publisher:
                 self._send(socket, message)
 
     def handle(self, socket: zmq.Socket[bytes]) -> None:
-        """Take subscriptions that have come in, so many at a time, and answer those that ask for something."""
+        """Read subscriptions, up to `REQUESTS_PER_TURN`, and answer those that ask for something."""
         stream = self._streams[socket]
-        for _ in range(AT_A_TIME):
+        for _ in range(REQUESTS_PER_TURN):
             try:
                 request = socket.recv(zmq.NOBLOCK, copy=False)
             except zmq.Again:
@@ -222,7 +217,7 @@ class Publisher:
         stream.kinds.clear()
 
     def _private_scene(self, prefix: bytes) -> bytes | None:
-        """Return the topic field of a scene that one client asks for under a topic of its own."""
+        """Return the topic field of a scene that one client requests under a topic of its own."""
         text = prefix.decode("latin-1").removesuffix("\0")
         name, scene, own = (*text.split("/", 2), "", "")[:3]
         return topic_field(text) if scene == "scene" and own and name in self._characters and is_topic(text) else None
@@ -239,7 +234,7 @@ class Publisher:
         yield from self._kept
 
     def _answer(self, place: bytes) -> bytes | None:
-        """Return what is to be sent under a topic; None where it is about a character that has gone."""
+        """Return the message of a topic; None if its character has been removed."""
         if place in self._kept:
             return self._kept[place]
         character = self._characters.get(place.decode("ascii").partition("/")[0])
@@ -249,16 +244,16 @@ class Publisher:
         return join(place, scene, character.scene)
 
     def forget(self, socket: zmq.Socket[bytes], connection: int) -> None:
-        """Take note that a client has gone: the next one may have the same number."""
+        """Forget a client that has disconnected: the next one may have the same number."""
         if socket in self._streams:
             self._streams[socket].subscriptions.forget(connection)
 
     def due(self) -> float:
-        """Return when `send_due` wants to be called: seconds of the clock, infinity for never."""
+        """Return when the next answer is due, in seconds of the clock; infinity for never."""
         return min((stream.answers.due() for stream in self._streams.values()), default=float("inf"))
 
     def send_due(self) -> None:
-        """Answer those who have subscribed, as far as it is their turn."""
+        """Answer the subscriptions whose time has come."""
         for socket, stream in self._streams.items():
             while (place := stream.answers.take(self._clock())) is not None:
                 message = self._answer(place)
@@ -267,15 +262,15 @@ class Publisher:
                     stream.answers.given(place, len(message), self._clock())
 
     def close(self) -> None:
-        """Close all doors; closing again does nothing."""
+        """Close all sockets; closing again does nothing."""
         for socket in self._streams:
             socket.close(0)
         self._streams.clear()
 
     def _send(self, socket: zmq.Socket[bytes], message: bytes) -> None:
         socket.send(message, zmq.NOBLOCK)
-        self.messages += 1
-        self.bytes += len(message)
+        self._messages += 1
+        self._bytes += len(message)
 
 
 def _summary(character: StreamedCharacter) -> dict[str, Any]:
@@ -289,7 +284,7 @@ def _summary(character: StreamedCharacter) -> dict[str, Any]:
 
 
 def _connection(request: zmq.Frame) -> int | None:
-    """Return the number of the connection that a subscription came by; None where the connection has ended."""
+    """Return the number of the connection that a subscription came from; None if the connection has ended."""
     try:
         return int(request.get(zmq.SRCFD))
     except zmq.ZMQError:

@@ -1,6 +1,6 @@
-"""What a stage makes and everything outgoing takes: one character at one moment.
+"""Frames, which stages make and outputs send: one character at one moment.
 
-Nothing is computed that nobody asks for, and nothing twice.
+Each property is computed when it is first used, and once.
 """
 
 from copy import copy
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StreamedCharacter:
-    """What does not change from frame to frame.
+    """The part of a character that does not change from frame to frame.
 
     Attributes
     ----------
     name : str
-        Of its topics: ``[A-Za-z0-9_-]{1,32}``.
+        Name in topics: ``[A-Za-z0-9_-]{1,32}``.
     rig : Rig
     revision : int
-        Another one for each time that the character is loaded anew with something changed; it fits in 32 bits.
+        Differs after each reload that changes the character; it fits in 32 bits.
     basis : LiveBasis or None
-        Morph targets to project poses on.
+        Morph targets that poses are projected on.
     """
 
     name: str
@@ -57,17 +57,17 @@ class StreamedCharacter:
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
-        """(n, 3): unit rest normals, rounded as clients get them, who make the very same tangents of them."""
+        """(n, 3): unit rest normals, rounded as clients receive them, so that clients compute the same tangents."""
         return drawn_normals(self.rig.character).astype(np.float32).astype(np.float64)
 
     @cached_property
     def binding(self) -> ShadedBinding:
-        """What turns controls into positions and normals."""
+        """The binding that turns controls into positions and normals."""
         return ShadedBinding(self.rig.model, self.rest, self.rig.mesh.of_render, self.normals, self.triangles)
 
     @cached_property
     def humanoid(self) -> Humanoid | None:
-        """Its limbs as bones of a humanoid; None where they are none."""
+        """Its limbs as bones of a humanoid; None if they are not those of one."""
         return humanoid_of(self.rig.puppet, self.rest) if is_humanoid(self.rig.puppet) else None
 
     @cached_property
@@ -76,9 +76,9 @@ class StreamedCharacter:
         return encode_scene(self)
 
     def remapped(self, puppet: Puppet) -> "StreamedCharacter":
-        """Return the same character whose handles other joints move, and keep all that was made of its mesh and model.
+        """Return the same character with another mapping, and keep all that was computed from its mesh and model.
 
-        Its scene says so to whoever asks for it from now on; it is no other scene, and its revision stays.
+        The description of its scene changes; its arrays and its revision stay.
         """
         other = copy(self)
         vars(other)["rig"] = replace(self.rig, puppet=puppet)
@@ -86,7 +86,7 @@ class StreamedCharacter:
         return other
 
     def prepare(self) -> None:
-        """Make all that a frame or a client would have to wait for at its first time, compiled code as well."""
+        """Compute what the first frame and the first client would wait for, compiled code included."""
         controls = to_file_units(self.rig.model.rest_controls, self.rig.model)
         quantised(*self.binding.vertices_and_normals(controls))
         self.scene, self.humanoid  # noqa: B018
@@ -100,13 +100,13 @@ class Frame:
     ----------
     character : StreamedCharacter
     sequence : int
-        One more with each frame of the character.
+        Increases by one with each frame of the character.
     time : float
         Seconds, the source's clock.
     received : int
-        `time.monotonic_ns` at which what moved it came in.
+        `time.monotonic_ns` at which the skeleton that moved it arrived.
     state : str
-        One of `header.STATES`.
+        One of `engine_bridge.service.states.STATES`.
     user : int or None
         The performer.
     R : (4m, 3) float64
@@ -114,9 +114,10 @@ class Frame:
     root : (3,) float64
         Translation of the whole character, mesh file's coordinates.
     targets : (h, 3) float64
-        Where the handles are to be, with the root, mesh file's coordinates.
+        Target positions of the handles, with the root, mesh file's coordinates.
     joints : (20, 3) float64 or None
-        The performer's, filtered and levelled: metres, sensor frame, NaN where never known; None without a performer.
+        The performer's, filtered and corrected for the sensor's tilt: metres, sensor coordinates, NaN if never tracked;
+        None without a performer.
     confidence : (20,) float32 or None
     motions : (b, 4, 3) float64 or None
         Motions of the bones for row vectors, without the root, mesh file's coordinates.
@@ -151,6 +152,6 @@ class Frame:
 
     @cached_property
     def morphs(self) -> "Projection | None":
-        """The pose on the character's morph basis; None where it has no basis."""
+        """The pose on the character's morph basis; None without a basis."""
         basis = self.character.basis
         return None if basis is None else basis.project(self.R)

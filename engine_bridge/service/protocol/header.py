@@ -1,6 +1,6 @@
-"""Wire protocol version 1, the frame around every payload: docs/protocol.md.
+"""Wire protocol version 1: topic and header of every message (docs/protocol.md).
 
-A message is one part: 64 bytes of topic, 64 bytes of header, the payload. All numbers are little-endian.
+A message has one part: 64 bytes of topic, 64 bytes of header, the payload. All numbers are little-endian.
 """
 
 import json
@@ -11,29 +11,29 @@ from typing import Any, NamedTuple, NoReturn, Self
 
 from typing_extensions import Buffer  # of collections.abc from Python 3.12
 
+from engine_bridge.service.states import STATES
+
 MAJOR, MINOR = 1, 0
-"""Clients refuse another major version, and take any minor one."""
+"""Clients refuse other major versions, and accept all minor ones."""
 
-TOPIC = 64
-"""Bytes of the topic field."""
+TOPIC_BYTES = 64
 
-BEFORE_PAYLOAD = TOPIC + 64
+PAYLOAD_OFFSET = TOPIC_BYTES + 64
+"""Position of the payload in a message, in bytes."""
 
-NOBODY = -1
-
-STATES = ("waiting", "calibrating", "performing", "leaving")
-"""Nobody performs; the performer's rest pose is being taken; the performer moves the character; it eases to rest."""
+NO_USER = -1
+"""User number of a frame without a performer."""
 
 NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
-"""Of a character."""
+"""Pattern of a character's name."""
 
 
 class WireError(ValueError):
-    """Bytes that are no message of this protocol."""
+    """Raised for bytes that are no message of this protocol."""
 
 
 class Kind(IntEnum):
-    """What a payload is."""
+    """The kind of a payload."""
 
     SCENE = 1
     CONTROLS = 2
@@ -53,10 +53,10 @@ class Kind(IntEnum):
 
 
 FRAME_KINDS = (Kind.CONTROLS, Kind.MORPHS, Kind.VERTICES, Kind.VERTICES16, Kind.JOINTS, Kind.HANDLES)
-"""What a frame is made into; all else is sent when it changes or is asked for."""
+"""Kinds sent for every frame; the others are sent when they change or are requested."""
 
 SERVICE_KINDS = (Kind.STATUS, Kind.CHARACTERS)
-"""What is sent about the whole service, below ``service/``."""
+"""Kinds that describe the whole service, below ``service/``."""
 
 WORDS = {kind.word: kind for kind in Kind}
 
@@ -67,17 +67,17 @@ class Header(NamedTuple):
     Attributes
     ----------
     kind : int
-        A `Kind`, or a number that a later minor version has added.
+        A `Kind`, or a number added by a later minor version.
     length : int
         Bytes of the payload.
     revision : int
-        Of the character's scene; 0 for what concerns no character.
+        Of the character's scene; 0 if the message concerns no character.
     sequence : int
-        One more with each frame of the character; 0 for what is no frame.
+        Increases by one with each frame of the character; 0 if the message is no frame.
     state : int
         Index in `STATES`.
     user : int
-        The performer, or `NOBODY`.
+        The performer, or `NO_USER`.
     time : float
         Seconds, the source's clock.
     received, published : int
@@ -92,7 +92,7 @@ class Header(NamedTuple):
     revision: int = 0
     sequence: int = 0
     state: int = 0
-    user: int = NOBODY
+    user: int = NO_USER
     time: float = 0.0
     received: int = 0
     published: int = 0
@@ -130,7 +130,7 @@ _LAYOUT = struct.Struct("<4BiIIQdQQ3f4x")
 
 
 class Message(NamedTuple):
-    """A message taken apart, its payload not yet."""
+    """The parts of a message, with its payload as bytes."""
 
     topic: str
     header: Header
@@ -143,55 +143,55 @@ def topic(name: str, kind: Kind) -> bytes:
 
 
 def topic_field(text: str) -> bytes:
-    """Return a topic as the 64 bytes that a message begins with.
+    """Return a topic as the first 64 bytes of a message.
 
     Raises
     ------
     ValueError
-        No topic, or one too long.
+        An invalid topic, or one that is too long.
     """
     if not is_topic(text):
-        raise ValueError(f"{text!r:.80} is no topic of 1 to {TOPIC - 1} printable ASCII characters")
-    return text.encode("ascii").ljust(TOPIC, b"\0")
+        raise ValueError(f"{text!r:.80} is no topic of 1 to {TOPIC_BYTES - 1} printable ASCII characters")
+    return text.encode("ascii").ljust(TOPIC_BYTES, b"\0")
 
 
 def is_topic(text: str) -> bool:
-    """Tell whether a text can stand in a topic field with a zero after it."""
-    return 0 < len(text) < TOPIC and text.isascii() and text.isprintable()
+    """Tell whether a text and a zero after it fit in a topic field."""
+    return 0 < len(text) < TOPIC_BYTES and text.isascii() and text.isprintable()
 
 
 def subscription(text: str) -> bytes:
-    """Return what to subscribe to for exactly this topic; without the zero, longer ones would match as well."""
+    """Return the subscription to exactly this topic; without the zero, longer topics would match as well."""
     return topic_field(text)[: len(text) + 1]
 
 
 def join(field: bytes, header: Header, *parts: Buffer) -> bytes:
-    """Put a message together; `parts` are the payload, arrays of them C-contiguous."""
+    """Return a whole message; `parts` are the payload, arrays among them C-contiguous."""
     return b"".join((field, header.pack(), *parts))
 
 
 def split(message: bytes | memoryview) -> Message:
-    """Take a message apart.
+    """Split a message into its parts.
 
     Raises
     ------
     WireError
-        Too short, no topic, another major version, a state that there is not, a payload cut off.
+        Too short, an invalid topic or state, another major version, or an incomplete payload.
     """
     view = memoryview(message)
-    if len(view) < BEFORE_PAYLOAD:
-        raise WireError(f"{len(view)} bytes, and a message has at least {BEFORE_PAYLOAD}")
-    text, _, rest = bytes(view[:TOPIC]).partition(b"\0")
+    if len(view) < PAYLOAD_OFFSET:
+        raise WireError(f"{len(view)} bytes, and a message has at least {PAYLOAD_OFFSET}")
+    text, _, rest = bytes(view[:TOPIC_BYTES]).partition(b"\0")
     if rest.strip(b"\0") or not is_topic(text.decode("latin-1")):
         raise WireError("a topic field that holds no topic")
-    header = Header.unpack(view[TOPIC:BEFORE_PAYLOAD])
+    header = Header.unpack(view[TOPIC_BYTES:PAYLOAD_OFFSET])
     if header.major != MAJOR:
         raise WireError(f"protocol version {header.major}.{header.minor}, and this is {MAJOR}.{MINOR}")
     if header.state >= len(STATES):
         raise WireError(f"state {header.state} of {len(STATES)}")
-    if BEFORE_PAYLOAD + header.length > len(view):
-        raise WireError(f"{len(view) - BEFORE_PAYLOAD} bytes of payload of {header.length} announced")
-    payload = view[BEFORE_PAYLOAD : BEFORE_PAYLOAD + header.length]
+    if PAYLOAD_OFFSET + header.length > len(view):
+        raise WireError(f"{len(view) - PAYLOAD_OFFSET} bytes of payload of {header.length} announced")
+    payload = view[PAYLOAD_OFFSET : PAYLOAD_OFFSET + header.length]
     return Message(text.decode("ascii"), header, payload)
 
 

@@ -1,4 +1,4 @@
-"""What is in a message, by its kind: made of a frame for the wire, and read again by clients of ours."""
+"""The payload of each kind of message: encoded from a frame, and decoded by clients."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -7,8 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.service.protocol import quantisation
-from engine_bridge.service.protocol.header import NOBODY, STATES, Header, Kind, WireError, join, read_json, split, topic
+from engine_bridge.service.protocol.header import (
+    NO_USER,
+    Header,
+    Kind,
+    WireError,
+    join,
+    read_json,
+    split,
+    topic,
+)
 from engine_bridge.service.protocol.scene import Scene
+from engine_bridge.service.states import STATES
 
 if TYPE_CHECKING:
     from engine_bridge.service.protocol.frame import Frame
@@ -17,7 +27,7 @@ Parts = tuple[bytes | memoryview, ...]
 
 
 class Morphs(NamedTuple):
-    """Weights of the morph targets, (K,) float32, and what they leave of the pose: see `live_basis.Projection`."""
+    """Weights of the morph targets, (K,) float32, and their distance from the pose: see `live_basis.Projection`."""
 
     weights: NDArray[np.float32]
     residual: float
@@ -31,15 +41,15 @@ class Vertices(NamedTuple):
 
 
 class Received(NamedTuple):
-    """A message that has been understood.
+    """A decoded message.
 
     Attributes
     ----------
     topic : str
     header : Header
     body : Scene, (m, 3, 4) float32, Morphs, Vertices, (20, 4) float32, (h, 3) float32, dict, list or None
-        For a scene, controls, morphs, vertices of either kind, joints, handles, and whatever is JSON; None for a kind
-        that a later minor version has added.
+        For a scene, controls, morphs, vertices of either kind, joints, handles, and JSON; None for a kind that a later
+        minor version has added.
     """
 
     topic: str
@@ -61,7 +71,7 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
     Returns
     -------
     bytes or None
-        None where the frame has nothing of that kind: no joints, no morph targets.
+        None if the frame has nothing of that kind: no joints, no morph targets.
     """
     payload = _PARTS[kind](frame)
     if payload is None:
@@ -71,14 +81,14 @@ def encode(kind: Kind, frame: "Frame", published: int) -> bytes | None:
 
 
 def header(kind: Kind, length: int, frame: "Frame", published: int) -> Header:
-    """Return the header of something that belongs to a frame."""
+    """Return the header of a message that belongs to a frame."""
     return Header(
         kind=kind,
         length=length,
         revision=frame.character.revision,
         sequence=frame.sequence,
         state=STATES.index(frame.state),
-        user=NOBODY if frame.user is None else frame.user,
+        user=NO_USER if frame.user is None else frame.user,
         time=frame.time,
         received=frame.received,
         published=published,
@@ -115,12 +125,12 @@ _PARTS: dict[Kind, Callable[["Frame"], Parts | None]] = {
 
 
 def decode(message: bytes | memoryview) -> Received:
-    """Understand a whole message.
+    """Decode a whole message.
 
     Raises
     ------
     WireError
-        Anything that is not of this protocol; for reading it, no more memory is taken than the message has.
+        A message that does not follow this protocol; reading it takes no more memory than it has bytes.
     """
     name, head, payload = split(message)
     kind = next((kind for kind in Kind if kind == head.kind), None)

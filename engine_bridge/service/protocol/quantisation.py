@@ -1,20 +1,20 @@
-"""Vertices in ten bytes: positions as 16 bits an axis of their bounding box, normals folded onto a square."""
+"""Vertices in ten bytes: positions as 16 bits per axis of their bounding box, normals folded onto a square."""
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-STEPS = 65535
-"""Of each side of the box."""
+BOX_STEPS = 65535
+"""Number of steps along each side of the box."""
 
-SQUARE = 32767
-"""Of each half of the square."""
+SQUARE_STEPS = 32767
+"""Number of steps along each half side of the square."""
 
 
 def quantised(
     positions: NDArray[np.float32], normals: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint16], NDArray[np.int16]]:
-    """Return the box (2, 3) and what vertices are in it.
+    """Return the bounding box (2, 3), and the vertices in steps of it.
 
     Parameters
     ----------
@@ -24,9 +24,9 @@ def quantised(
     Returns
     -------
     box : (2, 3) float32
-        Lowest and highest corner.
+        Lower and upper corner.
     places : (n, 3) uint16
-        No coordinate is off by more than half a step and what float32 rounds.
+        The error of each coordinate is at most half a step and the rounding of float32.
     folded : (n, 2) int16
     """
     box = np.empty((2, 3), dtype=np.float32)
@@ -36,13 +36,13 @@ def quantised(
 
 
 def positions_of(box: NDArray[np.float32], places: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Return the (n, 3) float32 positions of places in a box."""
-    return box[0] + places.astype(np.float32) * ((box[1] - box[0]) / np.float32(STEPS))
+    """Return the (n, 3) float32 positions of steps in a box."""
+    return box[0] + places.astype(np.float32) * ((box[1] - box[0]) / np.float32(BOX_STEPS))
 
 
 def normals_of(folded: NDArray[np.int16]) -> NDArray[np.float32]:
     """Unfold (n, 2) points of the square into (n, 3) float32 unit normals."""
-    u, v = np.maximum(folded.astype(np.float32) / np.float32(SQUARE), -1).T
+    u, v = np.maximum(folded.astype(np.float32) / np.float32(SQUARE_STEPS), -1).T
     z = 1 - np.abs(u) - np.abs(v)
     beyond = np.maximum(-z, 0)
     normals = np.column_stack([u - np.copysign(beyond, u), v - np.copysign(beyond, v), z])
@@ -58,7 +58,7 @@ def _quantise(positions, normals, box, places, folded):  # type: ignore[no-untyp
             place = np.float64(positions[v, axis])
             low, high = min(low, place), max(high, place)
         box[0, axis], box[1, axis] = low, high
-        scale = STEPS / (high - low) if high > low else 0.0
+        scale = BOX_STEPS / (high - low) if high > low else 0.0
         for v in range(len(positions)):
             places[v, axis] = np.uint16((positions[v, axis] - low) * scale + 0.5)
     for v in range(len(normals)):
@@ -71,5 +71,5 @@ def _quantise(positions, normals, box, places, folded):  # type: ignore[no-untyp
                 (one - abs(y)) * (one if x >= 0 else -one),
                 (one - abs(x)) * (one if y >= 0 else -one),
             )
-        folded[v, 0] = np.int16(np.floor(x * np.float32(SQUARE) + half))
-        folded[v, 1] = np.int16(np.floor(y * np.float32(SQUARE) + half))
+        folded[v, 0] = np.int16(np.floor(x * np.float32(SQUARE_STEPS) + half))
+        folded[v, 1] = np.int16(np.floor(y * np.float32(SQUARE_STEPS) + half))

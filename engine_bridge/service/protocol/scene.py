@@ -1,7 +1,7 @@
-"""The scene message: all of a character that does not change, enough to draw it and to follow its controls.
+"""The scene message: the constant part of a character, with which a client draws it and applies its controls.
 
-A scene is a description in JSON and arrays behind it. Ladder coordinates and their slopes stand for the reduced model:
-with them a client turns controls into positions and normals (docs/protocol.md).
+A scene is a description in JSON, followed by arrays. Isoline coordinates (array ``ladder``) and their slopes represent
+the reduced model: with them a client turns controls into positions and normals (docs/protocol.md).
 """
 
 import struct
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
     from engine_bridge.performance.rig import Rig
 
 Array = NDArray[Any]
-"""Of one of `TYPES`."""
+"""An array of one of the `TYPES`."""
 
 TYPES: dict[str, np.dtype[Any]] = {"f32": np.dtype("<f4"), "u32": np.dtype("<u4")}
-"""What array elements are called."""
+"""Types of array elements by their names in the description."""
 
 _LENGTH = struct.Struct("<I")
 
 
 class DrawnCharacter(Protocol):
-    """What a scene is made of; see `engine_bridge.service.protocol.frame.StreamedCharacter`."""
+    """The parts of a scene; see `engine_bridge.service.protocol.frame.StreamedCharacter`."""
 
     @property
     def name(self) -> str:
-        """Of its topics."""
+        """Name in topics."""
 
     @property
     def revision(self) -> int:
-        """Another one for each time that the character is loaded anew with something changed."""
+        """A number that differs after each reload that changes the character."""
 
     @property
     def rig(self) -> "Rig":
@@ -76,7 +76,7 @@ def encode_scene(character: DrawnCharacter) -> bytes:
 
 
 def with_description(scene: bytes, character: DrawnCharacter) -> bytes:
-    """Return the payload of a scene whose arrays are the same as before, and its description made anew."""
+    """Return a scene payload with the same arrays and a new description."""
     view = memoryview(scene)
     start = _LENGTH.size + _LENGTH.unpack(view[: _LENGTH.size])[0]
     return _described(character, read_json(view[_LENGTH.size : start])["arrays"], view[start:])
@@ -89,7 +89,7 @@ def _described(character: DrawnCharacter, directory: dict[str, Any], *arrays: me
 
 
 def describe(character: DrawnCharacter) -> dict[str, Any]:
-    """Return what is to be said about a character besides its arrays, as JSON has it."""
+    """Return the description of a character, in JSON's types."""
     rig, puppet = character.rig, character.rig.puppet
     return {
         "character": character.name,
@@ -140,7 +140,7 @@ def scene_arrays(character: DrawnCharacter) -> dict[str, Array]:
 
 
 def uv(character: "Character") -> NDArray[np.float32] | None:
-    """Return the first texture coordinates (n, 2) of all parts, zeros for those without; None where no part has any."""
+    """Return the first texture coordinates (n, 2) of all parts, zeros for parts without; None if no part has any."""
     found = [
         character.document.attribute(_primitive(character, index), "TEXCOORD_0", len(part.vertices), 2)
         for index, part in enumerate(character.parts)
@@ -152,7 +152,7 @@ def uv(character: "Character") -> NDArray[np.float32] | None:
 
 
 def parts(character: "Character") -> list[dict[str, Any]]:
-    """Say which vertices and triangles each part has, what it is called and what it looks like."""
+    """Return the vertices, triangles, name and material of each part."""
     gltf = character.document.gltf
     described = []
     first_triangle = 0
@@ -177,7 +177,7 @@ def _primitive(character: "Character", index: int) -> "Primitive":
 
 
 def _material(character: "Character", primitive: "Primitive") -> dict[str, Any]:
-    """Return a material's plain numbers; where the file says nothing, glTF's defaults."""
+    """Return a material's numbers, with glTF's defaults for what the file omits."""
     material = character.document.gltf["materials"][primitive["material"]] if "material" in primitive else {}
     surface = material.get("pbrMetallicRoughness", {})
     return {
@@ -193,14 +193,14 @@ def _material(character: "Character", primitive: "Primitive") -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene as a client has it.
+    """A decoded scene.
 
     Attributes
     ----------
     facts : dict
         The description.
     arrays : dict of array
-        float32 or uint32 by name; those that every scene has fit each other.
+        float32 or uint32 by name; the shapes of those that every scene has are consistent.
     """
 
     facts: dict[str, Any]
@@ -213,7 +213,7 @@ class Scene:
         Raises
         ------
         WireError
-            A length, place or number that the payload does not bear out.
+            A length, offset or number that is inconsistent with the payload.
         """
         view = memoryview(payload)
         if len(view) < 4:
@@ -230,7 +230,7 @@ class Scene:
         return scene
 
     def _check(self) -> None:
-        """Refuse what would make a client read beyond an array."""
+        """Refuse numbers that would make a client read beyond an array."""
         facts = self.facts
         n, t, fields, isolines = (_count(facts, name) for name in ("vertices", "triangles", "fields", "isolines"))
         weights = facts.get("weights")
@@ -261,7 +261,7 @@ def _count(facts: dict[str, Any], name: str) -> int:
 
 
 def _array(data: memoryview, entry: Any, name: str) -> Array:
-    """Look at an array where a scene says that it is."""
+    """Return an array at the offset that the description has."""
     if not isinstance(entry, dict) or not isinstance(entry.get("shape"), list):
         raise WireError(f"an array {name!r:.40} without a shape")
     dtype, shape, offset = TYPES.get(str(entry.get("type"))), entry["shape"], entry.get("offset", -1)

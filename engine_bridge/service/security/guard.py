@@ -1,7 +1,6 @@
-"""Who may come in: libzmq asks (ZAP, RFC 27) about everybody who connects, and the guard answers.
+"""Client authentication: answers libzmq's ZAP requests (RFC 27) for every new connection.
 
-It lives in the loop of the service like everything else and never waits. While nobody calls `Guard.handle`, nobody
-comes in.
+The guard runs in the service's loop and never waits. While `Guard.handle` is not called, no client is accepted.
 """
 
 import logging
@@ -15,147 +14,161 @@ import zmq
 from zmq.utils.monitor import parse_monitor_message
 
 from engine_bridge.service.monitoring.logs import OnceASecond
-from engine_bridge.service.security.endpoints import HANDSHAKE, Door
+from engine_bridge.service.monitoring.status import ClientsStatus
+from engine_bridge.service.security.endpoints import HANDSHAKE_SECONDS, Endpoint
 
-ENDPOINT = "inproc://zeromq.zap.01"
+ZAP_ADDRESS = "inproc://zeromq.zap.01"
 
-AT_A_TIME = 64
-"""Questions that are answered before frames have their turn again."""
+REQUESTS_PER_TURN = 64
+"""Number of ZAP requests answered before frames are sent again."""
 
-EVENTS_AT_A_TIME = 1024
-"""Of a socket's comings and goings."""
+EVENTS_PER_TURN = 1024
+"""Number of events of a socket read before frames are sent again."""
 
-SETTLED = HANDSHAKE + 1.0
-"""Seconds after which a connection that is still there has been let in: all others are cut off before."""
+SETTLED_SECONDS = HANDSHAKE_SECONDS + 1.0
+"""Time after which an open connection has been accepted, in seconds; all others are closed before."""
 
-YES, LATER, NO, NOT_UNDERSTOOD = b"200", b"300", b"400", b"500"
-"""A client that hears `NO` gives up; one that is cut off without a word tries again."""
+ACCEPT, LATER, REFUSE, NOT_UNDERSTOOD = b"200", b"300", b"400", b"500"
+"""ZAP status codes. A client that receives `REFUSE` gives up; one that is disconnected without it reconnects."""
 
 BROKEN_OFF = zmq.EVENT_HANDSHAKE_FAILED_NO_DETAIL | zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL
 
 
 @dataclass
-class _Crowd:
+class _Connections:
     """The connections of all stream sockets, or of all control sockets.
 
-    libzmq tells who comes and goes, and that somebody was let in, but not which connection that was.
+    libzmq reports that connections are opened and closed, and that a client asks to be accepted, but not which
+    connection that client has.
 
     Attributes
     ----------
     opened : dict
-        When each connection came, by its monitor and file descriptor.
+        Time at which each connection was opened, by its monitor and file descriptor.
     admitted : deque
-        When somebody was let in.
+        Times at which clients were accepted.
     """
 
     opened: dict[tuple[Any, int], float] = field(default_factory=dict)
     admitted: deque[float] = field(default_factory=deque)
 
-    def size(self, now: float, knocking: int = 0) -> int:
-        """Count those that have been let in and are still there, of which `knocking` connections are none.
+    def count(self, now: float, undecided: int = 0) -> int:
+        """Return the number of accepted clients that are connected, if `undecided` connections are of none of them.
 
-        Strangers that keep a connection open do not count.
+        Clients that are not accepted do not count, even if they keep their connection open.
         """
-        while self.admitted and self.admitted[0] < now - SETTLED:
+        while self.admitted and self.admitted[0] < now - SETTLED_SECONDS:
             self.admitted.popleft()
-        new = sum(came >= now - SETTLED for came in self.opened.values())
-        return len(self.opened) - new + min(max(new - knocking, 0), len(self.admitted))
+        new = sum(came >= now - SETTLED_SECONDS for came in self.opened.values())
+        return len(self.opened) - new + min(max(new - undecided, 0), len(self.admitted))
+
+
+@dataclass
+class _Watched:
+    """A socket whose monitor is read."""
+
+    socket: "zmq.Socket[bytes]"
+    connections: _Connections
+    closed: "Callable[[zmq.Socket[bytes], int], None] | None"
 
 
 class Guard:
-    """Lets in whom a door admits, while there is room.
+    """Accepts clients with valid credentials, up to a maximum number.
 
     Parameters
     ----------
     context : zmq.Context
-        Of all sockets that it guards, which has no other guard.
-    doors : sequence of Door
+        Context of all guarded sockets; it has no other guard.
+    endpoints : sequence of Endpoint
     max_clients : int
-        How many may be connected to the stream, whichever door they took, and as many to the control socket.
+        Maximum number of clients connected to the stream, over all endpoints, and to the control socket.
 
     Attributes
     ----------
-    socket : zmq.Socket
-        Readable when somebody is at a door.
     refused : int
-        Connections so far that were not let in: no credentials, no room, no handshake.
+        Number of connections refused so far: no credentials, too many clients, no handshake.
     """
 
-    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", doors: Sequence[Door], max_clients: int) -> None:
+    def __init__(
+        self, context: "zmq.Context[zmq.Socket[bytes]]", endpoints: Sequence[Endpoint], max_clients: int
+    ) -> None:
         self.refused = 0
-        self._doors = {door.mechanism.encode(): door for door in doors}
+        self._endpoints = {each.mechanism.encode(): each for each in endpoints}
         self._limit = max_clients
-        self.gone: Callable[[zmq.Socket[bytes], int], None] = lambda _socket, _connection: None
-        """Told when a connection of a socket has ended, by its file descriptor."""
-        self._crowds = {kind: _Crowd(admitted=deque(maxlen=max_clients)) for kind in (b"stream", b"control")}
-        self._monitors: dict[zmq.Socket[bytes], tuple[zmq.Socket[bytes], _Crowd]] = {}
+        self._connections = {
+            domain: _Connections(admitted=deque(maxlen=max_clients)) for domain in (b"stream", b"control")
+        }
+        self._watched: dict[zmq.Socket[bytes], _Watched] = {}
         self._log = OnceASecond(logging.getLogger(__name__))
-        self.socket = context.socket(zmq.ROUTER)
-        self.socket.linger = 0
-        self.socket.bind(ENDPOINT)
+        self._socket = context.socket(zmq.ROUTER)
+        self._socket.linger = 0
+        self._socket.bind(ZAP_ADDRESS)
 
     @property
-    def clients(self) -> dict[str, int]:
-        """Who is connected to the stream, who was refused so far anywhere, and the limit: for the statistics."""
-        return {
-            "connected": self._crowds[b"stream"].size(time.monotonic()),
-            "refused": self.refused,
-            "limit": self._limit,
-        }
+    def sockets(self) -> list[zmq.Socket[bytes]]:
+        """Sockets to poll for reading, before `handle` is called."""
+        return [self._socket, *self._watched]
 
-    def watch(self, socket: "zmq.Socket[bytes]") -> "zmq.Socket[bytes]":
-        """Count the connections of a socket that a door has prepared; call it as soon as it is bound.
+    @property
+    def clients(self) -> ClientsStatus:
+        """The clients of the stream, for the status."""
+        return ClientsStatus(self._connections[b"stream"].count(time.monotonic()), self.refused, self._limit)
 
-        Returns
-        -------
-        zmq.Socket
-            Readable when somebody has come or gone.
+    def watch(
+        self, socket: "zmq.Socket[bytes]", closed: "Callable[[zmq.Socket[bytes], int], None] | None" = None
+    ) -> None:
+        """Count the connections of a socket that an endpoint has prepared, as soon as it is bound.
+
+        Parameters
+        ----------
+        socket : zmq.Socket
+        closed : callable, optional
+            Called with the socket and the file descriptor of each connection that has ended.
         """
-        endpoint = f"inproc://guard.{len(self._monitors)}"
-        socket.monitor(endpoint, zmq.EVENT_ACCEPTED | zmq.EVENT_DISCONNECTED | BROKEN_OFF)
+        address = f"inproc://guard.{len(self._watched)}"
+        socket.monitor(address, zmq.EVENT_ACCEPTED | zmq.EVENT_DISCONNECTED | BROKEN_OFF)
         monitor = socket.context.socket(zmq.PAIR)
-        monitor.rcvhwm = 0  # libzmq's thread waits, with everything else it has to do, where there is no room
+        monitor.rcvhwm = 0  # if the queue were full, libzmq's thread would wait, with all its other work
         monitor.linger = 0
-        monitor.connect(endpoint)
-        self._monitors[monitor] = socket, self._crowds[cast(bytes, socket.zap_domain)]
-        return monitor
+        monitor.connect(address)
+        self._watched[monitor] = _Watched(socket, self._connections[cast(bytes, socket.zap_domain)], closed)
 
     def handle(self) -> None:
-        """Take note of who has come and gone, and answer who is at a door; not too many at a time."""
+        """Count connections, and answer clients that ask to be accepted, up to `REQUESTS_PER_TURN`."""
         self._count()
-        for _ in range(AT_A_TIME):
+        for _ in range(REQUESTS_PER_TURN):
             try:
-                frames = self.socket.recv_multipart(zmq.NOBLOCK)
+                frames = self._socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 return
-            self._count()  # who asks has come before
+            self._count()  # the connection that asks was opened before
             if len(frames) >= 4:  # else there is nothing that an answer could refer to
                 origin, _, _, request, *_ = frames
                 status = self._judge(frames[2:])
-                self.socket.send_multipart([origin, b"", b"1.0", request, status, b"", b"", b""], zmq.NOBLOCK)
+                self._socket.send_multipart([origin, b"", b"1.0", request, status, b"", b"", b""], zmq.NOBLOCK)
 
     def close(self) -> None:
-        """Let go of all sockets that are its own; closing again does nothing."""
-        for monitor, (socket, _) in self._monitors.items():
-            if not socket.closed:
-                socket.disable_monitor()
+        """Close the guard's own sockets; closing again does nothing."""
+        for monitor, watched in self._watched.items():
+            if not watched.socket.closed:
+                watched.socket.disable_monitor()
             monitor.close()
-        self._monitors.clear()
-        self.socket.close()
+        self._watched.clear()
+        self._socket.close()
 
     def _judge(self, request: Sequence[bytes]) -> bytes:
         """Decide about version, request id, domain, address, identity, mechanism and credentials."""
         if len(request) < 6 or request[0] != b"1.0":
-            return self._refuse(NOT_UNDERSTOOD, "question not understood", b"")
+            return self._refuse(NOT_UNDERSTOOD, "request not understood", b"")
         _, _, domain, address, _, mechanism, *credentials = request
-        crowd, door = self._crowds.get(domain), self._doors.get(mechanism)
-        if crowd is None or door is None or not door.admits(credentials):
-            return self._refuse(NO, "wrong credentials", address)
+        connections, endpoint = self._connections.get(domain), self._endpoints.get(mechanism)
+        if connections is None or endpoint is None or not endpoint.admits(credentials):
+            return self._refuse(REFUSE, "wrong credentials", address)
         now = time.monotonic()
-        if crowd.size(now, knocking=1) >= self._limit:
+        if connections.count(now, undecided=1) >= self._limit:
             return self._refuse(LATER, "too many clients", address)
-        crowd.admitted.append(now)
-        return YES
+        connections.admitted.append(now)
+        return ACCEPT
 
     def _refuse(self, status: bytes, reason: str, address: bytes) -> bytes:
         self.refused += 1
@@ -163,18 +176,19 @@ class Guard:
         return status
 
     def _count(self) -> None:
-        for monitor, (socket, crowd) in self._monitors.items():
-            for _ in range(EVENTS_AT_A_TIME):
+        for monitor, watched in self._watched.items():
+            for _ in range(EVENTS_PER_TURN):
                 try:
                     event = parse_monitor_message(monitor.recv_multipart(zmq.NOBLOCK))
                 except zmq.Again:
                     break
                 connection = monitor, event["value"]
                 if event["event"] == zmq.EVENT_ACCEPTED:
-                    crowd.opened[connection] = time.monotonic()
+                    watched.connections.opened[connection] = time.monotonic()
                 elif event["event"] == zmq.EVENT_DISCONNECTED:
-                    crowd.opened.pop(connection, None)
-                    self.gone(socket, event["value"])
+                    watched.connections.opened.pop(connection, None)
+                    if watched.closed is not None:
+                        watched.closed(watched.socket, event["value"])
                 elif event["event"] & BROKEN_OFF:
                     self.refused += 1
                     self._log.warning("connection without a handshake")

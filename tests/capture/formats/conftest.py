@@ -1,7 +1,22 @@
 """What the tests of several readers share."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
+
+
+def changed(document, *path, value):
+    """Return a JSON document with another value at a path, or without what is there if the value is None."""
+    document = deepcopy(document)
+    inner = document
+    for step in path[:-1]:
+        inner = inner[step]
+    if value is None:
+        del inner[path[-1]]
+    else:
+        inner[path[-1]] = value
+    return document
 
 
 @pytest.fixture

@@ -1,5 +1,4 @@
 import json
-from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,8 @@ from capture.formats import azure_json
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
+
+from . import conftest
 
 JOINTS32 = """
 PELVIS SPINE_NAVEL SPINE_CHEST NECK
@@ -95,15 +96,7 @@ def test_confidence_levels(tmp_path: Path, wrapped: bool) -> None:
 
 
 def changed(*path: object, value: object) -> object:
-    content = deepcopy(document([body()], [body(2), body(3)]))
-    inner: object = content
-    for step in path[:-1]:
-        inner = inner[step]  # type: ignore[index]
-    if value is None:
-        del inner[path[-1]]  # type: ignore[attr-defined]
-    else:
-        inner[path[-1]] = value  # type: ignore[index]
-    return content
+    return conftest.changed(document([body()], [body(2), body(3)]), *path, value=value)
 
 
 SECOND = ("frames", 1, "bodies", 1)

@@ -118,7 +118,7 @@ def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6
 
 def ends(path: Path) -> np.ndarray:
     nodes, rows, *_ = bvh.parse(path)
-    return np.stack(bvh.forward_kinematics(nodes, rows))[:, 0]
+    return np.stack(bvh.forward_kinematics(nodes, rows)[0])[:, 0]
 
 
 def test_forward_kinematics_by_hand(tmp_path: Path) -> None:
@@ -573,3 +573,26 @@ def test_recognises_its_own_and_nothing_else(real_data: Path) -> None:
                 assert bvh.matches(path.open("rb").read(65536)) == (folder == "bvh")
     assert not bvh.matches(b"")
     assert not bvh.matches(b"HIERARCHYX\n")
+
+
+def test_the_orientation_of_a_bone_is_how_it_turns_from_the_pose_of_its_offsets(tmp_path: Path) -> None:
+    rows = random_rows()
+    (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions(unit=0.01))
+    assert clip.orientations is not None
+    for joint, end in (("elbow_left", "wrist_left"), ("hip_right", "knee_right"), ("wrist_left", "hand_left")):
+        turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX[joint]][:, [1, 2, 3, 0]])
+        along = clip.positions[:, JOINT_INDEX[end]] - clip.positions[:, JOINT_INDEX[joint]]
+        # the offsets of these bones point down in the file's axes, whatever the sensor's are
+        np.testing.assert_allclose(turns.apply([0, -1, 0]), along / np.linalg.norm(along, axis=1)[:, None], atol=1e-6)
+    assert np.isnan(clip.orientations[:, JOINT_INDEX["hand_left"]]).all()
+
+
+def test_a_forearm_that_turns_about_itself_moves_no_joint_but_its_orientation(tmp_path: Path) -> None:
+    rows = np.zeros((3, 3 + 3 * JOINT_COUNT))
+    rows[:, 3 + 3 * 6 + 1] = [0, 40, 80]  # LeftForeArm is the seventh joint, y the second channel
+    (clip,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
+    assert clip.orientations is not None
+    np.testing.assert_allclose(clip.positions, np.broadcast_to(clip.positions[0], clip.positions.shape), atol=1e-12)
+    turns = Rotation.from_quat(clip.orientations[:, JOINT_INDEX["elbow_left"]][:, [1, 2, 3, 0]])
+    angles = np.degrees((turns * turns[0].inv()).as_rotvec())
+    np.testing.assert_allclose(angles, [[0, 0, 0], [0, 40, 0], [0, 80, 0]], atol=1e-9)

@@ -173,7 +173,7 @@ def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple
     """Put node i at x = i (or as told), each the child of the one before, and say where the 20 joints then are."""
     x = [(places or {}).get(index, float(index)) for index in range(len(names))]
     tree = [(name, index - 1) for index, name in enumerate(names)]
-    points, notes = kinect_points(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
+    points, _, notes = kinect_points(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
     return dict(zip(JOINTS, points[0, :, 0].tolist(), strict=True)), notes
 
 

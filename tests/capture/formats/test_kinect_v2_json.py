@@ -1,5 +1,4 @@
 import json
-from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,8 @@ from capture.formats import kinect_v2_json
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
+
+from . import conftest
 
 
 def joint(x: float = 256, y: float = 212, z: float = 0) -> dict[str, object]:
@@ -61,15 +62,7 @@ def test_each_tracking_id_is_a_clip(tmp_path: Path) -> None:
 
 
 def changed(*path: object, value: object) -> object:
-    document = deepcopy([[body()], [body()]])
-    inner: object = document
-    for step in path[:-1]:
-        inner = inner[step]  # type: ignore[index]
-    if value is None:
-        del inner[path[-1]]  # type: ignore[attr-defined]
-    else:
-        inner[path[-1]] = value  # type: ignore[index]
-    return document
+    return conftest.changed([[body()], [body()]], *path, value=value)
 
 
 @pytest.mark.parametrize(

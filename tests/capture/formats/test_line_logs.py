@@ -1,4 +1,4 @@
-"""What holds for the readers of line and column logs together, on every real recording."""
+"""What holds for the readers of line and column logs together: where a log is cut, and on every real recording."""
 
 import importlib
 
@@ -7,6 +7,7 @@ import pytest
 
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
+from puppetline.errors import SkeletonLogError
 
 FOLDERS = {
     "utkinect": ["utkinect", "kinect_own_recording"],
@@ -28,6 +29,13 @@ METRES = {
     ("knee_right", "ankle_right"): (0.25, 0.5),
 }
 
+FRAMES = {
+    "kinect_v2_csv": lambda ticks: ",".join([str(ticks), *["0.25,0.5,2,2"] * 25]) + ",",
+    "msrc12": lambda microseconds: " ".join([str(microseconds), *["0.25 0.5 2 1"] * 20]),
+    "utkinect": lambda number: " ".join([str(number), *["0.25 0.5 2"] * 20]),
+}
+"""For each format that has a frame in a line, a line by its time."""
+
 
 def _module(name):
     return importlib.import_module(f"capture.formats.{name}")
@@ -35,6 +43,41 @@ def _module(name):
 
 def _logs(folder):
     return {log for log in folder.iterdir() if log.name != "actionLabel.txt"}
+
+
+@pytest.fixture(params=FRAMES)
+def line_log(request, tmp_path):
+    """Write a log of a format that has a frame in a line, and read it."""
+
+    def read_lines(*lines, end="\n"):
+        log = tmp_path / "log"
+        log.write_text("\n".join(lines) + end)
+        return _module(request.param).read(log, ReadOptions())
+
+    return FRAMES[request.param], read_lines
+
+
+@pytest.mark.parametrize("torn", [slice(70), slice(0)])
+def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(line_log, assert_same_frames, torn):
+    line, read = line_log
+    [whole] = read(line(1), line(4))
+    [clip] = read(line(1), line(4), line(2)[torn] or "-", end="")
+    note = "The file ends in the middle of line 3. This frame is omitted."
+    assert [text for text in clip.notes if text not in whole.notes] == [note]
+    assert_same_frames(clip, whole)
+
+
+def test_a_short_line_that_the_file_does_not_end_in_is_refused(line_log):
+    line, read = line_log
+    for lines, end in (([line(2)[:70]], "\n"), ([line(2)[:70], line(3)], "")):
+        with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
+            read(line(1), *lines, end=end)
+
+
+def test_a_log_cut_within_its_only_line_is_refused(line_log):
+    line, read = line_log
+    with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
+        read(line(1)[:70], end="")
 
 
 @pytest.mark.parametrize("name", FOLDERS)

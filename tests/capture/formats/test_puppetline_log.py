@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
-from capture.formats.puppetline_log import beginning, events, matches, read
+from capture.formats.puppetline_log import events, is_of_an_earlier_version, matches, read
 from capture.recording import HEADER
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
@@ -112,7 +112,7 @@ def test_a_recording_of_version_1_reads_as_ever(tmp_path):
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
     assert clip.notes == ("Line 3 was cut off in mid-write: left out.",)
     assert [event.time for event in events(path)] == [0.0, 2.0]
-    assert beginning(path) is None
+    assert not is_of_an_earlier_version(path)
 
 
 def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
@@ -124,7 +124,7 @@ def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
     (clip,) = read(path, ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
     assert list(events(path))[1:-1] == [Tick(0.5), Lost(1.0, 1), Cue(1.5, "mirror", {"character": "dog"})]
-    assert beginning(path) == {"a": {"b": [0.1]}}
+    assert is_of_an_earlier_version(path)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
         (b'{"t": 0, "do": 5, "arguments": {}}', "do"),
         (b'{"t": 0, "do": "mirror"}', "arguments"),
         (b'{"t": 0, "do": "mirror", "arguments": []}', "arguments"),
-        (b'{"beginning": {}}', "beginning"),
+        (b'{"beginning": {}}', "t"),
     ],
 )
 def test_a_wrong_line_of_another_kind_is_an_error_with_line_and_field(tmp_path, text, field):
@@ -145,12 +145,6 @@ def test_a_wrong_line_of_another_kind_is_an_error_with_line_and_field(tmp_path, 
     assert error_of(path).where == f"{path}, line 3, {field}"
     with pytest.raises(SkeletonLogError):
         list(events(path))
-
-
-def test_a_beginning_that_is_no_object_is_an_error(tmp_path):
-    path = log(tmp_path, HEADER, b'{"beginning": 5, "x": {}}\n', line())
-    with pytest.raises(SkeletonLogError, match="line 2, beginning: found 5"):
-        beginning(path)
 
 
 def test_a_confidence_that_is_nothing_in_single_precision_is_lost(tmp_path):
@@ -164,7 +158,11 @@ def test_a_confidence_that_is_nothing_in_single_precision_is_lost(tmp_path):
 def test_any_bytes_after_the_header_are_read_or_refused(tmp_path_factory, chunks):
     path = tmp_path_factory.getbasetemp() / "any"
     path.write_bytes(HEADER + b"".join(chunks))
-    for reader in (lambda: read(path, ReadOptions()), lambda: list(events(path)), lambda: beginning(path)):
+    for reader in (
+        lambda: read(path, ReadOptions()),
+        lambda: list(events(path)),
+        lambda: is_of_an_earlier_version(path),
+    ):
         with suppress(SkeletonLogError):
             reader()
 

@@ -55,26 +55,6 @@ def test_a_field_that_is_not_finite_is_refused(tmp_path):
         utkinect.read(_write(tmp_path, _line(1), _line("NaN")), ReadOptions())
 
 
-@pytest.mark.parametrize("torn", [_line(2)[:100], "-"])
-def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(tmp_path, assert_same_frames, torn):
-    [whole] = utkinect.read(_write(tmp_path, _line(1), _line(4)), ReadOptions())
-    [clip] = utkinect.read(_write(tmp_path, _line(1), _line(4), torn, end=""), ReadOptions())
-    note = "The file ends in the middle of line 3. This frame is omitted."
-    assert [text for text in clip.notes if text not in whole.notes] == [note]
-    assert_same_frames(clip, whole)
-
-
-def test_a_short_line_that_the_file_does_not_end_in_is_refused(tmp_path):
-    for lines, end in (([_line(2)[:100]], "\n"), ([_line(2)[:100], _line(3)], "")):
-        with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
-            utkinect.read(_write(tmp_path, _line(1), *lines, end=end), ReadOptions())
-
-
-def test_a_log_cut_within_its_only_line_is_refused(tmp_path):
-    with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
-        utkinect.read(_write(tmp_path, _line(1)[:100], end=""), ReadOptions())
-
-
 def test_a_log_without_a_tracked_frame_is_refused(tmp_path):
     with pytest.raises(SkeletonLogError, match="no tracked performer in any of 1 frames"):
         utkinect.read(_write(tmp_path, _line(1, np.zeros((20, 3)))), ReadOptions())

@@ -19,7 +19,7 @@ PATIENCE = 20.0
 class Scripted:
     """A live source that gives what a test puts into it; what is an exception is raised."""
 
-    beginning, recorded = None, False
+    recorded = False
 
     def __init__(self, name):
         self.name, self.counts, self.news = name, Counts(), []

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.fusion.walking import ENOUGH, GAP, PACE, Walk
+from capture.fusion.walking import ENOUGH, PACE, STRIDE, Walk
 from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
 
 SURE = np.ones(20, dtype=np.float32)
@@ -24,12 +24,11 @@ def walked(walk):
     return follow
 
 
-def test_what_is_walked_counts_once_the_mean_speed_is_that_of_walking(walked):
-    """The mean over 0.3 s is 1 - exp(-k / 9) m/s k frames after the start, and from the ninth on more than 0.6."""
-    counted = sum(1 - np.exp(-k / 9) for k in range(9, 30)) / 30
-    assert walked(FORWARDS) == pytest.approx(counted)
-    assert walked(-FORWARDS) == pytest.approx(-counted)
-    assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(ENOUGH - 5 + 0.6, abs=0.2)
+def test_what_is_walked_counts(walked):
+    """31 frames are three strides of ten frames each."""
+    assert walked(FORWARDS, seconds=31 / 30) == pytest.approx(1.0)
+    assert walked(-FORWARDS, seconds=31 / 30) == pytest.approx(-1.0)
+    assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(ENOUGH - 5 + 1 / 3, abs=0.2)
 
 
 def test_exchanging_the_sides_exchanges_the_ways(walked, walk):
@@ -46,7 +45,7 @@ def test_more_than_enough_is_not_kept(walked):
 
 
 def test_after_a_gap_it_begins_anew_and_who_is_not_known_says_nothing(walked, walk):
-    assert walked(FORWARDS, 0 * FORWARDS, seconds=1 / 30, pause=2 * GAP) == 0
+    assert walked(FORWARDS, 0 * FORWARDS, seconds=0.4, pause=3 * STRIDE) == 0
     body = walk.positions[0].copy()
     body[JOINT_INDEX["hip_left"]] = np.nan
     assert walked(FORWARDS, body=body) == 0

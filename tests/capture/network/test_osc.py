@@ -11,6 +11,7 @@ from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message import OscMessage
 from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.parsing.osc_types import BuildError
 
 from capture.network.osc import (
     MAX_DATAGRAM,
@@ -107,7 +108,7 @@ def test_an_array_of_any_layout_is_written_in_c_order(numbers):
 @pytest.mark.parametrize(
     ("arguments", "error"),
     [
-        ((2**31,), struct.error),
+        ((2**31,), BuildError),
         ((1e39,), OverflowError),
         (("a\0b",), ValueError),
         ((np.zeros(3),), TypeError),

@@ -93,7 +93,7 @@ def test_it_is_a_source_that_closes_twice_and_leaves_its_port_and_nothing_open()
     with warnings.catch_warnings():
         warnings.simplefilter("error", ResourceWarning)
         source = open_osc("127.0.0.1:0?units=mm")
-        assert (source.name, source.beginning, source.receive()) == ("osc:127.0.0.1:0?units=mm", None, [])
+        assert (source.name, source.receive()) == ("osc:127.0.0.1:0?units=mm", [])
         source.close()
         source.close()
         open_osc(f"{source.port}").close()

@@ -29,7 +29,7 @@ from capture.sensors.openni import (
 )
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
 from .conftest import data_of, read
@@ -249,7 +249,7 @@ def test_a_sensor_that_is_unplugged_is_an_error_and_comes_back_when_it_is_plugge
 class Onlooker:
     """Stands in for a stage: keeps what is performed."""
 
-    name, roles = "onlooker", ()
+    name, players = "onlooker", ()
 
     def __init__(self):
         self.events = []
@@ -262,7 +262,7 @@ class Onlooker:
 def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted_tracker, rng, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "library", lambda: None)
     monkeypatch.setattr(module, "MediaPipePose", lambda: scripted_tracker)
-    with closing(Line("openni:", Onlooker(), tmp_path)) as line:
+    with closing(StageRunner("openni:", Onlooker(), tmp_path)) as line:
         stage = line.stage
 
         def perform_until(what):

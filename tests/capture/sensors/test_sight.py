@@ -14,7 +14,7 @@ from capture.network.source import open_osc
 from capture.reconnecting import Reopening
 from capture.sensor_tilt import Level
 from capture.sensors import sight as sights
-from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, summary, told
+from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
@@ -239,7 +239,7 @@ class Played:
     """A source of events at times that the test tells; a stand-in, for no other one comes as fast as a test wants."""
 
     name = "played:"
-    beginning, recorded = None, False
+    recorded = False
 
     def __init__(self):
         self.counts, self.time, self.events = Counts(), 0.0, []
@@ -369,3 +369,22 @@ def test_a_recording_that_has_ended_is_over(bare):
         assert (looking.begun, looking.over) == (False, False)
         sight = until(looking, lambda _: looking.over)
         assert (looking.begun, sight.retried, set(sight.performers)) == (True, False, {1})
+
+
+def test_a_status_line_says_first_what_is_wrong_then_what_to_do_then_who_is_seen_how_well():
+    still = seen([replace(frame(0), time=number / 30) for number in range(FROZEN + 10)])
+    assert status_line(still) == (
+        f"User 1 does not move at all: {FROZEN + 10} times the very same pose came. · "
+        "See whether the sender tracks somebody, or only shows a character at rest. · "
+        f"user 1: 20 of 20 joints seen, {still.performers[1].distance:.2f} m away, 30 frames a second"
+    )
+    well = seen([frame(number, user) for number in range(20) for user in (2, 1)])
+    assert status_line(well) == " · ".join(["All is well.", told(well.performers[1]), told(well.performers[2])])
+    assert status_line(seen(listens=True, received=0, silent=12.3)) == (
+        "Nothing has come in 12 s. · "
+        "Start the sender, have it send to this machine and port, and let UDP through the firewall."
+    )
+
+
+def test_a_status_line_has_nothing_that_a_terminal_would_obey():
+    assert status_line(seen(failure="driver\x1b[2Jfail\red\n[bold]x[/]")) == "driver [2Jfail ed [bold]x[/]"

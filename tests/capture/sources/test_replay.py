@@ -51,10 +51,8 @@ def make_clip(times, user=1):
     )
 
 
-def take(path, events, state=None):
+def take(path, events):
     with Recorder(path) as recorder:
-        if state is not None:
-            recorder.write_beginning(state)
         for event in events:
             recorder.write(event)
     return path
@@ -80,7 +78,8 @@ def key(event):
 
 
 def performance():
-    """Some seconds with everything in it: a gap of a second without ticks, several events at one time."""
+    """Some seconds of a stage with everything in it: a gap of a second without ticks, several events at one time."""
+    yield Cue(100, "stage", {"characters": {"dog": {"since": 1 / 3, "user": None}}})
     for k in range(60):
         yield make_frame(100 + k / 30, user=1 + k % 2)
         if k % 10 == 7:
@@ -92,9 +91,8 @@ def performance():
 
 def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock):
     written = list(performance())
-    state = {"roles": {"dog": [1 / 3, None]}}
-    source = TakeSource.of_file("replay:take", take(tmp_path / "take", written, state))
-    assert (source.name, source.beginning, source.fileno()) == ("replay:take", state, None)
+    source = TakeSource.of_file("replay:take", take(tmp_path / "take", written))
+    assert (source.name, source.fileno()) == ("replay:take", None)
     expected = [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
     assert [key(event) for _, event in play(source, clock)] == expected
     assert (source.counts.received, source.counts.dropped, source.counts.refused) == (len(written), 0, {})
@@ -102,7 +100,7 @@ def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock)
 
 def test_each_event_comes_at_its_time_and_no_earlier(tmp_path, clock):
     start = clock.now
-    came = play(TakeSource.of_file("r", take(tmp_path / "take", performance(), {})), clock, step=0.001)
+    came = play(TakeSource.of_file("r", take(tmp_path / "take", performance())), clock, step=0.001)
     late = [moment - start - (event.time - 100) for moment, event in came]
     assert min(late) >= -1e-9
     assert max(late) <= 0.001 + 1e-9
@@ -150,7 +148,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
     written = list(performance())
     users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
     whole = len(written) + len(users)
-    source = TakeSource.of_file("r", take(tmp_path / "take", written, {}), loop=True)
+    source = TakeSource.of_file("r", take(tmp_path / "take", written), loop=True)
     came = []
     while len(came) < 3 * whole:
         came += source.receive()
@@ -187,6 +185,19 @@ def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
         came = [event for _, event in play(source, clock)]
         assert [event.time for event in came] == expected
         assert [event for event in came if isinstance(event, Tick)] == list(map(Tick, ticks))
+
+
+def test_a_take_of_an_earlier_version_plays_like_any_other_recording_and_says_so_once(tmp_path, clock, caplog):
+    frames = [as_recorded(make_frame(k / 30)) for k in range(3)]
+    old = b'{"beginning": {"version": 3, "roles": []}}\n'
+    (tmp_path / "take").write_bytes(HEADER + old + b"".join(map(encode, frames)))
+    source = TakeSource.of_file("r", tmp_path / "take", loop=True)
+    came = []
+    while len(came) < 9:
+        came += source.receive()
+        clock.now = max(clock.now, source.due())
+    assert [key(event) for event in came[:3]] == [key(frame) for frame in frames]
+    assert caplog.messages == [f"{tmp_path / 'take'}: recorded by an earlier version: performers are calibrated again"]
 
 
 def test_a_foreign_log_plays_as_it_reads(tmp_path, clock):
@@ -230,9 +241,7 @@ def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
 
 
 def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
-    source = TakeSource.of_file(
-        "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)], {}), loop=True
-    )
+    source = TakeSource.of_file("r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True)
     times = []
     while len(times) < 6:
         times += [event.time for event in source.receive() if not isinstance(event, Lost)]
@@ -261,7 +270,7 @@ def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, 
 
 def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
     far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * FARTHEST), np.ones(20, np.float32))
-    source = TakeSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far], {}))
+    source = TakeSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
     with pytest.raises(SourceError, match=r"2000 m away at second 0\.01"):
         source.receive()
@@ -281,7 +290,7 @@ def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
 
 
 def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
-    source = TakeSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * BATCH + 5), {}))
+    source = TakeSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * BATCH + 5)))
     assert [len(source.receive()) for _ in range(3)] == [BATCH, BATCH, 5]
 
 
@@ -323,7 +332,7 @@ def test_on_the_real_clock_nothing_comes_early(tmp_path):
 
 
 def test_closing_lets_go_of_the_file_and_ends_it(tmp_path, clock):
-    source = TakeSource.of_file("r", take(tmp_path / "take", performance(), {}))
+    source = TakeSource.of_file("r", take(tmp_path / "take", performance()))
     source.receive()
     source.close()
     source.close()

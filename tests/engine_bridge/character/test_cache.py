@@ -52,6 +52,19 @@ def test_arrays_are_made_once_and_then_read_back(tmp_path):
     assert [path.name for path in (tmp_path / "deep" / "er").iterdir()] == [f"{KEY}.npz"]
 
 
+def test_arrays_that_no_longer_hold_are_made_again_without_a_warning(kept, caplog):
+    asked = []
+
+    def is_current(arrays):
+        asked.append(same(arrays))
+        return len(asked) > 1
+
+    with pytest.raises(AssertionError, match="made although"):
+        recall(kept.parent, KEY, impossible, is_current)
+    assert same(recall(kept.parent, KEY, impossible, is_current))
+    assert (asked, caplog.records) == ([True, True], [])
+
+
 def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
     with pytest.raises(AssertionError, match="made although"):
         recall(tmp_path, KEY, impossible)

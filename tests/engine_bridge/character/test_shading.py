@@ -2,7 +2,6 @@ import igl
 import numpy as np
 import pytest
 
-from engine_bridge.character import shading
 from engine_bridge.character.shading import in_open_part, is_angular, shaded, unit, wrongly_wound
 from engine_bridge.character.surfaces.surface import Material, Piece, Surface
 from puppetline.errors import MeshError
@@ -173,35 +172,6 @@ def test_an_edge_is_hard_from_40_degrees_on(angle, hard):
     turn = np.radians(angle)
     ridge = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [-np.cos(turn), 0, -np.sin(turn)]])
     assert is_angular(ridge, np.array([[0, 2, 1], [0, 1, 3]])) is hard
-
-
-@pytest.mark.parametrize("case", ["smooth", "turned", "angular", "open", "faceted", "with normals"])
-def test_what_is_taken_from_the_cache_is_what_was_computed(cube, ball, tmp_path, monkeypatch, case):
-    made = cube if case == "angular" else ball
-    triangles = {"turned": turned(made.triangles, 3, 9), "open": made.triangles[:-5]}.get(case, made.triangles)
-    normals = np.where(np.arange(len(made.vertices))[:, None] % 3, made.vertices, 0) if case == "with normals" else None
-    surface = Surface([Piece("a", made.vertices, triangles, normals=normals)], faceted=case == "faceted")
-    expected = shaded(surface, case)
-    for _ in range(2):
-        found = shaded(surface, case, tmp_path)
-        assert found.notes == expected.notes
-        (one,), (other,) = found.pieces, expected.pieces
-        assert one.material == other.material
-        np.testing.assert_array_equal(one.triangles, other.triangles)
-        np.testing.assert_array_equal(one.normals, other.normals)
-        monkeypatch.setattr(shading, "weld", None)  # the second time nothing is computed
-    assert len(list(tmp_path.iterdir())) == 1
-
-
-def test_shading_with_normals_of_its_own_or_facets_is_another(ball, tmp_path):
-    smooth = Piece("a", ball.vertices, ball.triangles)
-    for surface in (
-        Surface([smooth]),
-        Surface([smooth], faceted=True),
-        Surface([Piece("a", ball.vertices, ball.triangles, normals=ball.vertices)]),
-    ):
-        shaded(surface, "ball", tmp_path)
-    assert len(list(tmp_path.iterdir())) == 3
 
 
 def test_what_has_no_direction_gets_another_or_stays_nothing():

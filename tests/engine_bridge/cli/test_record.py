@@ -37,7 +37,7 @@ class Sender:
     """A source that really waits for datagrams: each is a user's number, and 0 says that user 1 is lost."""
 
     name = "test:"
-    beginning, recorded = None, False
+    recorded = False
 
     def __init__(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -129,7 +129,7 @@ def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path
 class Failing:
     """A live source that gives some events and then fails."""
 
-    name, beginning, recorded = "openni:", None, False
+    name, recorded = "openni:", False
 
     def __init__(self, *events):
         self.counts, self._events = Counts(), list(events)

@@ -7,7 +7,7 @@ import pytest
 import zmq
 
 from engine_bridge.client.listening import describe, listen
-from engine_bridge.service.outputs.zeromq import Publisher
+from engine_bridge.service.outputs.zeromq import ZeroMqOutput
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from puppetline.errors import ServiceError
 
@@ -25,7 +25,7 @@ class Playing(threading.Thread):
     def __init__(self, characters):
         super().__init__()
         self.context = zmq.Context()
-        self.publisher = Publisher(self.context, [Open()], characters)
+        self.publisher = ZeroMqOutput(self.context, [Open()], characters)
         self.address = self.publisher.endpoints[0]
         self.characters = characters
         self.over = threading.Event()
@@ -44,7 +44,7 @@ class Playing(threading.Thread):
             self.publisher.send_due()
             sequence += 2 if sequence % 10 == 8 else 1
             for character in self.characters:
-                self.publisher.publish(
+                self.publisher.offer(
                     Frame(
                         character=character,
                         sequence=sequence,

@@ -1,5 +1,5 @@
 """A stage for the tests that play on one."""
 
-from ..service.conftest import executor, kung_fu, make_role, make_stage
+from ..service.conftest import executor, kung_fu, make_player, make_stage
 
-__all__ = ["executor", "kung_fu", "make_role", "make_stage"]
+__all__ = ["executor", "kung_fu", "make_player", "make_stage"]

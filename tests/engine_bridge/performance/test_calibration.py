@@ -61,14 +61,6 @@ def test_performers_of_the_examples_stand_still_at_the_start(name):
     assert 0.9 <= found < 1.1
 
 
-def test_a_second_set_up_from_its_memory_is_the_same(standing):
-    last = after(frames_of(standing + np.random.default_rng(2).normal(0, 0.01, (40, 20, 3))))
-    other = LastSecond()
-    other.memory = last.memory
-    np.testing.assert_array_equal(other.pose(), last.pose())
-    assert other.still() == last.still()
-
-
 def test_a_body_is_known_again_in_another_pose_and_another_body_is_not(standing, dance):
     assert same_body(standing, dance(30)[20])
     assert not same_body(standing, 0.75 * standing)

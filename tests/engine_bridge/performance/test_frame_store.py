@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.performance import frame_store
-from engine_bridge.performance.frame_store import FrameStore
+from engine_bridge.performance.frame_store import FrameStore, evenly
 from puppetline.errors import OutputError
 
 FRAMES = np.random.default_rng(0).normal(size=(50, 8, 3)).astype(np.float32)
@@ -61,3 +61,9 @@ def test_a_system_without_room_is_told(tmp_path, monkeypatch):
         FrameStore((8, 3)).append(FRAMES)
     assert refused.value.where == "the folder for temporary files"
     assert "TMPDIR" in refused.value.fix
+
+
+def test_indices_are_evenly_spread_from_the_first_to_the_last():
+    assert evenly(10, 4).tolist() == [0, 3, 6, 9]
+    assert evenly(3, 9).tolist() == [0, 1, 2]
+    assert evenly(0, 5).tolist() == []

@@ -1,11 +1,15 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from capture import body
+from capture.formats import read_log
+from capture.recording import Recorder, as_recorded
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
+from capture.timeline import resample
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting, legs_of
 from engine_bridge.puppet.puppet import RetargetTable, RootTable, SmoothingTable
@@ -82,6 +86,37 @@ def test_a_full_turn_of_a_performer_who_dances_turns_the_character_once_round(pu
     assert np.ptp(np.arctan2(motions[:, 1, 2, 0], motions[:, 1, 2, 2])) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("log", "turn", "nearness"),
+    [
+        (
+            "logs/msr_action3d_world/a17_s03_e01_skeleton3D.txt",
+            200,
+            15,
+        ),  # a serve
+        ("bvh/cmu_01_01_hops.bvh", 180, 10),
+    ],
+)
+def test_a_real_performer_who_turns_his_back_turns_the_character_as_far_without_a_flip(
+    limbed_rig, retargeting, real_data, log, turn, nearness
+):
+    (clip,) = read_log(real_data / log)
+    timeline = resample(clip)
+    left, right = (timeline.positions[:, JOINT_INDEX[f"shoulder_{side}"]] for side in ("left", "right"))
+    performers = headings(to_character_axes(left - right))
+    made, _ = retargeting(limbed_rig.puppet, timeline.positions[0])  # with the smoothing that puppets have
+    motions = [made.step(timeline.frame(number)).motions for number in range(len(performers))]
+    found = headings(np.array([motion[1, 0] for motion in motions]))  # the upper bone of the trunk
+    assert np.ptp(performers) > turn
+    assert np.abs(found - performers).max() < nearness
+    assert np.abs(np.diff(found)).max() < np.abs(np.diff(performers)).max() + 5
+
+
+def headings(left):
+    """Degrees (T,) about the upright axis of directions (T, 3) to the left, without jumps."""
+    return np.degrees(np.unwrap(np.arctan2(-left[:, 2], left[:, 0])))
+
+
 def test_handles_are_carried_by_the_trunk_and_move_against_it(puppet, retargeting, frames, standing):
     numeric = changed(puppet, retarget=RetargetTable(scale=1.0))
     nod = standing.copy()
@@ -120,26 +155,172 @@ def test_two_legs_stand_on_the_floor_unless_the_puppet_says_otherwise(puppet):
 def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_the_floor(
     puppet, retargeting, frames, standing
 ):
-    walk = np.tile(standing, (20, 1, 1)) + np.linspace(0, 1, 20)[:, None, None] * [0.5, 0, -0.8]
+    walk = np.tile(standing, (80, 1, 1)) + np.linspace(0, 1, 80)[:, None, None] * [2.0, 0, -3.2]
     made, bones = retargeting(puppet, standing)
     aims = [made.step(frame) for frame in frames(walk)]
     lengths = body.bone_lengths(standing)
     performers = lengths["knee_left"] + lengths["ankle_left"]
     characters = np.mean([bones.lengths[7:9].sum(), bones.lengths[9:11].sum()])
-    np.testing.assert_allclose(aims[-1].root[[0, 2]], characters / performers * np.array([-0.5, 0.8]), rtol=0.02)
+    np.testing.assert_allclose(aims[-1].root[[0, 2]], characters / performers * np.array([-2.0, 3.2]), rtol=0.02)
     over = [(np.append(bones.tails[b], 1) @ aims[-1].motions[b] + aims[-1].root - bones.tails[b])[1] for b in (8, 10)]
     assert min(over) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_memory_continues_where_it_was_taken(puppet, retargeting, frames, dance):
-    sequence = frames(dance(30))
-    one, _ = retargeting(puppet, sequence[0].positions)
-    other, _ = retargeting(puppet, sequence[0].positions)
-    for frame in sequence[:14]:
-        one.step(frame)
-    other.memory = one.memory
-    for frame in sequence[14:]:
-        ours, theirs = one.step(frame), other.step(frame)
-        np.testing.assert_array_equal(ours.motions, theirs.motions)
-        np.testing.assert_array_equal(ours.root, theirs.root)
-        np.testing.assert_array_equal(ours.targets, theirs.targets)
+FOREARM = """HIERARCHY
+ROOT Hips
+{
+OFFSET 0 0 0
+CHANNELS 3 Xposition Yposition Zposition
+JOINT Spine
+{
+OFFSET 0 0.25 0
+CHANNELS 0
+JOINT Neck
+{
+OFFSET 0 0.25 0
+CHANNELS 0
+JOINT Head
+{
+OFFSET 0 0.2 0
+CHANNELS 0
+}
+}
+JOINT LeftArm
+{
+OFFSET 0.18 0.23 0
+CHANNELS 0
+JOINT LeftForeArm
+{
+OFFSET 0.28 0 0
+CHANNELS 1 Xrotation
+JOINT LeftHand
+{
+OFFSET 0.25 0 0
+CHANNELS 0
+End Site
+{
+OFFSET 0.1 0 0
+}
+}
+}
+}
+JOINT RightArm
+{
+OFFSET -0.18 0.23 0
+CHANNELS 0
+JOINT RightForeArm
+{
+OFFSET -0.28 0 0
+CHANNELS 0
+JOINT RightHand
+{
+OFFSET -0.25 0 0
+CHANNELS 0
+End Site
+{
+OFFSET -0.1 0 0
+}
+}
+}
+}
+}
+JOINT LeftUpLeg
+{
+OFFSET 0.1 -0.05 0
+CHANNELS 0
+JOINT LeftLeg
+{
+OFFSET 0 -0.42 0
+CHANNELS 0
+JOINT LeftFoot
+{
+OFFSET 0 -0.42 0
+CHANNELS 0
+End Site
+{
+OFFSET 0 -0.05 0.15
+}
+}
+}
+}
+JOINT RightUpLeg
+{
+OFFSET -0.1 -0.05 0
+CHANNELS 0
+JOINT RightLeg
+{
+OFFSET 0 -0.42 0
+CHANNELS 0
+JOINT RightFoot
+{
+OFFSET 0 -0.42 0
+CHANNELS 0
+End Site
+{
+OFFSET 0 -0.05 0.15
+}
+}
+}
+}
+}
+"""
+"""A body in a T-pose whose left forearm can turn about itself."""
+
+
+@pytest.fixture(scope="module")
+def twisted(tmp_path_factory):
+    """The left forearm turns by 150° about itself within a second and stays so for another one."""
+    log = tmp_path_factory.mktemp("log") / "forearm.bvh"
+    angles = np.concatenate([np.linspace(0, 150, 31), np.full(30, 150.0)])
+    rows = [f"0 0 0 {angle}" for angle in angles.tolist()]
+    log.write_text("\n".join([FOREARM + "MOTION", f"Frames: {len(rows)}", f"Frame Time: {1 / 30}", *rows, ""]))
+    (clip,) = read_log(log)
+    return clip
+
+
+def forearm_turns(made, puppet, frames):
+    """The rotation vectors (T, 3) of the left forearm since the first frame, as a mirroring puppet has it too."""
+    side = "right" if puppet.retarget.mirror else "left"
+    bone = next(
+        number
+        for number, joints in enumerate(
+            pair[0] for limb in puppet.limbs for pair in itertools.pairwise(j[0] for j in limb.joints)
+        )
+        if joints == JOINT_INDEX[f"elbow_{side}"]
+    )
+    turns = Rotation.from_matrix(np.array([made.step(frame).motions[bone, :3].T for frame in frames]))
+    return (turns * turns[0].inv()).as_rotvec()
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_a_straight_forearm_turns_about_itself_by_as_much_as_the_performers(puppet, retargeting, twisted, mirror):
+    own = changed(puppet, retarget=RetargetTable(mirror=mirror))
+    made, _ = retargeting(own, twisted.positions[0])
+    found = np.degrees(forearm_turns(made, own, twisted.frames()))
+    np.testing.assert_allclose(found[-1], [150, 0, 0], atol=0.01)
+    np.testing.assert_allclose(np.diff(found[10:30], axis=0), np.tile([5, 0, 0], (19, 1)), atol=0.1)
+    without = np.degrees(
+        forearm_turns(
+            retargeting(own, twisted.positions[0])[0], own, [replace(f, orientations=None) for f in twisted.frames()]
+        )
+    )
+    np.testing.assert_allclose(without, 0, atol=1e-6)
+
+
+def test_a_take_turns_the_forearm_as_the_performance_that_it_recorded(puppet, retargeting, twisted, tmp_path):
+    live = [as_recorded(frame) for frame in twisted.frames()]
+    with Recorder(tmp_path / "take") as recorder:
+        for frame in twisted.frames():
+            recorder.write(frame)
+    (take,) = read_log(tmp_path / "take")
+    played, again = (retargeting(puppet, live[0].positions)[0] for _ in range(2))
+    for one, other in zip(live, take.frames(), strict=True):
+        np.testing.assert_array_equal(played.step(one).motions, again.step(other).motions)
+
+
+def test_an_orientation_that_is_lost_for_a_moment_does_not_turn_the_forearm_back(puppet, retargeting, twisted):
+    made, _ = retargeting(puppet, twisted.positions[0])
+    seen = [replace(f, orientations=None if 20 <= k < 25 else f.orientations) for k, f in enumerate(twisted.frames())]
+    found = np.degrees(forearm_turns(made, puppet, seen))
+    assert np.abs(np.diff(found, axis=0)).max() < 48  # `FASTEST` a frame
+    np.testing.assert_allclose(found[-1], [150, 0, 0], atol=0.01)

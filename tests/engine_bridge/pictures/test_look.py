@@ -4,10 +4,10 @@ from PIL import ImageFont
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.sensors.sight import Reason, Sight, reasons
-from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.trackers.picture import Lens, Picture
 from engine_bridge.pictures import look
-from engine_bridge.pictures.look import GUESSED, HEIGHT, PANEL, PAPER, PERFORMERS, draw, shaded, small_panels
+from engine_bridge.pictures.look import GUESSED, HEIGHT, PANEL, PERFORMERS, draw, shaded
 
 GAP = 12
 LENS = Lens(320, 240, 262.5)
@@ -134,56 +134,3 @@ def test_long_texts_are_broken_between_words_and_lose_none():
     assert all(ImageFont.load_default(15).getlength(line) <= 300 for line in lines)
     assert look._wrapped("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
     assert look._wrapped("", 15, 50) == []
-
-
-def small(sight, width, height, *, plain=False):
-    return {
-        panel.title: np.asarray(panel.image()).astype(int) for panel in small_panels(sight, width, height, plain=plain)
-    }
-
-
-@pytest.mark.parametrize(("height", "plain"), [(20, False), (34, False), (82, False), (34, True), (82, True)])
-def test_on_a_screen_of_few_pixels_the_skeleton_is_where_the_lens_sees_it_and_nowhere_else(picture, height, plain):
-    image = small(sight_of(1, picture), 400, height, plain=plain)["colour"]
-    assert image.shape == (height, round(height * 4 / 3), 3)
-    drawn = np.argwhere(np.abs(image - BLUE).max(axis=2) < 90)[:, ::-1] + 0.5
-    places = LENS.project(POSE) * height / LENS.height
-    for name, place in zip(JOINT_INDEX, places, strict=True):
-        assert np.linalg.norm(drawn - place, axis=1).min() < 1.5, name
-    bones = [places[[JOINT_INDEX[child], JOINT_INDEX[parent]]] for child, parent in PARENTS.items()]
-    along = np.concatenate([np.linspace(*bone, 50) for bone in bones])
-    assert np.linalg.norm(drawn[:, None] - along, axis=2).min(axis=1).max() < 2 + height / 40
-
-
-def test_for_few_colours_no_shades_are_drawn(picture):
-    dark = tuple(int(0.35 * value) for value in (90, 40, 140))
-    colors = {tuple(color) for color in small(sight_of(1, picture), 45, 34, plain=True)["colour"].reshape(-1, 3)}
-    assert colors == {dark, BLUE, PAPER}
-
-
-@pytest.mark.parametrize(
-    ("width", "expected"),
-    [
-        (45 + 34 + 1, {"colour": (34, 45), "from above": (34, 34)}),
-        (45 + 20 + 1, {"colour": (34, 45), "from above": (34, 20)}),
-        (45 + 10, {"colour": (34, 45)}),
-        (24, {"colour": (18, 24)}),
-    ],
-)
-def test_the_view_from_above_is_drawn_where_there_is_room_beside_what_the_sensor_sees(picture, width, expected):
-    panels = small(sight_of(1, picture), width, 34)
-    assert {title: image.shape[:2] for title, image in panels.items()} == expected
-
-
-def test_depth_is_shown_on_a_screen_of_few_pixels_where_there_is_no_colour(picture):
-    blind = Picture(0.0, LENS, None, picture.depth)
-    assert list(small(sight_of(1, blind), 80, 34)) == ["depth, violet where there is none", "from above"]
-
-
-def test_a_small_view_stands_still_while_somebody_moves_on_the_spot():
-    moved = POSE + np.array([0.02, 0, 0.02])
-    assert (np.floor(2 * moved.min(axis=0)) == np.floor(2 * POSE.min(axis=0))).all()
-    before, after = small(sight_of(), 80, 34), small(sight_of(pose=moved), 80, 34)
-    for title, image in before.items():
-        for edge in np.s_[:, :8], np.s_[:, -8:]:  # where nobody is
-            np.testing.assert_array_equal(image[edge], after[title][edge], title)

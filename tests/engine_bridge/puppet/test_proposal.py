@@ -70,7 +70,7 @@ REAL = {
     "homer_6k.obj": PERSON,
     "human_crane_10k.obj": PERSON,
     "makehuman_base.obj": PERSON,
-    "armadillo.obj": {**PERSON, "head": "turn", **TAIL},
+    "armadillo.obj": {**PERSON, **NECK, "head": "turn", **TAIL},
     "dinosaur_14k.obj": {**TURNING, **TAIL},
     "dog_10k.off": {**FOUR_LEGGED, **NECK, **TAIL},
     "cat_7k.obj": {**FOUR_LEGGED, **NECK, **TAIL},
@@ -286,7 +286,8 @@ def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
     assert {limb.follow for limb in tables.values()} == {"turn"}
     assert tables["left front leg"].driven_by == tables["left wing"].driven_by == ARM
     assert tables["left hind leg"].driven_by == LEG
-    assert {name: limb.gain for name, limb in tables.items() if limb.gain != 1} == {"neck": 0.5, "tail": -0.7}
+    gains = {name: limb.gain for name, limb in tables.items() if limb.gain != 1}
+    assert gains == {"neck": 0.5, "tail": -0.7, "left wing": 0.5}
     assert {name: limb.parent for name, limb in tables.items() if limb.parent} == {"head": "neck"}
     assert tables["neck"].driven_by == (("shoulder_center",), ("shoulder_center", "head"), ("head",))
     assert tables["tail"].driven_by == (("hip_center",), ("shoulder_center",), ("shoulder_center", "head"), ("head",))

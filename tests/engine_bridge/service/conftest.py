@@ -10,6 +10,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,18 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from capture.skeleton import JOINTS, SkeletonFrame
-from engine_bridge.service.character_player import Manner, Role
+from engine_bridge.service.character_player import CharacterPlayer, Manner
+from engine_bridge.service.monitoring.status import (
+    CharacterStatus,
+    ClientsStatus,
+    LatencyStatus,
+    OutputStatus,
+    SensorStatus,
+    ServiceStatus,
+    StageStatus,
+    Status,
+    UserStatus,
+)
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.stage import Direction, Stage
@@ -37,21 +49,21 @@ def executor():
 
 
 @pytest.fixture
-def make_role(blob_rig, executor):
-    """Give the small figure a role."""
+def make_player(blob_rig, executor):
+    """Make a player for the small figure."""
 
     def make(name="dog", manner=MANNER, idle=None, rig=blob_rig):
-        return Role(StreamedCharacter(name, rig, 1), manner, executor, idle)
+        return CharacterPlayer(StreamedCharacter(name, rig, 1), manner, executor, idle)
 
     return make
 
 
 @pytest.fixture
-def make_stage(make_role):
+def make_stage(make_player):
     """Make a stage of some characters of the same figure."""
 
     def make(names=("dog",), manner=MANNER, direction=DIRECTION, **more):
-        return Stage("stage", [make_role(name, manner, **more) for name in names], direction)
+        return Stage("stage", [make_player(name, manner, **more) for name in names], direction)
 
     return make
 
@@ -292,3 +304,45 @@ def free_port():
                 return port
 
     return find
+
+
+@pytest.fixture
+def status():
+    """A status with something in every field."""
+    return Status(
+        service=ServiceStatus(version="1.2.3", uptime=3725.5, pid=7, memory=123_000_000, cpu=0.25),
+        stages=[
+            StageStatus(
+                name="kinect",
+                source="osc:7110",
+                frames=900,
+                rate=29.97,
+                dropped=4,
+                refused={"[red]not OSC": 2, "short": 1},
+                faults=0,
+                latency_ms=LatencyStatus(p50=1.234, p95=2.5, p99=None, max=9.0),
+                users=[
+                    UserStatus(1, "performing", "dog", seen=0.02, distance=2.0, height=1.684, reach=0.6),
+                    UserStatus(5, "waiting", None, seen=1.5, distance=3.0, height=None, reach=None),
+                ],
+                sensor=SensorStatus(tilt=5.0, height=1.0, roll=0.0),
+                recording="evening",
+            )
+        ],
+        characters=[
+            CharacterStatus("dog", 1, "performing", frames=890, rate=29.9, residual=0.0123, limited=7),
+            CharacterStatus("cat", None, "waiting", frames=10, rate=0.0, residual=None, limited=0),
+        ],
+        clients=ClientsStatus(connected=3, refused=2, limit=64),
+        outputs=[
+            OutputStatus("zeromq", "tcp://127.0.0.1:7400", sent=5000, bytes=10, skipped=None, failed=0),
+            OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
+        ],
+    )
+
+
+@pytest.fixture
+def silent(status):
+    """A status without performers, characters and outputs."""
+    stage = replace(status.stages[0], latency_ms=LatencyStatus(), users=[], refused={}, recording=None)
+    return replace(status, stages=[stage], characters=[], outputs=[])

@@ -6,7 +6,7 @@ import pytest
 
 from capture.sensor_tilt import Level
 from engine_bridge.service import calibration_store
-from engine_bridge.service.character_player import Calibration
+from engine_bridge.service.performer_calibration import Calibration
 
 
 @pytest.fixture
@@ -23,27 +23,27 @@ def test_calibrations_come_back_to_the_same_character_of_the_same_source(played,
     calibration_store.write(calibration_store.known_performers({"osc:1": (stage, now)}), path)
     later = make_stage(("dog", "horse"))
     calibration_store.recall({"osc:1": (later, 1000.0)}, path)
-    [(user, (calibration, left))] = later.roles[0].remembered().items()
-    before, _ = stage.roles[0].remembered()[user]
+    [(user, (calibration, left))] = later.players[0].remembered().items()
+    before, _ = stage.players[0].remembered()[user]
     np.testing.assert_array_equal(calibration.rest, before.rest)
     assert calibration.level == before.level
     assert left == pytest.approx(1000.0, abs=1.0)
-    assert later.roles[1].remembered() == {}
+    assert later.players[1].remembered() == {}
     elsewhere = make_stage(("dog",))
     calibration_store.recall({"osc:2": (elsewhere, 1000.0)}, path)
-    assert elsewhere.roles[0].remembered() == {}
+    assert elsewhere.players[0].remembered() == {}
 
 
 def test_the_time_since_counts(make_stage, tmp_path, kung_fu):
     stage = make_stage()
-    stage.roles[0].remember({5: (Calibration(kung_fu[0].positions, Level(3.0, 1.0)), 90.0)})
+    stage.players[0].remember({5: (Calibration(kung_fu[0].positions, Level(3.0, 1.0)), 90.0)})
     known = calibration_store.known_performers({"osc:1": (stage, 100.0)})
     known["written"] = time.time() - 20.0
     path = tmp_path / "performers.json"
     calibration_store.write(known, path)
     later = make_stage()
     calibration_store.recall({"osc:1": (later, 50.0)}, path)
-    assert later.roles[0].remembered()[5][1] == pytest.approx(50.0 - 30.0, abs=1.0)
+    assert later.players[0].remembered()[5][1] == pytest.approx(50.0 - 30.0, abs=1.0)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_a_damaged_file_gives_nothing(make_stage, tmp_path, content):
     path.write_text(content)
     stage = make_stage()
     calibration_store.recall({"osc:1": (stage, 0.0)}, path)
-    assert stage.roles[0].remembered() == {}
+    assert stage.players[0].remembered() == {}
 
 
 def test_what_is_kept_is_json(played, tmp_path):

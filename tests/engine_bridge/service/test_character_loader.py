@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.service.character_loader import Cast
+from engine_bridge.service.character_loader import CharacterLoader
 from engine_bridge.service.service_file import from_flags
 from puppetline.errors import PuppetlineError
 
@@ -19,8 +19,8 @@ def cast(blob_puppet, tmp_path, executor):
         (tmp_path / mesh.name).write_bytes(mesh.read_bytes() if mesh_bytes is None else mesh_bytes)
         (tmp_path / "dog.toml").write_text(text.replace(old, new) if old else text)
         settings = from_flags(("osc:0",), (Path("dog.toml"),), {"ease": 0.5}, {}, rest or {})
-        [[role]] = Cast(settings, tmp_path, executor).load()
-        return role
+        [[player]] = CharacterLoader(settings, tmp_path, executor).load()
+        return player
 
     return load
 

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from capture.recording import Recorder
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.character_player import Manner, Role
+from engine_bridge.service.character_player import CharacterPlayer, Manner
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import STATES
 from engine_bridge.service.stage import Direction, Stage
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
+from engine_bridge.service.states import STATES
 
 SAID = re.compile(
     r"frame (?P<frame>\d+), (?P<state>\w+), \d+ a second, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n"
@@ -90,8 +90,10 @@ def log(puppet, kung_fu):
 def line(puppet, baked, log, executor):
     """The same recording, played here."""
     rig = load_rig(puppet)
-    role = Role(StreamedCharacter("parts", rig, 1, LiveBasis.load(baked, rig)), Manner(calibrate="at_once"), executor)
-    playing = Line(f"replay:{log}", Stage("stage", [role], Direction()), log.parent)
+    player = CharacterPlayer(
+        StreamedCharacter("parts", rig, 1, LiveBasis.load(baked, rig)), Manner(calibrate="at_once"), executor
+    )
+    playing = StageRunner(f"replay:{log}", Stage("stage", [player], Direction()), log.parent)
     yield playing
     playing.close()
 

@@ -113,7 +113,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
         raise OSError(19, "No such device")
 
     monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
-    monkeypatch.setattr(discovery, "RETRY", 0.01)
+    monkeypatch.setattr(discovery, "RETRY_SECONDS", 0.01)
     with caplog.at_level(logging.WARNING):
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
         while len(tried) < 3:
@@ -129,7 +129,7 @@ def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, mo
 def test_a_network_that_comes_up_later_is_noticed(monkeypatch, port):
     addresses = ["127.0.0.1"]
     monkeypatch.setattr(discovery, "_own_addresses", lambda: list(addresses))
-    monkeypatch.setattr(discovery, "RETRY", 0.05)
+    monkeypatch.setattr(discovery, "RETRY_SECONDS", 0.05)
     with closing(Announcement("*", port, port + 1, "NULL", ["dog"])):
         assert wait_for(port).addresses == ("127.0.0.1",)
         addresses.insert(0, "127.0.0.2")

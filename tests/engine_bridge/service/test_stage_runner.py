@@ -11,7 +11,7 @@ from capture.formats import read_log
 from capture.recording import Recorder
 from capture.source import Silence
 from engine_bridge.service.character_player import Manner
-from engine_bridge.service.stage_runner import Line
+from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import ServiceError, SourceError
 
 
@@ -38,7 +38,7 @@ def short(tmp_path, kung_fu):
 
 
 def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, make_stage, tmp_path, kung_fu):
-    line = Line(short, make_stage(), tmp_path)
+    line = StageRunner(short, make_stage(), tmp_path)
     run(line, until=lambda: isinstance(line.source.inner, Silence))
     assert line.skeletons == 10
     frames = run(line, seconds=1.0)
@@ -49,7 +49,7 @@ def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, 
 
 
 def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_fu):
-    line = Line(sender.uri, make_stage(), tmp_path)
+    line = StageRunner(sender.uri, make_stage(), tmp_path)
 
     def fail():
         raise SourceError("osc", found="a fault", expected="none", fix="None.")
@@ -64,7 +64,7 @@ def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_
 
 
 def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
-    line = Line(sender.uri, make_stage(), tmp_path)
+    line = StageRunner(sender.uri, make_stage(), tmp_path)
     line.source.inner.close()
     line.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
     line.take_in()
@@ -79,7 +79,7 @@ def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
 
 def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_path, sender, kung_fu, caplog):
     caplog.set_level("INFO")
-    line = Line(sender.uri, make_stage(), tmp_path)
+    line = StageRunner(sender.uri, make_stage(), tmp_path)
     trouble = SourceError("osc", found="x", expected="y", fix="z")
     for _ in range(3):
         line.source.inner.receive = lambda: (_ for _ in ()).throw(trouble)
@@ -93,7 +93,7 @@ def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_p
 
 
 def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting(make_stage, tmp_path, sender):
-    line = Line(sender.uri, make_stage(), tmp_path)
+    line = StageRunner(sender.uri, make_stage(), tmp_path)
     sender.raw(b"garbage!")
     run(line, until=lambda: sum(line.source.counts.refused.values()) == 1)
 
@@ -109,7 +109,7 @@ def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting
 
 
 def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp_path, sender, kung_fu, moved):
-    line = Line(sender.uri, make_stage(manner=Manner(calibrate="at_once")), tmp_path)
+    line = StageRunner(sender.uri, make_stage(manner=Manner(calibrate="at_once")), tmp_path)
     line.start_recording(tmp_path / "take.log")
     start = time.monotonic()
     given = []
@@ -126,7 +126,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
         if k % 20 == 10:
             live += line.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     line.stop_recording().close()
-    again = Line("replay:take.log", make_stage(), tmp_path)
+    again = StageRunner("replay:take.log", make_stage(), tmp_path)
     replayed = run(again, until=lambda: isinstance(again.source.inner, Silence))
     replayed = [frame for frame in replayed if frame.time <= live[-1].time]
     assert len(live) == len(replayed)
@@ -136,21 +136,68 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
         each.close()
 
 
-def test_a_damaged_beginning_is_told(make_stage, tmp_path, short, kung_fu):
-    line = Line(short, make_stage(), tmp_path)
-    run(line, until=lambda: line.skeletons == 3)
+def recorded_from_the_middle(make_stage, tmp_path, kung_fu):
+    """Record a take, from before the performer is calibrated on, and return the calibration."""
+    with Recorder(tmp_path / "log") as recorder:
+        for frame in kung_fu[:90]:
+            recorder.write(frame)
+    line = StageRunner("replay:log", make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons >= 20)
     line.start_recording(tmp_path / "take.log")
-    run(line, until=lambda: line.skeletons == 10)
+    run(line, until=lambda: line.skeletons == 90)
+    [player] = line.stage.players
     line.close()
+    return player.calibration
+
+
+def test_a_take_uses_the_calibration_that_was_used_though_its_still_second_began_before(make_stage, tmp_path, kung_fu):
+    calibration = recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    [player] = line.stage.players
+    frames = run(line, until=lambda: line.skeletons >= 60)
+    assert frames[-1].state == "performing"
+    np.testing.assert_array_equal(player.calibration.rest, calibration.rest)
+    line.close()
+
+
+def test_as_soon_as_somebody_has_a_say_a_take_is_like_any_other_recording(make_stage, tmp_path, kung_fu):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log?loop", make_stage(), tmp_path)
+    [player] = line.stage.players
+    run(line, until=lambda: line.skeletons >= 5)
+    line.cue("mirror", on=True)
+    run(line, until=lambda: line.skeletons >= 60)
+    assert player.calibration is None  # and nobody stood still for a second since
+    run(line, until=lambda: line.skeletons >= 80)  # the second pass
+    assert player.mirror
+    line.close()
+
+
+def test_a_take_plays_on_when_its_characters_are_loaded_again(make_stage, make_player, tmp_path, kung_fu):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    run(line, until=lambda: line.skeletons >= 60)
+    assert line.stage.players[0].state == "performing"
+    line.replace_players([make_player("dog")])
+    run(line, until=lambda: line.stage.players[0].state == "performing")
+    line.close()
+
+
+def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(make_stage, tmp_path, kung_fu, caplog):
+    recorded_from_the_middle(make_stage, tmp_path, kung_fu)
     text = (tmp_path / "take.log").read_text()
-    (tmp_path / "take.log").write_text(text.replace('"cast": [1]', '"cast": [1, 2]'))
-    with pytest.raises(SourceError, match="a damaged beginning"):
-        Line("replay:take.log", make_stage(), tmp_path)
+    (tmp_path / "take.log").write_text(text.replace('"people": "each"', '"peoples": "each"'))
+    line = StageRunner("replay:take.log", make_stage(), tmp_path)
+    frames = run(line, until=lambda: line.skeletons >= 65)
+    assert caplog.messages == ["an event was refused"]
+    assert "a take with a damaged beginning" in caplog.records[0].fields["why"]
+    assert frames[-1].state == "performing"
+    line.close()
 
 
 def test_a_fault_costs_one_event(short, make_stage, tmp_path):
     stage = make_stage()
-    line = Line(short, stage, tmp_path)
+    line = StageRunner(short, stage, tmp_path)
     step, calls = stage.step, []
 
     def stumbling(event, received):
@@ -166,7 +213,7 @@ def test_a_fault_costs_one_event(short, make_stage, tmp_path):
 
 
 def test_a_take_ends_where_the_disk_is_full_and_the_stage_goes_on(short, make_stage, tmp_path):
-    line = Line(short, make_stage(), tmp_path)
+    line = StageRunner(short, make_stage(), tmp_path)
     line.start_recording(tmp_path / "take.log")
     line._recorder._file.close()
     line._recorder._file = Path("/dev/full").open("ab", buffering=0)  # noqa: SIM115 - the line closes it
@@ -177,7 +224,7 @@ def test_a_take_ends_where_the_disk_is_full_and_the_stage_goes_on(short, make_st
 
 
 def test_a_take_of_a_line_is_a_skeleton_log(short, make_stage, tmp_path, kung_fu):
-    line = Line(short, make_stage(), tmp_path)
+    line = StageRunner(short, make_stage(), tmp_path)
     line.start_recording(tmp_path / "take.log")
     assert line.recording == "take"
     run(line, until=lambda: line.skeletons == 10)

@@ -17,7 +17,7 @@ def test_a_take_lies_in_the_folder_under_its_name(tmp_path):
     assert path == tmp_path / "takes" / "a-1_B.log"
     path.write_bytes(b"123")
     assert [(take["name"], take["bytes"]) for take in takes.all()] == [("a-1_B", 3)]
-    with pytest.raises(ServiceError, match="there is a take"):
+    with pytest.raises(ServiceError, match="the name of an existing take"):
         takes.new("a-1_B", "stage")
 
 
@@ -27,7 +27,7 @@ def test_without_a_name_it_is_called_by_stage_and_time(tmp_path):
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):
     (tmp_path / "takes").write_text("")
-    with pytest.raises(OutputError, match="cannot be made"):
+    with pytest.raises(OutputError, match="cannot be created"):
         Takes(tmp_path / "takes" / "deeper").new("a", "stage")
 
 

@@ -2,7 +2,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from engine_bridge.service.user_assignment import FOR_A_WHILE, NEARER, Casting
+from engine_bridge.service.user_assignment import NEARER_METRES, NEARER_SECONDS, UserAssignment
 
 USERS = st.integers(1, 6)
 POLICIES = ("each", "nearest", "queue")
@@ -14,41 +14,41 @@ class People(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.time = 0.0
-        self.castings = {policy: Casting(policy, 5.0, [None, None]) for policy in POLICIES}
+        self.assignments = {policy: UserAssignment(policy, 5.0, [None, None]) for policy in POLICIES}
 
     @rule(user=USERS, distance=st.floats(0.5, 5.0), seconds=st.floats(0.0, 3.0))
     def see(self, user, distance, seconds):
         self.time += seconds
-        for casting in self.castings.values():
-            casting.see(user, self.time, distance)
-            casting.recast(self.time)
+        for assignment in self.assignments.values():
+            assignment.see(user, self.time, distance)
+            assignment.assign(self.time)
 
     @rule(user=USERS)
     def go(self, user):
-        for casting in self.castings.values():
-            casting.gone(user)
-            casting.recast(self.time)
+        for assignment in self.assignments.values():
+            assignment.gone(user)
+            assignment.assign(self.time)
 
-    @precondition(lambda self: self.castings["each"].present)
+    @precondition(lambda self: self.assignments["each"].present)
     @rule(data=st.data(), character=st.integers(0, 1))
     def choose(self, data, character):
-        user = data.draw(st.sampled_from(sorted(self.castings["each"].present)))
-        for casting in self.castings.values():
-            casting.choose(character, user, self.time)
-            assert casting.cast[character] == user
-            casting.recast(self.time)
+        user = data.draw(st.sampled_from(sorted(self.assignments["each"].present)))
+        for assignment in self.assignments.values():
+            assignment.choose(character, user, self.time)
+            assert assignment.performers[character] == user
+            assignment.assign(self.time)
 
     @invariant()
     def who_plays_is_there_and_plays_one_character(self):
-        for casting in self.castings.values():
-            playing = [user for user in casting.cast if user is not None]
-            assert set(playing) <= casting.present.keys()
+        for assignment in self.assignments.values():
+            playing = [user for user in assignment.performers if user is not None]
+            assert set(playing) <= assignment.present.keys()
             assert len(set(playing)) == len(playing)
 
     @invariant()
     def no_character_is_free_while_somebody_waits(self):
-        for casting in self.castings.values():
-            assert (casting.cast.count(None) == 0) or set(casting.cast) >= casting.present.keys()
+        for assignment in self.assignments.values():
+            assert (assignment.performers.count(None) == 0) or set(assignment.performers) >= assignment.present.keys()
 
 
 TestPeople = People.TestCase
@@ -56,35 +56,35 @@ TestPeople.settings = settings(max_examples=60, stateful_step_count=40, deadline
 
 
 def test_turns_go_round():
-    casting = Casting("queue", 10.0, [None])
+    assignment = UserAssignment("queue", 10.0, [None])
     played = []
     for second in range(60):
         for user in (1, 2, 3):
-            casting.see(user, float(second), 2.0)
-        casting.recast(float(second))
-        played.append(casting.cast[0])
+            assignment.see(user, float(second), 2.0)
+        assignment.assign(float(second))
+        played.append(assignment.performers[0])
     assert played == [1] * 10 + [2] * 10 + [3] * 10 + [1] * 10 + [2] * 10 + [3] * 10
 
 
 def test_somebody_alone_plays_as_long_as_they_like():
-    casting = Casting("queue", 10.0, [None])
+    assignment = UserAssignment("queue", 10.0, [None])
     for second in range(60):
-        casting.see(1, float(second), 2.0)
-        casting.recast(float(second))
-        assert casting.cast == [1]
+        assignment.see(1, float(second), 2.0)
+        assignment.assign(float(second))
+        assert assignment.performers == [1]
 
 
 def test_the_nearest_takes_over_after_a_while_and_nobody_who_passes_by():
-    casting = Casting("nearest", 0.0, [None])
+    assignment = UserAssignment("nearest", 0.0, [None])
     changes = []
     for k in range(400):
         time = k / 10
-        casting.see(1, time, 3.0)
-        passing = 10 <= time < 10 + 0.6 * FOR_A_WHILE
+        assignment.see(1, time, 3.0)
+        passing = 10 <= time < 10 + 0.6 * NEARER_SECONDS
         if time >= 5:
-            casting.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER)
-        casting.recast(time)
-        if casting.cast[0] == 2 and not changes:
+            assignment.see(2, time, 2.0 if passing or time >= 20 else 3.0 - 0.5 * NEARER_METRES)
+        assignment.assign(time)
+        if assignment.performers[0] == 2 and not changes:
             changes.append(time)
     [change] = changes
-    assert 20 + FOR_A_WHILE <= change < 22
+    assert 20 + NEARER_SECONDS <= change < 22

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.service.protocol.header import STATES, Kind
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.payloads import decode
+from engine_bridge.service.states import STATES
 
 from .conftest import array
 

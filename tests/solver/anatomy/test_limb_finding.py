@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 from puppetline.examples.characters import biped
@@ -124,6 +126,70 @@ def test_a_raised_hand_is_no_head(solver_mesh):
     np.testing.assert_allclose(limbs["head"][-1], (0, 1.88, 0.02), atol=0.1)
     np.testing.assert_allclose(limbs["right arm"][-1], (-0.12, 2.2, 0.05), atol=0.1)
     np.testing.assert_allclose(limbs["left arm"][-1], HAND, atol=0.12)
+
+
+def test_a_long_stride_has_two_legs(solver_mesh):
+    stride = [((0.15, 0.85, 0.0), (0.17, 0.1, 0.45), 0.07), ((-0.15, 0.85, 0.0), (-0.17, 0.1, -0.45), 0.07)]
+    limbs = found(solver_mesh([*BODY, SKULL, *both(*ARM), *stride]))
+    assert list(limbs) == PERSON
+    np.testing.assert_allclose(limbs["left leg"][-1], (0.17, 0.08, 0.47), atol=0.1)
+    np.testing.assert_allclose(limbs["right leg"][-1], (-0.17, 0.08, -0.47), atol=0.1)
+
+
+def test_ears_above_all_are_no_head(solver_mesh):
+    body = [((0.0, 0.4, -0.3), (0.0, 0.5, 0.0), 0.45), ((0.0, 1.1, 0.4), (0.0, 1.15, 0.4), 0.35)]
+    ears = both(((0.1, 1.4, 0.4), (0.35, 2.5, 0.4), 0.08))
+    limbs = find_limbs(solver_mesh([*body, *ears], 0.05), np.eye(3))
+    assert list(limbs.points) == ["trunk", "head"]
+    np.testing.assert_allclose(limbs.points["head"][-1], (0, 1.3, 0.4), atol=0.3)
+
+
+def test_a_doubtful_head_is_said(solver_mesh):
+    two_heads = [
+        limb
+        for x, y, z in ((0.25, 1.7, 0.0), (-0.2, 1.82, -0.25))
+        for limb in [((0.0, 1.3, 0.0), (x, y - 0.05, z), 0.07), ((x, y, z), (x, y + 0.04, z + 0.02), 0.13)]
+    ]
+    limbs = find_limbs(solver_mesh([BODY[0], *two_heads, *both(*ARM, *LEG)]), np.eye(3))
+    said = re.fullmatch(
+        r"The head could be at (\S+) or at (\S+): the first was taken. If that is wrong: --limb 'head=(\S+)'",
+        next(note for note in limbs.notes if note.startswith("The head")),
+    )
+    first, second, given = (np.array(place.split(","), float) for place in said.groups())
+    np.testing.assert_allclose(second, given)
+    np.testing.assert_allclose([first[0], second[0]], [0.25, -0.25], atol=0.15)
+    other = find_limbs(solver_mesh([BODY[0], *two_heads, *both(*ARM, *LEG)]), np.eye(3), {"head": given})
+    assert other.points["head"][-1][0] < -0.2
+    assert not [note for note in other.notes if note.startswith("The head")]
+
+
+def test_arms_in_the_body_go_straight_to_where_the_user_says(solver_mesh):
+    body = [*BODY, SKULL, *both(*LEG), *both(((0.1, 1.35, 0.0), (0.12, 0.95, 0.0), 0.16))]
+    hand = np.array([0.22, 0.95, 0.1])
+    ends = {"left arm": hand, "right arm": hand * IMAGE}
+    limbs = find_limbs(solver_mesh(body), np.eye(3), ends).points
+    arm = limbs["left arm"]
+    np.testing.assert_allclose(arm[-1], hand, atol=0.04)
+    np.testing.assert_allclose(np.linalg.norm(np.cross(arm - arm[0], arm[-1] - arm[0]), axis=1), 0, atol=1e-9)
+    assert 0.1 < arm[0][0] < 0.28
+    assert 1.15 < arm[0][1] < 1.5
+    np.testing.assert_allclose(limbs["right arm"], arm * IMAGE, atol=0.05)
+
+
+def test_six_legs_are_four_that_follow_and_two_that_are_left(solver_mesh):
+    insect = [((0.0, 0.5, -0.9), (0.0, 0.5, 0.35), 0.18), ((0.0, 0.5, 0.55), (0.0, 0.5, 0.6), 0.16)]
+    knees = [
+        ((0.55, 0.75, z + reach / 2), (1.0, 0.03, z + reach)) for z, reach in ((0.3, 0.45), (0.1, 0), (-0.1, -0.45))
+    ]
+    legs = [
+        bone
+        for z, (knee, foot) in zip((0.3, 0.1, -0.1), knees, strict=True)
+        for bone in both(((0.1, 0.45, z), knee, 0.03), (knee, foot, 0.03))
+    ]
+    limbs = found(solver_mesh([*insect, *legs], 0.03))
+    assert limbs.keys() - {"tail"} == {"trunk", "head", *FOUR_LEGGED}  # its hind part may count as a tail
+    np.testing.assert_allclose(limbs["left front leg"][-1], (1, 0, 0.75), atol=0.1)
+    np.testing.assert_allclose(limbs["left hind leg"][-1], (1, 0, -0.55), atol=0.1)
 
 
 def test_a_tail_on_the_ground_is_no_foot_and_no_head(solver_mesh):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from solver.anatomy import orientation
-from solver.surface.mesh import SolverMesh
+from solver.surface.mesh import SolverMesh, weld
 
 TURNS = [
     turned
@@ -113,6 +113,25 @@ def test_a_shape_that_says_nothing_keeps_the_convention_of_gltf():
         "the front is not clear from the shape: taken as z",
         "1.8 units tall: metres",
     )
+
+
+@pytest.mark.parametrize("ground", [0.0, 0.5])
+def test_an_insect_stands_on_its_six_legs(march_capsules, ground):
+    legs = [
+        ((side * start[0], *start[1:]), (side * end[0], *end[1:]), 0.03)
+        for side in (-1, 1)
+        for z, reach in ((0.3, 0.45), (0.1, 0.0), (-0.1, -0.45))
+        for start, end in (
+            ((0.1, 0.45, z), (0.55, 0.75, z + reach / 2)),
+            ((0.55, 0.75, z + reach / 2), (1.0, 0.03, z + reach)),
+        )
+    ]
+    body = [((0, 0.5, -0.9), (0, 0.5, -0.2), 0.22), ((0, 0.5, -0.1), (0, 0.5, 0.35), 0.17)]
+    head = ((0, 0.5, 0.55), (0, 0.5, 0.6), 0.16)
+    vertices, faces = march_capsules([*body, head, *legs], (-1.3, -0.3, -1.2), (1.3, 1.1, 1.1), 0.03)
+    vertices[:, 1] += ground - vertices[:, 1].min()
+    found = orientation.propose(weld(vertices, faces))
+    assert (found.up, found.front) == ("y", "z")
 
 
 def test_a_flat_figure_is_no_division_by_nothing():

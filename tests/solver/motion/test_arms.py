@@ -136,11 +136,3 @@ def test_the_space_of_the_arms_turns_with_the_body():
     here = play([hanging], space=0.4, meet=False)[0][0]
     there = play([hanging @ turn.T], space=0.4, meet=False)[0][0]
     np.testing.assert_allclose(there[:, :3], here[:, :3] @ turn.T, atol=1e-9)
-
-
-def test_a_memory_continues_where_it_was_taken():
-    poses = np.array([clapping(x) for x in np.linspace(0, 0.7, 30)])
-    one, other = character(), character()
-    play(poses[:15], both=one)
-    other[0].memory, other[1].memory = one[0].memory, one[1].memory
-    np.testing.assert_array_equal(play(poses[15:], both=one)[0], play(poses[15:], both=other)[0])

@@ -255,15 +255,11 @@ def test_bones_settle_in_the_frame_in_which_they_move(bound, creature, model, cr
         assert np.linalg.norm(found - settled, axis=1).max() < 1e-2 * creature.diagonal
 
 
-def test_memory_another_and_reset_with_bones(bound, creature_handles, creature_bones, turn):
-    handles = creature_handles[:2]
-    deformer, twin = bound(handles), bound(handles)
-    poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40, 20)]
+def test_another_and_reset_with_bones(bound, creature_handles, creature_bones, turn):
+    deformer = bound(creature_handles[:2])
+    poses = [posed(creature_bones, turn, degrees) for degrees in (10, 40)]
     first = deformer.solve(deformer.handles, poses[0])
     deformer.solve(deformer.handles, poses[1])
-    twin.memory = deformer.memory
-    expected = deformer.solve(deformer.handles, poses[2])
-    np.testing.assert_array_equal(twin.solve(twin.handles, poses[2]), expected)
     np.testing.assert_array_equal(deformer.another(4).solve(deformer.handles, poses[0]), first)
     deformer.reset()
     np.testing.assert_array_equal(deformer.solve(deformer.handles, poses[0]), first)

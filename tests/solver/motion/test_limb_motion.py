@@ -362,7 +362,10 @@ def test_an_exchange_that_lasts_is_believed_and_eased_over_to():
     motion = LimbMotion(character(T_POSE), SIDES, HANGING)
     motions = play(motion, poses)
     found = directions(motion, motions[-1])[0]
-    np.testing.assert_allclose(found, wanted(motion, CROSSED[OPPOSITE]), atol=1e-3)
+    feet = [bone for bone in range(len(found)) if motion._plan.foot[bone + 1]]  # which do not point backwards
+    np.testing.assert_allclose(
+        np.delete(found, feet, axis=0), np.delete(wanted(motion, CROSSED[OPPOSITE]), feet, axis=0), atol=1e-3
+    )
     assert largest_step(motions) < 1.2
 
 
@@ -375,17 +378,6 @@ def test_noise_of_a_single_frame_turns_no_upper_arm_faster_than_a_human():
     angles = np.arccos(np.clip((found[1:] * found[:-1]).sum(axis=1), -1, 1))
     np.testing.assert_allclose(angles[4:6], 25 * TICK, atol=1e-9)  # there, and back again
     np.testing.assert_allclose(angles[[0, 1, 2, 3, 6, 7, 8]], 0, atol=1e-6)
-
-
-def test_a_memory_continues_where_it_was_taken():
-    rng = np.random.default_rng(7)
-    poses = HANGING + np.cumsum(rng.normal(0, 0.01, (40, len(NAMES), 3)), axis=0)
-    poses[12:18, 5:8] = np.nan
-    one = LimbMotion(character(T_POSE), SIDES, HANGING)
-    play(one, poses[:15])
-    other = LimbMotion(character(T_POSE), SIDES, HANGING)
-    other.memory = one.memory
-    np.testing.assert_array_equal(play(one, poses[15:], start=0.5), play(other, poses[15:], start=0.5))
 
 
 def test_parents_come_first_whatever_the_order():
@@ -405,21 +397,35 @@ def test_the_spine_of_a_sensor_that_has_it_beside_the_hips_does_not_bend_the_bac
 
 
 def test_feet_are_level_where_the_performers_are_whatever_their_joints_are_at():
-    """The joint of this performer's foot is nearly below the ankle; it heads to the left and rises by 30°."""
+    """The joint of this performer's foot is nearly below the ankle; it heads 30° to the left and rises by 30°."""
     low = HANGING.copy()
     step = HANGING.copy()
     for side in ("left", "right"):
         low[AT[f"foot_{side}"]] = low[AT[f"ankle_{side}"]] + [0, -0.09, 0.09]
         step[AT[f"foot_{side}"]] = step[AT[f"ankle_{side}"]] + 0.1 * np.array(
-            [np.cos(np.radians(15)), -np.sin(np.radians(15)), 0]
+            [0.5 * np.cos(np.radians(15)), -np.sin(np.radians(15)), np.sqrt(0.75) * np.cos(np.radians(15))]
         )
     motion = LimbMotion(character(T_POSE), SIDES, low)
     foot = [each.name for each in motion.limbs for _ in each.points[1:]].index("left leg") + 2
-    level = directions(motion, motion.step(0.0, low, TRACKED))[0][foot]
+    level = directions(motion, play(motion, [low] * 60)[-1])[0][foot]
     rest = motion.bones.tails[foot] - motion.bones.heads[foot]
     at_rest = np.arctan2(rest[1], np.hypot(rest[0], rest[2]))
     np.testing.assert_allclose(level, [0, np.sin(at_rest), np.cos(at_rest)], atol=1e-9)
     up = at_rest + np.radians(30)
-    np.testing.assert_allclose(
-        directions(motion, motion.step(1.1, step, TRACKED))[0][foot], [np.cos(up), np.sin(up), 0], atol=1e-9
-    )
+    raised = directions(motion, play(motion, [step] * 60, start=2.0)[-1])[0][foot]
+    np.testing.assert_allclose(raised, [0.5 * np.cos(up), np.sin(up), np.sqrt(0.75) * np.cos(up)], atol=1e-9)
+
+
+@pytest.mark.parametrize("follow", ["direction", "turn"])
+def test_a_foot_whose_joint_jumps_for_a_frame_hardly_pitches(follow):
+    poses = np.array([HANGING] * 20)
+    for frame, place in ((0, [0, 0.1, 0.02]), (10, [0, 0.12, 0.0]), (15, [0, -0.1, -0.1])):
+        for side in ("left", "right"):
+            poses[frame, AT[f"foot_{side}"]] = HANGING[AT[f"ankle_{side}"]] + place
+    motion = LimbMotion(character(HANGING, follow), SIDES, HANGING)
+    motions = play(motion, poses)
+    calm = play(LimbMotion(character(HANGING, follow), SIDES, HANGING), [HANGING] * 20)
+    for bone in np.flatnonzero(motion._plan.foot) - 1:
+        angles = Rotation.from_matrix(motions[:, bone, :3] @ calm[:, bone, :3].swapaxes(1, 2)).magnitude()
+        assert angles[0] == pytest.approx(0, abs=1e-9)
+        assert np.degrees(angles.max()) < 26  # of 90° and more

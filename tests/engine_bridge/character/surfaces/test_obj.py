@@ -48,6 +48,22 @@ def test_a_corner_may_name_any_of_the_three(read, corners, has_uvs, has_normals)
     assert (piece.uvs is not None, piece.normals is not None) == (has_uvs, has_normals)
 
 
+def test_corners_leave_out_what_they_do_not_name_and_may_carry_signs(read):
+    piece = only(read(f"{SQUARE}vn 0 0 1\nf 1// +2/ -2\t0004/0/-0\n"))
+    assert piece.triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
+    first, second = read(f"{SQUARE}vn 0 0 1\nf 1 2 3\nf 4//1 3//-1 1//+1\n").pieces
+    assert (first.normals, second.normals.tolist()) == (None, [[0, 0, 1]] * 3)
+
+
+@pytest.mark.parametrize(
+    "corner", ["x", "1/2/3/", "1/2/3/4", "-", "1/-", "-/1", "1/-/1", "1.5", "1/x", "--1", "9" * 30, "1_0", "1-2"]
+)
+def test_a_corner_that_is_none_is_refused(read, corner):
+    with pytest.raises(MeshError) as error:
+        read(f"{SQUARE}f 1 2 3\nf 1 2/2 {corner} 3\n")
+    assert (error.value.where[-6:], error.value.found) == ("line 6", repr(f"1 2/2 {corner} 3"))
+
+
 def test_faces_with_and_without_texture_coordinates_become_two_pieces(read):
     surface = read(f"{SQUARE}vt 0 0\no square\nf 1/1 2/1 3/1\nf 1 3 4\n")
     bare, textured = surface.pieces

@@ -2,16 +2,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 
-from engine_bridge.character.surfaces.text import Rows, decoded, lines_of, spans, word
+from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines, parsed, spans
 from puppetline.errors import MeshError
 
 
 def rows(*texts):
-    ends = np.cumsum([len(text.encode()) for text in texts], dtype=np.int64)
-    starts = ends - [len(text.encode()) for text in texts]
-    data = np.frombuffer("".join(texts).encode(), np.uint8)
-    return Rows(Path("a.obj"), "'v x y z'", data, np.arange(5, 5 + len(texts)), starts.astype(np.int64), ends)
+    return Rows(Path("a.obj"), "'v x y z'", list(range(5, 5 + len(texts))), list(texts))
 
 
 def test_every_line_end_and_a_byte_order_mark_are_read():
@@ -28,18 +27,30 @@ def test_zero_bytes_are_refused_with_their_line():
     assert (error.value.where, error.value.found) == ("a.obj, line 3", "bytes that are not text")
 
 
-def test_lines_that_hold_something_keep_their_numbers_and_texts():
-    lines = lines_of("v 1 2  \n\n  \t\n usemtl Körper # skin\n")
-    assert len(lines) == 2
-    assert lines.numbers.tolist() == [1, 4]
-    assert [lines.text(line) for line in range(2)] == ["v 1 2  ", "usemtl Körper # skin"]
-    assert lines.words.tolist() == [word("v"), word("usemtl")]
-    assert lines.data[lines.comments[1] : lines.ends[1]].tobytes() == b"# skin"
-    assert len(lines_of("")) == len(lines_of(" \n")) == 0
+def test_lines_that_hold_something_keep_their_numbers():
+    assert list(filled_lines("v 1 2  \n\n  \t\n usemtl Körper # skin\n")) == [(1, "v 1 2"), (4, "usemtl Körper # skin")]
+    assert list(filled_lines("")) == list(filled_lines(" \n")) == []
 
 
-def test_the_lines_that_go_on_in_the_next_count_for_the_numbers_of_those_after_them():
-    assert lines_of("a\rb\n\nc\r\rd\ne", "\r").numbers.tolist() == [1, 4, 7]
+@given(some.lists(some.floats(), max_size=5), some.sampled_from("efgr"))
+def test_numbers_are_those_that_python_reads(values, form):
+    texts = [repr(value) if form == "r" else f"{value:.17{form}}" for value in values]
+    found, expected = parsed(" ".join(texts), np.float64), np.array(list(map(float, texts)))
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
+
+
+def test_signs_points_and_exponents_may_stand_where_python_has_them():
+    np.testing.assert_array_equal(
+        parsed("-0 +1. -.5 1e5\t1E-3 00012\x0b2.5e+2 1e22", np.float64), [0, 1, -0.5, 1e5, 1e-3, 12, 250, 1e22]
+    )
+
+
+@pytest.mark.parametrize("text", ["+", ".", "e5", "1e", "1e+", "--1", "1-", "0x1", "1_0", "1,5", "1-2", "1#2"])
+def test_what_is_no_number_is_refused_between_numbers(text):
+    with pytest.raises(MeshError) as error:
+        _ = rows("1 2", f"1 {text} 2", "3").numbers
+    assert (error.value.where, error.value.found) == ("a.obj, line 6", repr(f"1 {text} 2"))
 
 
 def test_a_table_is_as_wide_as_its_shortest_row():
@@ -50,8 +61,8 @@ def test_a_table_is_as_wide_as_its_shortest_row():
 
 
 def test_numbers_of_ragged_rows_come_with_their_widths():
-    values, widths = rows("1 2", "", "3 4 5").numbers
-    assert (values.tolist(), widths.tolist()) == ([1, 2, 3, 4, 5], [2, 0, 3])
+    ragged = rows("1 2", "", "3 4 5")
+    assert (ragged.numbers.tolist(), ragged.widths.tolist()) == ([1, 2, 3, 4, 5], [2, 0, 3])
 
 
 @pytest.mark.parametrize("bad", ["1 2 x", "1,0 2 3", "1_0 2 3", "0x10 2 3", "--1 2 3"])

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from engine_bridge.service.control import control_socket as control_module
 from engine_bridge.service.control.control_socket import Control, Deferred, request
 from engine_bridge.service.control.requests import ARGUMENTS, Nothing
-from engine_bridge.service.security.endpoints import NetworkSettings, doors
+from engine_bridge.service.security.endpoints import NetworkSettings, endpoints_of
 from engine_bridge.service.security.guard import Guard
 from puppetline.errors import PuppetError, ServiceError
 
@@ -36,12 +36,12 @@ class Office:
         self.context = zmq.Context()
         self.done = []
         self.deferred = []
-        (self.door,) = doors(NetworkSettings(port=0))
-        self.guard = Guard(self.context, [self.door], 64)
+        (self.endpoint,) = endpoints_of(NetworkSettings(port=0))
+        self.guard = Guard(self.context, [self.endpoint], 64)
         commands = {name: (model, self._noted(name)) for name, model in ARGUMENTS.items()}
         self.control = Control(
             self.context,
-            [self.door],
+            [self.endpoint],
             commands
             | {
                 "ping": (Nothing, lambda _: "pong"),
@@ -80,7 +80,7 @@ class Office:
 
     def _run(self):
         poller = zmq.Poller()
-        for each in (self.guard.socket, *self.control.sockets):
+        for each in (*self.guard.sockets, *self.control.sockets):
             poller.register(each, zmq.POLLIN)
         while self._open:
             poller.poll(5)
@@ -222,12 +222,12 @@ def test_who_left_before_the_answer_harms_nobody(office):
 
 
 def test_no_more_answers_wait_than_there_is_room_for(dealer, monkeypatch):
-    monkeypatch.setattr(control_module, "MOST_DEFERRED", 2)
+    monkeypatch.setattr(control_module, "MAX_DEFERRED", 2)
     for number in (0, 1, 2):
         dealer.send_json({"do": "reload", "id": number})
     refused = dealer.recv_json()
     assert_well_formed(refused)
-    assert (refused["id"], refused["error"]["found"]) == (2, "too many requests that wait")
+    assert (refused["id"], refused["error"]["found"]) == (2, "too many pending requests")
     dealer.send_json({"do": "finish", "id": 3})
     assert [dealer.recv_json()["id"] for _ in range(3)] == [3, 0, 1]
 
@@ -246,7 +246,7 @@ def test_a_refusal_is_told_to_the_client_in_its_own_words(office):
 
 @pytest.mark.parametrize("do", ["fail", "strange"])
 def test_our_own_mistakes_are_logged_and_not_told(office, caplog, do):
-    with pytest.raises(ServiceError, match="an unforeseen error") as told:
+    with pytest.raises(ServiceError, match="an internal error") as told:
         request(office.address, do)
     assert "path" not in str(told.value)
     (record,) = [each for each in caplog.records if each.name == control_module.__name__]
@@ -392,7 +392,7 @@ def test_an_answer_of_something_else_is_said(context, answer):
 
     thread = threading.Thread(target=reply)
     thread.start()
-    with pytest.raises(ServiceError, match="an answer that makes no sense"):
+    with pytest.raises(ServiceError, match="an answer that is not understood"):
         request(other.last_endpoint.decode(), "ping")
     thread.join()
     other.close(0)
@@ -403,7 +403,7 @@ def test_a_port_that_is_taken_leaves_nothing_open():
         other.bind("tcp://127.0.0.1:*")
         port = int(other.last_endpoint.rsplit(b":", 1)[1])
         with pytest.raises(zmq.ZMQError, match="in use"):
-            Control(context, doors(NetworkSettings(port=port - 1)), {})
+            Control(context, endpoints_of(NetworkSettings(port=port - 1)), {})
 
 
 def same_shape(left, right):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from engine_bridge.service.control.requests import (
     ARGUMENTS,
-    LARGEST,
+    MAX_REQUEST_BYTES,
     decode,
     encode,
     encoding_of,
@@ -64,7 +64,7 @@ def test_a_request_cut_anywhere_is_none(values):
         b'\xef\xbb\xbf{"do": "ping"}',
         '{"do": "ping"}'.encode("utf-16"),
         b'{"do": "\xff"}',
-        b'{"do": "ping"}' + b" " * LARGEST,
+        b'{"do": "ping"}' + b" " * MAX_REQUEST_BYTES,
         json.dumps(dict.fromkeys(map(str, range(17)), 1)).encode(),
         msgpack.packb({"do": "ping"}) + b"\0",
         msgpack.packb({"do": ["ping"]}),

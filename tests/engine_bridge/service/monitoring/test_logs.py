@@ -8,7 +8,7 @@ from datetime import datetime
 import pytest
 
 from engine_bridge.service.monitoring import logs
-from engine_bridge.service.monitoring.logs import MOST_WAITING, OnceASecond, beside, fields, setup
+from engine_bridge.service.monitoring.logs import MAX_QUEUED, OnceASecond, beside, fields, setup
 
 
 @pytest.fixture
@@ -137,6 +137,6 @@ def test_a_stream_that_is_stuck_costs_records_and_no_time(stream):
     stuck = Stuck()
     setup("text", stream=stuck)
     with beside():
-        for number in range(3 * MOST_WAITING):
+        for number in range(3 * MAX_QUEUED):
             logging.getLogger("engine_bridge.service.test").info("event", extra=fields(number=number))
     stuck.going_on.set()

@@ -1,56 +1,20 @@
 import http.client
 import socket
+import threading
+from contextlib import ExitStack
+from dataclasses import replace
 
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from engine_bridge.service.monitoring.metrics import MetricsServer
+from engine_bridge.service.monitoring.metrics import MAX_CLIENTS, MetricsServer
 from puppetline.errors import ServiceError
-
-STATUS = {
-    "service": {"version": "1.2.3", "uptime": 3725.5, "pid": 7, "memory": 123_000_000, "cpu": 0.25},
-    "stages": [
-        {
-            "name": "kinect",
-            "source": "osc:7110",
-            "frames": 900,
-            "rate": 30.0,
-            "dropped": 4,
-            "refused": {'not "OSC"\n': 2, "short": 1},
-            "latency_ms": {"p50": 1.25, "p95": 2.5, "p99": None, "max": 9.0},
-            "users": [{"user": 1, "state": "performing", "character": "dog", "seen": 0.02}],
-            "recording": "evening",
-        }
-    ],
-    "characters": [
-        {
-            "name": "dog",
-            "performer": 1,
-            "state": "performing",
-            "frames": 890,
-            "rate": 30.0,
-            "residual": 0.5,
-            "limited": 7,
-        },
-        {
-            "name": "cat",
-            "performer": None,
-            "state": "waiting",
-            "frames": 10,
-            "rate": 0.0,
-            "residual": None,
-            "limited": 0,
-        },
-    ],
-    "clients": {"connected": 3, "refused": 2, "limit": 64},
-    "sent": {"messages": 5000, "bytes": 10},
-    "osc": [{"target": "127.0.0.1:9000", "sent": 90, "skipped": 12, "failed": 1}],
-}
 
 
 @pytest.fixture
-def server():
-    server = MetricsServer(lambda: STATUS, 0)
+def server(status):
+    stage = replace(status.stages[0], refused={'not "OSC"\n': 2, "short": 1})
+    server = MetricsServer(lambda: replace(status, stages=[stage]), 0)
     yield server
     server.close()
 
@@ -77,7 +41,8 @@ def test_prometheus_reads_the_whole_status(server):
     assert response.status == 200
     assert response.headers["Content-Type"].startswith("text/plain; version=")
     dog, cat, kinect = ("character", "dog"), ("character", "cat"), ("stage", "kinect")
-    target = ("target", "127.0.0.1:9000")
+    osc = ("target", "127.0.0.1:9000"), ("wire", "osc")
+    zeromq = ("target", "tcp://127.0.0.1:7400"), ("wire", "zeromq")
     states = {
         ("puppetline_character_state", who, ("state", state)): float(state == now)
         for who, now in ((dog, "performing"), (cat, "waiting"))
@@ -95,20 +60,22 @@ def test_prometheus_reads_the_whole_status(server):
         ("puppetline_stage_dropped_total", kinect): 4,
         ("puppetline_stage_refused_total", ("reason", 'not "OSC"\n'), kinect): 2,
         ("puppetline_stage_refused_total", ("reason", "short"), kinect): 1,
-        ("puppetline_latency_seconds", ("quantile", "0.5"), kinect): 0.00125,
+        ("puppetline_latency_seconds", ("quantile", "0.5"), kinect): pytest.approx(0.001234),
         ("puppetline_latency_seconds", ("quantile", "0.95"), kinect): 0.0025,
         ("puppetline_latency_seconds", ("quantile", "1"), kinect): 0.009,
-        ("puppetline_stage_users", kinect): 1,
+        ("puppetline_stage_users", kinect): 2,
         ("puppetline_stage_recording", kinect): 1,
         ("puppetline_character_frames_total", dog): 890,
         ("puppetline_character_frames_total", cat): 10,
-        ("puppetline_character_residual", dog): 0.5,
+        ("puppetline_character_residual", dog): 0.0123,
         ("puppetline_character_limited_frames_total", dog): 7,
-        ("puppetline_sent_messages_total",): 5000,
-        ("puppetline_sent_bytes_total",): 10,
-        ("puppetline_osc_sent_total", target): 90,
-        ("puppetline_osc_skipped_total", target): 12,
-        ("puppetline_osc_failed_total", target): 1,
+        ("puppetline_output_sent_total", *zeromq): 5000,
+        ("puppetline_output_sent_bytes_total", *zeromq): 10,
+        ("puppetline_output_failed_total", *zeromq): 0,
+        ("puppetline_output_sent_total", *osc): 90,
+        ("puppetline_output_sent_bytes_total", *osc): 2000,
+        ("puppetline_output_skipped_total", *osc): 12,
+        ("puppetline_output_failed_total", *osc): 1,
     }
 
 
@@ -126,21 +93,20 @@ def test_a_web_page_whose_name_points_here_gets_nothing(server, host):
     assert "puppetline" not in body
 
 
-def test_there_is_nothing_else(server):
-    assert ask(server.port, "/")[0].status == 404
+def test_metrics_are_only_read(server):
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
     connection.request("POST", "/metrics", body=b"x")
-    assert connection.getresponse().status == 501
+    assert connection.getresponse().status == 405
     connection.close()
 
 
-def test_it_listens_on_loopback_unless_told_otherwise(server):
+def test_it_listens_on_loopback(server):
     assert server._server.server_address == ("127.0.0.1", server.port)
 
 
-def test_a_port_that_is_taken_is_an_error_that_says_which(server):
-    with pytest.raises(ServiceError, match=f"metrics at 127.0.0.1:{server.port}: found that nothing can listen there"):
-        MetricsServer(lambda: STATUS, server.port)
+def test_a_port_that_is_taken_is_an_error_that_says_which(server, status):
+    with pytest.raises(ServiceError, match=f"metrics at 127.0.0.1:{server.port}: found a port that cannot be bound"):
+        MetricsServer(lambda: status, server.port)
 
 
 def test_garbage_and_clients_that_go_away_change_nothing(server, capfd):
@@ -151,10 +117,22 @@ def test_garbage_and_clients_that_go_away_change_nothing(server, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_port_is_free_again_when_it_is_closed():
-    server = MetricsServer(lambda: STATUS, 0)
+def test_clients_that_send_nothing_take_no_more_threads_than_there_are_and_are_closed(server):
+    before = threading.active_count()
+    with ExitStack() as clients:
+        silent = [
+            clients.enter_context(socket.create_connection(("127.0.0.1", server.port))) for _ in range(3 * MAX_CLIENTS)
+        ]
+        assert [client.recv(1) for client in silent[MAX_CLIENTS:]] == [b""] * (2 * MAX_CLIENTS)
+        assert threading.active_count() <= before + MAX_CLIENTS
+        assert [client.recv(1) for client in silent[:MAX_CLIENTS]] == [b""] * MAX_CLIENTS  # after CLIENT_SECONDS
+    assert ask(server.port)[0].status == 200
+
+
+def test_the_port_is_free_again_when_it_is_closed(status):
+    server = MetricsServer(lambda: status, 0)
     server.close()
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", server.port))
-    MetricsServer(lambda: STATUS, server.port).close()
+    MetricsServer(lambda: status, server.port).close()
     server._thread.join()

@@ -6,9 +6,11 @@ import pytest
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_message import OscMessage
 
+from capture.network.osc import encode
 from capture.skeleton import JOINTS
 from engine_bridge.export.live_basis import Projection
-from engine_bridge.service.outputs.osc import CHUNK, KINDS, SLACK, OscOutput, OscTarget, part_names
+from engine_bridge.service.monitoring.status import OutputStatus
+from engine_bridge.service.outputs.osc import CHUNK_VERTICES, EARLY_SHARE, KINDS, OscOutput, OscTable, part_names
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from puppetline.errors import ServiceError
 
@@ -52,7 +54,7 @@ def output(receiver, clock):
     made = []
 
     def make(**more):
-        made.append(OscOutput([OscTarget("127.0.0.1", receiver.getsockname()[1], **more)], clock))
+        made.append(OscOutput(OscTable(port=receiver.getsockname()[1], **more), clock))
         return made[-1]
 
     yield make
@@ -101,7 +103,7 @@ def messages(receiver):
 
 
 def test_controls_are_one_datagram_of_floats(output, receiver, dog):
-    out, frame = output(), frame_of(dog, 3)
+    out, frame = output(send=("controls",)), frame_of(dog, 3)
     out.offer(frame)
     out.send_due()
     ((address, numbers),) = messages(receiver)
@@ -111,7 +113,7 @@ def test_controls_are_one_datagram_of_floats(output, receiver, dog):
 
 
 def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, receiver, dog):
-    out = output(kinds=("morphs",))
+    out = output(send=("morphs",))
     out.offer(frame_of(dog))
     out.send_due()
     assert messages(receiver) == [
@@ -122,7 +124,7 @@ def test_morphs_are_weights_in_one_datagram_and_what_goes_with_them(output, rece
 
 
 def test_joints_that_are_known_and_handles_have_their_names_in_the_address(output, receiver, dog):
-    out, frame = output(kinds=("joints", "handles")), frame_of(dog)
+    out, frame = output(send=("joints", "handles")), frame_of(dog)
     out.offer(frame)
     out.send_due()
     got = dict(messages(receiver))
@@ -136,7 +138,7 @@ def test_joints_that_are_known_and_handles_have_their_names_in_the_address(outpu
 
 
 def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, dog):
-    out, frame = output(kinds=("vertices",)), frame_of(dog, 2**31 + 5)
+    out, frame = output(send=("vertices",)), frame_of(dog, 2**31 + 5)
     out.offer(frame)
     out.send_due()
     datagrams = received(receiver)
@@ -147,13 +149,13 @@ def test_vertices_come_in_numbered_chunks_that_fit_a_datagram(output, receiver, 
         message = OscMessage(datagram)
         sequence, chunk, chunks, first, *floats = message.params
         assert (message.address, sequence, chunk, chunks) == ("/puppetline/dog/vertices", 5, number, len(datagrams))
-        assert first == chunk * CHUNK
-        vertices[first : first + CHUNK] = np.reshape(floats, (-1, 6))
+        assert first == chunk * CHUNK_VERTICES
+        vertices[first : first + CHUNK_VERTICES] = np.reshape(floats, (-1, 6))
     np.testing.assert_array_equal(vertices, np.concatenate(frame.vertices_and_normals, axis=1))
 
 
 def test_what_a_frame_does_not_have_is_not_sent(output, receiver, dog):
-    out = output(kinds=KINDS)
+    out = output(send=KINDS)
     out.offer(frame_of(replace(dog, basis=None), joints=None, confidence=None))
     out.send_due()
     addresses = {address for address, _ in messages(receiver)}
@@ -162,7 +164,7 @@ def test_what_a_frame_does_not_have_is_not_sent(output, receiver, dog):
 
 
 def test_who_performs_is_told_when_it_changes_and_each_second(output, receiver, dog, clock):
-    out = output(kinds=("performer",), rate=100)
+    out = output(send=("performer",), rate=100)
     for step in range(251):
         out.offer(frame_of(dog, step, state="leaving" if step >= 120 else "performing", user=2 if step < 120 else None))
         out.send_due()
@@ -173,7 +175,7 @@ def test_who_performs_is_told_when_it_changes_and_each_second(output, receiver, 
 
 @pytest.mark.parametrize(("offered", "rate"), [(30, 30), (120, 30), (60, 25), (1000, 7.5), (30, 100)])
 def test_nothing_is_sent_faster_than_the_rate_and_the_newest_wins(output, receiver, dog, clock, offered, rate):
-    out = output(rate=rate, kinds=("handles",))
+    out = output(rate=rate, send=("handles",))
     sent, seconds, tick = [], 4, 0.001
     random = np.random.default_rng(3)
     frames, arrivals = 0, np.arange(offered * seconds) / offered + random.uniform(0, 0.1 / offered, offered * seconds)
@@ -190,33 +192,34 @@ def test_nothing_is_sent_faster_than_the_rate_and_the_newest_wins(output, receiv
     times = np.array([time for time, _ in sent])
     for count in (1, 5, 50):
         if len(times) > count:
-            assert (times[count:] - times[:-count] >= (count - SLACK) / rate - 1e-9).all()
+            assert (times[count:] - times[:-count] >= (count - EARLY_SHARE) / rate - 1e-9).all()
     assert len(sent) >= 0.93 * seconds * min(rate, offered)
-    (statistics,) = out.statistics
-    assert statistics["sent"] == len(sent)
-    assert statistics["skipped"] == frames - len(sent) - (out.due() < float("inf"))
+    assert out.statistics.sent == len(sent)
+    assert out.statistics.skipped == frames - len(sent) - (out.due() < float("inf"))
 
 
 def test_the_turns_of_characters_and_targets_are_their_own(receiver, dog, clock):
     port = receiver.getsockname()[1]
     cat = replace(dog, name="cat")
     targets = [
-        OscTarget("127.0.0.1", port, kinds=("handles",)),
-        OscTarget("127.0.0.1", port, kinds=("handles",), characters=("cat",), rate=1),
+        OscTable(port=port, send=("handles",)),
+        OscTable(port=port, send=("handles",), characters=("cat",), rate=1),
     ]
-    out = OscOutput(targets, clock)
+    outputs = [OscOutput(target, clock) for target in targets]
     for _ in range(2):
-        for character in (dog, cat):
-            out.offer(frame_of(character))
-        out.send_due()
+        for out in outputs:
+            for character in (dog, cat):
+                out.offer(frame_of(character))
+            out.send_due()
         clock.now += 0.5
-    out.close()
+    for out in outputs:
+        out.close()
     counts = [address.split("/")[2] for address, _ in messages(receiver) if address.endswith("head")]
     assert sorted(counts) == ["cat"] * 3 + ["dog"] * 2
 
 
 def test_nothing_is_computed_before_it_is_sent(output, dog):
-    out, frame = output(kinds=("controls",)), frame_of(dog)
+    out, frame = output(send=("controls",)), frame_of(dog)
     out.offer(frame)
     assert "controls" not in vars(frame)
     out.offer(frame_of(dog))
@@ -225,16 +228,16 @@ def test_nothing_is_computed_before_it_is_sent(output, dog):
 
 
 def test_errors_are_counted_and_the_next_frame_is_another_try(output, receiver, dog, clock):
-    out = output(kinds=("controls",))
+    out = output(send=("controls",))
     many = replace(frame_of(dog))
     many.__dict__["controls"] = np.zeros((2000, 3, 4), dtype=np.float32)  # no datagram is so large
     out.offer(many)
     out.send_due()
-    assert (out.statistics[0]["sent"], out.statistics[0]["failed"]) == (0, 1)
+    assert (out.statistics.sent, out.statistics.failed) == (0, 1)
     clock.now += 1
     out.offer(frame_of(dog))
     out.send_due()
-    assert (out.statistics[0]["sent"], out.statistics[0]["failed"]) == (1, 1)
+    assert (out.statistics.sent, out.statistics.failed) == (1, 1)
     assert len(received(receiver)) == 1
 
 
@@ -242,18 +245,25 @@ def test_nobody_need_be_there(dog, clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
-    out = OscOutput([OscTarget("localhost", port)], clock)
+    out = OscOutput(OscTable(host="localhost", port=port, send=("performer",)), clock)
     for step in range(5):
         clock.now += 1
         out.offer(frame_of(dog, step))
         out.send_due()
     out.close()
-    assert out.statistics == [{"target": f"localhost:{port}", "sent": 5, "skipped": 0, "failed": 0}]
+    assert out.statistics == OutputStatus(
+        "osc",
+        f"localhost:{port}",
+        sent=5,
+        bytes=5 * len(encode("/puppetline/dog/performer", "performing", 2)),
+        skipped=0,
+        failed=0,
+    )
 
 
 def test_a_name_that_nobody_knows_is_said_at_once():
-    with pytest.raises(ServiceError, match="nobody knows"):
-        OscOutput([OscTarget("no-such-machine.invalid", 9000)])
+    with pytest.raises(ServiceError, match="an unknown name"):
+        OscOutput(OscTable(host="no-such-machine.invalid", port=9000))
 
 
 def test_names_in_addresses_hold_nothing_that_osc_forbids_and_differ():
@@ -270,7 +280,7 @@ def test_a_whole_network_can_be_a_target(dog, clock):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as heard:
         heard.bind(("", 0))
         heard.settimeout(5)
-        out = OscOutput([OscTarget("127.255.255.255", heard.getsockname()[1], kinds=("performer",))], clock)
+        out = OscOutput(OscTable(host="127.255.255.255", port=heard.getsockname()[1], send=("performer",)), clock)
         out.offer(frame_of(dog, 0))
         out.send_due()
         assert heard.recv(1000).startswith(b"/puppetline/")

@@ -3,10 +3,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine_bridge.service.outputs.subscriptions import (
-    ANSWER_EVERY,
-    ANSWER_RATE,
-    MOST_PENDING,
-    MOST_REMEMBERED,
+    ANSWER_BYTES_PER_SECOND,
+    ANSWER_SECONDS,
+    MAX_PENDING,
+    MAX_SUBSCRIPTIONS,
     Answers,
     Subscriptions,
 )
@@ -73,7 +73,7 @@ def test_what_nothing_can_match_is_not_kept(made, prefix):
 
 
 def test_what_is_kept_for_later_has_a_limit_and_what_is_there_has_always_room(made):
-    for number in range(MOST_REMEMBERED + 10):
+    for number in range(MAX_SUBSCRIPTIONS + 10):
         made.add(b"later%d/controls" % number, 1, [DOG])
     assert made.ignored == 10
     made.add(DOG[:13], 2, [DOG])
@@ -98,7 +98,7 @@ def test_an_answer_is_given_at_once_and_the_next_one_a_second_later():
     assert answers.take(5.0) == DOG
     answers.given(DOG, 100, 5.0)
     answers.ask(DOG, 5.2)
-    assert answers.due() == 5.0 + ANSWER_EVERY
+    assert answers.due() == 5.0 + ANSWER_SECONDS
     assert answers.take(5.9) is None
     assert answers.take(6.0) == DOG
     assert answers.due() == float("inf")
@@ -116,7 +116,7 @@ def test_another_topic_need_not_wait_longer_than_the_bytes_take():
     answers = Answers()
     answers.ask(DOG, 0.0)
     answers.ask(CAT, 0.0)
-    answers.given(answers.take(0.0), int(ANSWER_RATE / 10), 0.0)
+    answers.given(answers.take(0.0), int(ANSWER_BYTES_PER_SECOND / 10), 0.0)
     assert answers.take(0.09) is None
     assert answers.due() == pytest.approx(0.1)
     assert answers.take(0.11) == CAT
@@ -124,6 +124,6 @@ def test_another_topic_need_not_wait_longer_than_the_bytes_take():
 
 def test_the_list_has_an_end():
     answers = Answers()
-    taken = [answers.ask(b"%d" % number, 0.0) for number in range(MOST_PENDING + 5)]
-    assert sum(taken) == MOST_PENDING
+    taken = [answers.ask(b"%d" % number, 0.0) for number in range(MAX_PENDING + 5)]
+    assert sum(taken) == MAX_PENDING
     assert answers.ask(b"0", 0.0)

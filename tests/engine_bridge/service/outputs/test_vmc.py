@@ -14,8 +14,8 @@ from capture.network.source import open_vmc
 from capture.skeleton import JOINT_INDEX, LOST, SkeletonFrame, to_character_axes
 from engine_bridge.performance.retargeting import PERFORMER
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.outputs.osc import OscOutput, OscTarget
-from engine_bridge.service.outputs.vmc import MOST, datagrams
+from engine_bridge.service.outputs.osc import OscOutput, OscTable
+from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
@@ -111,9 +111,9 @@ def bones(sent):
 
 def test_a_frame_is_bundles_that_travel_in_one_piece_and_say_all_that_the_protocol_wants(figure, frame_of):
     sent = list(datagrams(frame_of(still(figure), root=(2.0, 0.0, -1.0)), 12.5))
-    assert all(len(datagram) <= MOST and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
+    assert all(len(datagram) <= DATAGRAM_BYTES and OscBundle.dgram_is_bundle(datagram) for datagram in sent)
     assert len(sent) == 2
-    assert sum(map(len, sent)) > MOST
+    assert sum(map(len, sent)) > DATAGRAM_BYTES
     read = messages(sent)
     assert read[:3] == [
         ("/VMC/Ext/OK", [1, 3, 0, 1]),
@@ -170,7 +170,7 @@ def test_what_reads_vmc_gets_the_directions_of_the_characters_bones_back(figure,
     motion = LimbMotion(figure.rig.puppet.limbs, PERFORMER, np.full((20, 3), np.nan))
     source = open_vmc("127.0.0.1:0")
     clock = [0.0]
-    output = OscOutput([OscTarget("127.0.0.1", source.port, 1000, ("vmc",))], lambda: clock[0])
+    output = OscOutput(OscTable(host="127.0.0.1", port=source.port, rate=1000, send=("vmc",)), lambda: clock[0])
     try:
         seen = 0
         for number, performed in enumerate(kung_fu[30:180:5]):
@@ -205,8 +205,8 @@ def test_the_clock_is_the_senders_and_the_rate_is_kept(figure, frame_of):
         receiver.bind(("127.0.0.1", 0))
         receiver.setblocking(False)
         clock = [5000.0]
-        target = OscTarget("127.0.0.1", receiver.getsockname()[1], 10, ("vmc", "performer"))
-        output = OscOutput([target], lambda: clock[0])
+        target = OscTable(host="127.0.0.1", port=receiver.getsockname()[1], rate=10, send=("vmc", "performer"))
+        output = OscOutput(target, lambda: clock[0])
         for number in range(60):
             output.offer(frame_of(still(figure), number))
             output.send_due()
@@ -253,7 +253,7 @@ def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service
             calibrated, latest, apart = [], {}, 180.0
             while apart > 2 and time.monotonic() < give_up:
                 sent = [receiver.recv(65536)]
-                assert len(sent[0]) <= MOST
+                assert len(sent[0]) <= DATAGRAM_BYTES
                 calibrated += [values for address, values in messages(sent) if address == "/VMC/Ext/OK"]
                 latest |= bones(sent)
                 if len(latest) == 19:

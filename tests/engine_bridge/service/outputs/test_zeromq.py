@@ -14,13 +14,13 @@ import zmq
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from engine_bridge.service.outputs.subscriptions import MOST_REMEMBERED
-from engine_bridge.service.outputs.zeromq import AT_A_TIME, Publisher
+from engine_bridge.service.outputs.subscriptions import MAX_SUBSCRIPTIONS
+from engine_bridge.service.outputs.zeromq import REQUESTS_PER_TURN, ZeroMqOutput
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Kind, subscription
 from engine_bridge.service.protocol.payloads import decode
 from engine_bridge.service.protocol.scene import Scene
-from engine_bridge.service.security.endpoints import Door
+from engine_bridge.service.security.endpoints import Endpoint
 from engine_bridge.service.security.guard import Guard
 
 SECONDS = 20
@@ -30,7 +30,7 @@ COMPUTED = {"controls", "vertices_and_normals", "morphs"}
 
 
 class Open:
-    """A door that stands open at any free port."""
+    """An address without credentials, at any free port."""
 
     def __init__(self, stream="tcp://127.0.0.1:*"):
         self.stream = stream
@@ -73,7 +73,7 @@ def open_publisher(context):
     made = []
 
     def open_one(*characters, doors=None, clock=time.monotonic):
-        made.append(Publisher(context, doors or [Open()], characters, clock))
+        made.append(ZeroMqOutput(context, doors or [Open()], characters, clock))
         return made[-1]
 
     yield open_one
@@ -214,7 +214,7 @@ def frame_of(character, sequence=0, **more):
 
 def test_a_late_subscriber_gets_the_scene_at_once(publisher, subscribe, dog):
     for sequence in range(5):
-        publisher.publish(frame_of(dog, sequence))
+        publisher.offer(frame_of(dog, sequence))
     received = heard(publisher, subscribe(publisher, "dog/scene"))
     assert received.topic == "dog/scene"
     assert (received.header.kind, received.header.revision) == (Kind.SCENE, 1)
@@ -249,7 +249,7 @@ def test_who_performs_is_told_when_it_changes_and_to_whoever_comes_later(publish
     early = subscribe(publisher, "dog/performer")
     serve(publisher, lambda: publisher._streams[publisher.sockets[0]].subscriptions._held)
     for sequence, (state, user) in enumerate([("waiting", None), ("waiting", None), ("calibrating", 3)]):
-        publisher.publish(frame_of(dog, sequence, state=state, user=user))
+        publisher.offer(frame_of(dog, sequence, state=state, user=user))
     told = [heard(publisher, early) for _ in range(2)]
     assert [(each.body["state"], each.body["user"]) for each in told] == [("waiting", None), ("calibrating", 3)]
     assert [each.header.sequence for each in told] == [0, 2]
@@ -257,7 +257,7 @@ def test_who_performs_is_told_when_it_changes_and_to_whoever_comes_later(publish
     assert late.body == {"character": "dog", "state": "calibrating", "user": 3, "time": 2 / 30}
 
 
-def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, dog):
+def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, dog, status, silent):
     client = subscribe(publisher, "service/characters")
     assert heard(publisher, client).body == [
         {
@@ -268,9 +268,9 @@ def test_the_service_says_whom_it_streams_and_how_it_is(publisher, subscribe, do
         }
         for name in ("dog", "cat")
     ]
-    publisher.publish_json("service/status", {"uptime": 1})
-    publisher.publish_json("service/status", {"uptime": 2})
-    assert heard(publisher, subscribe(publisher, "service/status")).body == {"uptime": 2}
+    publisher.report(status)
+    publisher.report(silent)
+    assert heard(publisher, subscribe(publisher, "service/status")).body == silent.as_json()
 
 
 def test_frames_come_to_whoever_subscribed_in_the_kinds_asked_for(publisher, subscribe, dog, cat):
@@ -278,8 +278,8 @@ def test_frames_come_to_whoever_subscribed_in_the_kinds_asked_for(publisher, sub
     wanted(publisher, "dog", Kind.CONTROLS)
     wanted(publisher, "cat", Kind.HANDLES)
     for sequence in range(3):
-        publisher.publish(frame_of(dog, sequence))
-        publisher.publish(frame_of(cat, sequence))
+        publisher.offer(frame_of(dog, sequence))
+        publisher.offer(frame_of(cat, sequence))
     got = [heard(publisher, client) for _ in range(6)]
     assert [(each.topic, each.header.sequence) for each in got] == [
         (topic, sequence) for sequence in range(3) for topic in ("dog/controls", "cat/handles")
@@ -288,7 +288,7 @@ def test_frames_come_to_whoever_subscribed_in_the_kinds_asked_for(publisher, sub
 
 def test_what_nobody_wants_is_never_computed(publisher, subscribe, dog):
     frame = frame_of(dog)
-    publisher.publish(frame)
+    publisher.offer(frame)
     assert not COMPUTED & set(vars(frame))
     client, leaving = subscribe(publisher, "dog/controls", "dog/vertices"), subscribe(publisher, "dog/vertices16")
     wanted(publisher, "dog", Kind.CONTROLS, Kind.VERTICES, Kind.VERTICES16)
@@ -296,15 +296,15 @@ def test_what_nobody_wants_is_never_computed(publisher, subscribe, dog):
     leaving.close(0)
     wanted(publisher, "dog", Kind.CONTROLS)
     frame = frame_of(dog)
-    publisher.publish(frame)
+    publisher.offer(frame)
     assert COMPUTED & set(vars(frame)) == {"controls"}
     client.close(0)
     wanted(publisher, "dog")
     frame = frame_of(dog)
-    before = publisher.messages
-    publisher.publish(frame)
+    before = publisher.statistics.sent
+    publisher.offer(frame)
     assert not COMPUTED & set(vars(frame))
-    assert publisher.messages == before
+    assert publisher.statistics.sent == before
 
 
 def test_a_subscription_without_the_zero_stands_for_everything_that_begins_so(publisher, subscribe, dog, cat):
@@ -312,7 +312,7 @@ def test_a_subscription_without_the_zero_stands_for_everything_that_begins_so(pu
     topics = {heard(publisher, everything).topic for _ in range(3)}
     assert topics == {"dog/scene", "cat/scene", "service/characters"}
     wanted(publisher, "dog", *FRAME_KINDS)
-    publisher.publish(frame_of(dog))
+    publisher.offer(frame_of(dog))
     assert [heard(publisher, everything).topic for _ in range(5)] == [
         f"dog/{kind}" for kind in ("performer", "controls", "vertices", "vertices16", "handles")
     ]
@@ -326,7 +326,7 @@ def test_two_doors_serve_their_own_clients_and_compute_once(open_publisher, subs
     made = []
     evaluate = type(dog.binding).vertices_and_normals
     monkeypatch.setattr(type(dog.binding), "vertices_and_normals", lambda *args: made.append(1) or evaluate(*args))
-    publisher.publish(frame_of(dog, joints=np.zeros((20, 3)), confidence=np.ones(20, dtype=np.float32)))
+    publisher.offer(frame_of(dog, joints=np.zeros((20, 3)), confidence=np.ones(20, dtype=np.float32)))
     assert heard(publisher, first).topic == "dog/vertices"
     assert [heard(publisher, second).topic for _ in range(2)] == ["dog/vertices", "dog/joints"]
     assert made == [1]
@@ -363,7 +363,7 @@ def test_after_a_reload_new_scenes_go_to_whoever_subscribed_to_them(publisher, s
 
 
 def test_what_was_said_of_a_character_goes_with_it(publisher, subscribe, dog, cat):
-    publisher.publish(frame_of(cat))
+    publisher.offer(frame_of(cat))
     publisher.announce([dog])
     client = subscribe(publisher, "cat/performer", "cat/scene", "dog/scene")
     assert heard(publisher, client).topic == "dog/scene"
@@ -379,7 +379,7 @@ def test_a_client_that_never_reads_costs_nobody_else_a_message(publisher, subscr
     serve(publisher, lambda: stream.subscriptions._held[subscription("dog/vertices")] == 2)
     got = []
     for sequence in range(1000):  # 35 MB, which is more than anything on the way can hold
-        publisher.publish(frame_of(dog, sequence))
+        publisher.offer(frame_of(dog, sequence))
         assert client.poll(1000 * SECONDS)
         got.append(decode(client.recv()).header.sequence)
     assert got == list(range(1000))
@@ -394,7 +394,7 @@ def test_a_client_that_wakes_up_finds_few_old_frames_and_then_the_newest(publish
     client.subscribe(subscription("dog/vertices"))
     wanted(publisher, "dog", Kind.VERTICES)
     for sequence in range(500):
-        publisher.publish(frame_of(dog, sequence))
+        publisher.offer(frame_of(dog, sequence))
         time.sleep(0.001)
     got = []
     while client.poll(200):
@@ -402,7 +402,7 @@ def test_a_client_that_wakes_up_finds_few_old_frames_and_then_the_newest(publish
     assert got == list(range(len(got)))  # what was on its way, in order; the rest was dropped, not queued
     assert len(got) < 100
     time.sleep(0.1)
-    publisher.publish(frame_of(dog, 500))
+    publisher.offer(frame_of(dog, 500))
     assert heard(publisher, client).header.sequence == 500
 
 
@@ -419,8 +419,8 @@ def test_garbage_subscriptions_are_survived_in_bounded_memory(publisher, subscri
             waiting = waiting[client.socket.send(waiting[:65536]) :]
         publisher.handle(publisher.sockets[0])
     stream = publisher._streams[publisher.sockets[0]]
-    serve(publisher, lambda: publisher.ignored >= 100_000 - MOST_REMEMBERED)
-    assert len(stream.subscriptions._held) <= MOST_REMEMBERED
+    serve(publisher, lambda: publisher.ignored >= 100_000 - MAX_SUBSCRIPTIONS)
+    assert len(stream.subscriptions._held) <= MAX_SUBSCRIPTIONS
     assert heard(publisher, subscribe(publisher, "dog/scene")).topic == "dog/scene"
 
 
@@ -447,13 +447,13 @@ def test_any_bytes_are_a_subscription_or_nothing(publisher, raw, requests):
 
 def test_a_turn_takes_only_so_many_subscriptions(publisher, raw):
     client = raw(publisher)
-    client.socket.sendall(b"\0\x04\1a b" * (3 * AT_A_TIME))
+    client.socket.sendall(b"\0\x04\1a b" * (3 * REQUESTS_PER_TURN))
     first = publisher.sockets[0]
     assert first.poll(1000 * SECONDS)
     time.sleep(0.2)
     publisher.handle(first)
-    assert publisher.ignored <= AT_A_TIME
-    serve(publisher, lambda: publisher.ignored == 3 * AT_A_TIME)
+    assert publisher.ignored <= REQUESTS_PER_TURN
+    serve(publisher, lambda: publisher.ignored == 3 * REQUESTS_PER_TURN)
 
 
 def test_nobody_can_take_away_what_others_follow(publisher, subscribe, raw, dog):
@@ -463,7 +463,7 @@ def test_nobody_can_take_away_what_others_follow(publisher, subscribe, raw, dog)
     rude.send(b"\0" + subscription("dog/controls"))
     rude.send(b"\1" + subscription("dog/handles"))
     wanted(publisher, "dog", Kind.CONTROLS, Kind.HANDLES)
-    publisher.publish(frame_of(dog))
+    publisher.offer(frame_of(dog))
     assert heard(publisher, client).topic == "dog/controls"
 
 
@@ -479,14 +479,14 @@ def test_a_client_finds_the_service_again_when_it_comes_back(open_publisher, sub
             second = open_publisher(dog, doors=[Open(endpoint)])
     assert heard(second, client).topic == "dog/scene/mine"
     wanted(second, "dog", Kind.CONTROLS)
-    second.publish(frame_of(dog))
+    second.offer(frame_of(dog))
     assert heard(second, client).topic == "dog/controls"
 
 
 def test_a_port_that_is_taken_is_said_and_nothing_stays_open(open_publisher, context, dog):
     taken = open_publisher(dog).endpoints[0]
     with pytest.raises(zmq.ZMQError) as error:
-        Publisher(context, [Open(), Open(taken)], [dog])
+        ZeroMqOutput(context, [Open(), Open(taken)], [dog])
     assert error.value.errno == zmq.EADDRINUSE
 
 
@@ -498,7 +498,7 @@ def test_closing_twice_does_nothing(publisher):
 
 def test_a_small_client_says_the_token_and_waits_to_be_let_in(open_publisher, context, raw, dog):
     token = b"a-token-of-some-length"
-    door = Door("PLAIN", "tcp://127.0.0.1:*", "tcp://127.0.0.1:*", token=token)
+    door = Endpoint("PLAIN", "tcp://127.0.0.1:*", "tcp://127.0.0.1:*", token=token)
     guard = Guard(context, [door], max_clients=4)
     publisher = open_publisher(dog, doors=[door])
 
@@ -520,7 +520,7 @@ def test_a_small_client_says_the_token_and_waits_to_be_let_in(open_publisher, co
     client.command(b"INITIATE", Raw.METADATA)
     assert answer(client)[1].startswith(b"\x05READY")
     client.send(b"\1" + subscription("dog/scene/mine"))
-    serve(publisher, lambda: publisher.messages)
+    serve(publisher, lambda: publisher.statistics.sent)
     assert client.message()[1][:15] == b"dog/scene/mine\0"
     flags, body = answer(raw(publisher, token=b"another-token-of-a-length"))
     assert (flags, body[1:5]) == (4, b"RROR")
@@ -549,7 +549,7 @@ def test_a_small_client_of_its_own_gets_whole_messages_of_one_part(publisher, ra
     assert len(body) == 128 + length
     scene = Scene.decode(body[128:])
     assert json.loads(body[132 : 132 + struct.unpack_from("<I", body, 128)[0]]) == scene.facts
-    publisher.publish(frame_of(dog, 7))
+    publisher.offer(frame_of(dog, 7))
     flags, body = client.message()
     assert body[:13] == b"dog/controls\0"
     assert struct.unpack_from("<Q", body, 64 + 16) == (7,)

@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from engine_bridge.service.protocol.header import (
-    BEFORE_PAYLOAD,
-    STATES,
+    PAYLOAD_OFFSET,
     Header,
     Kind,
     WireError,
@@ -18,6 +17,7 @@ from engine_bridge.service.protocol.header import (
     topic_field,
     write_json,
 )
+from engine_bridge.service.states import STATES
 
 HEADER = Header(
     kind=Kind.CONTROLS,
@@ -66,8 +66,8 @@ def test_a_later_minor_version_and_an_unknown_kind_are_taken():
     "message",
     [
         b"",
-        bytes(BEFORE_PAYLOAD - 1),
-        bytes(BEFORE_PAYLOAD),
+        bytes(PAYLOAD_OFFSET - 1),
+        bytes(PAYLOAD_OFFSET),
         join(b"\xc3\xa9/controls".ljust(64, b"\0"), HEADER, b"abcde"),
         join(b"x" * 64, HEADER, b"abcde"),
         join(b"dog/controls\0x".ljust(64, b"\0"), HEADER, b"abcde"),
@@ -88,7 +88,7 @@ def test_any_bytes_are_a_message_or_refused(content):
         message = split(content)
     except WireError:
         return
-    assert len(message.payload) == message.header.length <= len(content) - BEFORE_PAYLOAD
+    assert len(message.payload) == message.header.length <= len(content) - PAYLOAD_OFFSET
 
 
 def test_a_subscription_ends_with_a_zero_so_that_it_matches_nothing_longer():

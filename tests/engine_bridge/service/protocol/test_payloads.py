@@ -13,7 +13,7 @@ from engine_bridge.service.protocol import payloads
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import FRAME_KINDS, Header, Kind, WireError, join, topic, topic_field
 from engine_bridge.service.protocol.payloads import decode, encode
-from engine_bridge.service.protocol.quantisation import STEPS
+from engine_bridge.service.protocol.quantisation import BOX_STEPS
 from engine_bridge.service.protocol.scene import Scene
 from solver.motion.deformer import Deformer, to_file_units
 
@@ -135,7 +135,7 @@ def test_quantised_vertices_are_off_by_half_a_step(frame):
     expected, expected_normals = frame.vertices_and_normals
     positions, normals = decode(message(frame, Kind.VERTICES16)).body
     side = np.ptp(expected, axis=0)
-    assert (np.abs(positions - expected) <= 0.5 * side / STEPS + 1e-6).all()
+    assert (np.abs(positions - expected) <= 0.5 * side / BOX_STEPS + 1e-6).all()
     assert np.abs(normals - expected_normals).max() < 1e-4
 
 

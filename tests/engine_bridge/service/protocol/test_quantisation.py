@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from engine_bridge.service.protocol.quantisation import STEPS, normals_of, positions_of, quantised
+from engine_bridge.service.protocol.quantisation import BOX_STEPS, normals_of, positions_of, quantised
 
 COORDINATES = st.floats(-1e6, 1e6, width=32)
 FLOAT = np.finfo(np.float32)
@@ -22,13 +22,13 @@ def test_no_coordinate_is_off_by_more_than_half_a_step_and_rounding(positions):
     off = np.abs(positions_of(box, places).astype(np.float64) - positions)
     side = box[1].astype(np.float64) - box[0]
     rounding = 4 * FLOAT.eps * (np.abs(positions).max(axis=0) + side) + FLOAT.tiny
-    assert (off <= 0.5 * side / STEPS + rounding).all()
+    assert (off <= 0.5 * side / BOX_STEPS + rounding).all()
 
 
 def test_the_corners_of_the_box_are_met():
     positions = np.array([[0, -1, 5], [1, 2, 5]], dtype=np.float32)
     box, places, _ = quantised(positions, np.zeros_like(positions))
-    np.testing.assert_array_equal(places, [[0, 0, 0], [STEPS, STEPS, 0]])
+    np.testing.assert_array_equal(places, [[0, 0, 0], [BOX_STEPS, BOX_STEPS, 0]])
     np.testing.assert_array_equal(positions_of(box, places), positions)
 
 

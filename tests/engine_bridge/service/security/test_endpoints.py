@@ -9,15 +9,9 @@ from pydantic import ValidationError
 from zmq.utils import z85
 from zmq.utils.monitor import recv_monitor_message
 
-from engine_bridge.service.security import endpoints as doors_module
-from engine_bridge.service.security.endpoints import (
-    CurveTable,
-    NetworkSettings,
-    doors,
-    make_curve_keys,
-    make_token,
-    read_token,
-)
+from engine_bridge.service.security import endpoints as endpoints_module
+from engine_bridge.service.security.credentials import make_curve_keys, make_token, read_token
+from engine_bridge.service.security.endpoints import CurveTable, NetworkSettings, endpoints_of
 from puppetline import toml_schema
 from puppetline.errors import OutputError, ServiceError
 
@@ -48,44 +42,44 @@ def curve(tmp_path):
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.0.2", "127.255.255.254", "::1", "localhost", "127.1"])
 def test_a_loopback_address_needs_no_credentials(host):
-    (door,) = doors(NetworkSettings(host=host))
-    assert door.mechanism == "NULL"
-    assert door.stream.startswith(("tcp://127.", "tcp://[::1]"))
-    assert door.stream.endswith(":7400")
-    assert door.control.endswith(":7401")
+    (endpoint,) = endpoints_of(NetworkSettings(host=host))
+    assert endpoint.mechanism == "NULL"
+    assert endpoint.stream.startswith(("tcp://127.", "tcp://[::1]"))
+    assert endpoint.stream.endswith(":7400")
+    assert endpoint.control.endswith(":7401")
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "*", "0", "::", "192.168.0.7", "8.8.8.8", "fe80::1", "::ffff:127.0.0.1"])
 def test_any_other_address_needs_them(host):
     with pytest.raises(ServiceError, match="which other machines can reach, and no credentials") as told:
-        doors(NetworkSettings(host=host))
+        endpoints_of(NetworkSettings(host=host))
     assert "puppetline token FILE" in told.value.fix
 
 
 def test_a_name_counts_as_what_it_stands_for(monkeypatch):
     monkeypatch.setattr(
-        doors_module.socket, "getaddrinfo", lambda *_, **__: [(2, 1, 6, "", ("192.168.0.7", 0))]
+        endpoints_module.socket, "getaddrinfo", lambda *_, **__: [(2, 1, 6, "", ("192.168.0.7", 0))]
     )  # a resolver that the test decides on
     with pytest.raises(ServiceError, match=r"'stage\.local', which other machines can reach"):
-        doors(NetworkSettings(host="stage.local"))
-    monkeypatch.setattr(doors_module.socket, "getaddrinfo", lambda *_, **__: [(2, 1, 6, "", ("127.0.1.1", 0))])
-    assert doors(NetworkSettings(host="stage.local"))[0].stream == "tcp://127.0.1.1:7400"
+        endpoints_of(NetworkSettings(host="stage.local"))
+    monkeypatch.setattr(endpoints_module.socket, "getaddrinfo", lambda *_, **__: [(2, 1, 6, "", ("127.0.1.1", 0))])
+    assert endpoints_of(NetworkSettings(host="stage.local"))[0].stream == "tcp://127.0.1.1:7400"
 
 
 @pytest.mark.parametrize("host", ["no such host", "999.1.1.1", "a" * 70, "a..b", "127.0.0.1:80", "tcp://127.0.0.1"])
 def test_what_is_no_address_is_said(host):
     with pytest.raises(ServiceError, match="no address of this machine"):
-        doors(NetworkSettings(host=host))
+        endpoints_of(NetworkSettings(host=host))
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1"])
 def test_a_token_locks_every_address(host, token_file):
-    (door,) = doors(NetworkSettings(host=host, token_file=token_file))
+    (endpoint,) = endpoints_of(NetworkSettings(host=host, token_file=token_file))
     token = token_file.read_bytes().strip()
-    assert (door.mechanism, door.stream) == ("PLAIN", f"tcp://{host}:7400")
-    assert door.admits([b"anybody", token])
+    assert (endpoint.mechanism, endpoint.stream) == ("PLAIN", f"tcp://{host}:7400")
+    assert endpoint.admits([b"anybody", token])
     assert not any(
-        door.admits(credentials)
+        endpoint.admits(credentials)
         for credentials in (
             [],
             [token],
@@ -100,10 +94,10 @@ def test_a_token_locks_every_address(host, token_file):
 
 def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeypatch, token_file):
     monkeypatch.setenv("PUPPETLINE_TOKEN", TOKEN)
-    (door,) = doors(NetworkSettings())
-    assert door.admits([b"", TOKEN.encode()])
-    (door,) = doors(NetworkSettings(token_file=token_file))
-    assert not door.admits([b"", TOKEN.encode()])
+    (endpoint,) = endpoints_of(NetworkSettings())
+    assert endpoint.admits([b"", TOKEN.encode()])
+    (endpoint,) = endpoints_of(NetworkSettings(token_file=token_file))
+    assert not endpoint.admits([b"", TOKEN.encode()])
     assert read_token(token_file) == token_file.read_text().strip()
     assert read_token(None) == TOKEN
     monkeypatch.delenv("PUPPETLINE_TOKEN")
@@ -116,29 +110,29 @@ def test_the_token_may_come_from_the_environment_and_the_file_outdoes_it(monkeyp
 def test_a_weak_or_unsendable_token_is_refused_without_showing_it(monkeypatch, tmp_path, token):
     monkeypatch.setenv("PUPPETLINE_TOKEN", token)
     with pytest.raises(ServiceError, match="PUPPETLINE_TOKEN") as from_environment:
-        doors(NetworkSettings())
+        endpoints_of(NetworkSettings())
     path = tmp_path / "secret"
     path.write_text(token, encoding="utf-8")
     path.chmod(0o600)
     with pytest.raises(ServiceError, match="secret") as from_file:
-        doors(NetworkSettings(token_file=path))
+        endpoints_of(NetworkSettings(token_file=path))
     assert not token or not any(token in str(told.value) for told in (from_environment, from_file))
 
 
 @pytest.mark.parametrize("length", [16, 255])
 def test_tokens_of_16_to_255_characters_are_taken(monkeypatch, length):
     monkeypatch.setenv("PUPPETLINE_TOKEN", "~" * length)
-    assert doors(NetworkSettings())[0].admits([b"", b"~" * length])
+    assert endpoints_of(NetworkSettings())[0].admits([b"", b"~" * length])
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o601, 0o644])
 def test_a_token_that_others_can_read_is_refused_with_what_to_type(token_file, mode):
     token_file.chmod(mode)
-    with pytest.raises(ServiceError, match=f"mode {mode:03o}") as told:
-        doors(NetworkSettings(token_file=token_file))
+    with pytest.raises(ServiceError, match=rf"mode \({mode:03o}\)") as told:
+        endpoints_of(NetworkSettings(token_file=token_file))
     assert told.value.fix == f"Type: chmod go-rwx {token_file}"
     token_file.chmod(0o600)
-    assert doors(NetworkSettings(token_file=token_file))
+    assert endpoints_of(NetworkSettings(token_file=token_file))
 
 
 def test_files_that_are_none_are_refused_without_waiting(tmp_path):
@@ -148,7 +142,7 @@ def test_files_that_are_none_are_refused_without_waiting(tmp_path):
     (tmp_path / "long").chmod(0o600)
     for name in ("pipe", "folder", "long", "nothing"):
         with pytest.raises(ServiceError) as told:
-            doors(NetworkSettings(token_file=Path(name)), tmp_path)
+            endpoints_of(NetworkSettings(token_file=Path(name)), tmp_path)
         assert told.value.where == str(tmp_path / name)
 
 
@@ -159,7 +153,7 @@ def test_a_new_token_is_long_new_and_for_its_owner_only(tmp_path):
     assert len(one) == len(two) == 43
     assert one != two
     assert stat.S_IMODE((tmp_path / "one").stat().st_mode) == 0o600
-    with pytest.raises(OutputError, match="there already"):
+    with pytest.raises(OutputError, match="an existing file"):
         make_token(tmp_path / "one")
     assert (tmp_path / "one").read_text().strip() == one
     assert {path.name for path in tmp_path.iterdir()} == {"one", "two"}
@@ -193,16 +187,16 @@ def test_keys_that_are_there_are_not_replaced(tmp_path):
 
 def test_curve_is_a_door_of_its_own_beside_the_other(curve, token_file):
     network = NetworkSettings(host="0.0.0.0", curve=curve)
-    assert [(door.mechanism, door.stream, door.control) for door in doors(network)] == [
+    assert [(endpoint.mechanism, endpoint.stream, endpoint.control) for endpoint in endpoints_of(network)] == [
         ("CURVE", "tcp://0.0.0.0:7410", "tcp://0.0.0.0:7411")
     ]
     elsewhere = curve.model_copy(update={"host": "0.0.0.0"})
-    assert [(door.mechanism, door.stream) for door in doors(NetworkSettings(curve=elsewhere))] == [
+    assert [(endpoint.mechanism, endpoint.stream) for endpoint in endpoints_of(NetworkSettings(curve=elsewhere))] == [
         ("NULL", "tcp://127.0.0.1:7400"),
         ("CURVE", "tcp://0.0.0.0:7410"),
     ]
     both = NetworkSettings(host="::", curve=curve, token_file=token_file)
-    assert [(door.mechanism, door.stream) for door in doors(both)] == [
+    assert [(endpoint.mechanism, endpoint.stream) for endpoint in endpoints_of(both)] == [
         ("PLAIN", "tcp://[::]:7400"),
         ("CURVE", "tcp://[::]:7410"),
     ]
@@ -216,20 +210,20 @@ def test_keys_made_by_zmq_auth_are_taken(tmp_path):
         path.chmod(0o600)
     table = {"port": 7410, "key_file": "service.key_secret", "clients_folder": "clients"}
     network = toml_schema.check(NetworkSettings, {"curve": table}, "service.toml", ServiceError)
-    _, door = doors(network, tmp_path)
+    _, endpoint = endpoints_of(network, tmp_path)
     public, secret = zmq.auth.load_certificate(tmp_path / "service.key_secret")
     laptop, _ = zmq.auth.load_certificate(tmp_path / "clients" / "laptop.key")
-    assert door.secret_key == secret
-    assert door.admits([z85.decode(laptop)])
-    assert not door.admits([z85.decode(public)])
-    assert not door.admits([])
-    assert not door.admits([b"", z85.decode(laptop)])
+    assert endpoint.secret_key == secret
+    assert endpoint.admits([z85.decode(laptop)])
+    assert not endpoint.admits([z85.decode(public)])
+    assert not endpoint.admits([])
+    assert not endpoint.admits([b"", z85.decode(laptop)])
 
 
 def test_faulty_keys_are_refused_by_name(curve, tmp_path):
     def refused(name):
         with pytest.raises(ServiceError) as told:
-            doors(NetworkSettings(curve=curve))
+            endpoints_of(NetworkSettings(curve=curve))
         assert told.value.where == str(tmp_path / name)
         return str(told.value)
 
@@ -278,19 +272,19 @@ def test_settings_do_not_change():
 
 
 def test_a_door_does_not_show_its_secrets(curve, token_file):
-    shown = repr(doors(NetworkSettings(curve=curve, token_file=token_file)))
+    shown = repr(endpoints_of(NetworkSettings(curve=curve, token_file=token_file)))
     assert token_file.read_text().strip() not in shown
     assert "secret_key" not in shown
 
 
 def test_without_a_guard_nobody_comes_in():
     """libzmq itself would let in whoever comes by NULL."""
-    (door,) = doors(NetworkSettings(port=0))
+    (endpoint,) = endpoints_of(NetworkSettings(port=0))
     context = zmq.Context()
     try:
         stream = context.socket(zmq.XPUB)
-        door.prepare(stream)
-        stream.bind(door.stream)
+        endpoint.prepare(stream)
+        stream.bind(endpoint.stream)
         client = context.socket(zmq.SUB)
         monitor = client.get_monitor_socket(zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_DISCONNECTED)
         client.connect(stream.last_endpoint.decode())

@@ -4,6 +4,7 @@ import struct
 import threading
 import time
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from functools import partial
 from itertools import pairwise
 
@@ -16,10 +17,11 @@ from zmq.utils.monitor import recv_monitor_message
 
 from engine_bridge.service.control.control_socket import Control, request
 from engine_bridge.service.control.requests import Nothing
-from engine_bridge.service.security import endpoints as doors_module
+from engine_bridge.service.security import endpoints as endpoints_module
 from engine_bridge.service.security import guard as guard_module
-from engine_bridge.service.security.endpoints import CurveTable, NetworkSettings, doors, make_curve_keys
-from engine_bridge.service.security.guard import ENDPOINT, SETTLED, Guard, _Crowd
+from engine_bridge.service.security.credentials import make_curve_keys
+from engine_bridge.service.security.endpoints import CurveTable, NetworkSettings, endpoints_of
+from engine_bridge.service.security.guard import SETTLED_SECONDS, ZAP_ADDRESS, Guard, _Connections
 from puppetline.errors import ServiceError
 
 TOKEN = "Zp3-sYd_0123456789"
@@ -40,24 +42,25 @@ class House:
     """A service with a stream that never ends, a control socket and a guard, in a thread of its own."""
 
     def __init__(self, network):
-        self.doors = doors(network)
+        self.endpoints = endpoints_of(network)
         self.context = zmq.Context()
-        self.guard = Guard(self.context, self.doors, network.max_clients)
-        commands = {"ping": (Nothing, lambda _: "pong"), "clients": (Nothing, lambda _: self.guard.clients)}
-        self.control = Control(self.context, self.doors, commands)
-        self.streams = [self.context.socket(zmq.XPUB) for _ in self.doors]
-        for door, stream in zip(self.doors, self.streams, strict=True):
+        self.guard = Guard(self.context, self.endpoints, network.max_clients)
+        commands = {"ping": (Nothing, lambda _: "pong"), "clients": (Nothing, lambda _: asdict(self.guard.clients))}
+        self.control = Control(self.context, self.endpoints, commands)
+        self.streams = [self.context.socket(zmq.XPUB) for _ in self.endpoints]
+        for endpoint, stream in zip(self.endpoints, self.streams, strict=True):
             stream.linger = 0
-            door.prepare(stream)
-            stream.bind(door.stream)
-        self.monitors = [self.guard.watch(each) for each in [*self.streams, *self.control.sockets]]
+            endpoint.prepare(stream)
+            stream.bind(endpoint.stream)
+        for each in [*self.streams, *self.control.sockets]:
+            self.guard.watch(each)
         self._open = True
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self):
         poller = zmq.Poller()
-        for each in [self.guard.socket, *self.monitors, *self.streams, *self.control.sockets]:
+        for each in [*self.guard.sockets, *self.streams, *self.control.sockets]:
             poller.register(each, zmq.POLLIN)
         while self._open:
             ready = dict(poller.poll(5))
@@ -80,11 +83,11 @@ class House:
 
     def clients(self):
         """Return the guard's figures, as its own thread has them."""
-        return ask(self.control.endpoints[0], "clients", token=self.doors[0].token.decode() or None)
+        return ask(self.control.endpoints[0], "clients", token=self.endpoints[0].token.decode() or None)
 
     def address(self, mechanism):
-        """Return the stream's and the control socket's address of a door."""
-        index = [door.mechanism for door in self.doors].index(mechanism)
+        """Return the stream's and the control socket's address of a endpoint."""
+        index = [endpoint.mechanism for endpoint in self.endpoints].index(mechanism)
         return self.streams[index].last_endpoint.decode(), self.control.endpoints[index]
 
 
@@ -103,7 +106,7 @@ def keys(tmp_path):
 
 @pytest.fixture
 def network(tmp_path, keys, monkeypatch):
-    """Return settings with one of the three doors, or two."""
+    """Return settings with one of the three mechanisms, or two."""
 
     def settings_with(*mechanisms, **more):
         if "PLAIN" in mechanisms:
@@ -116,7 +119,7 @@ def network(tmp_path, keys, monkeypatch):
 
 @pytest.fixture
 def house(network):
-    """Open a service with some of the doors."""
+    """Open a service with some of the mechanisms."""
     opened = []
 
     def open_house(*mechanisms, **more):
@@ -162,7 +165,7 @@ def visit(context, keys):
 
 @pytest.fixture
 def assert_served(visit):
-    """Fail unless a good client comes in by a door and hears the stream."""
+    """Fail unless a good client comes in by a endpoint and hears the stream."""
 
     def check(house, mechanism):
         let_in, client = visit(house.address(mechanism)[0], mechanism)
@@ -183,7 +186,7 @@ def test_who_has_what_opens_the_door_is_served(house, assert_served, mechanism):
 
 
 @pytest.mark.parametrize(
-    ("door", "visitor"),
+    ("endpoint", "visitor"),
     [
         ("PLAIN", {"mechanism": "PLAIN", "token": b"another-token-of-that-length"}),
         ("PLAIN", {"mechanism": "PLAIN", "token": TOKEN.encode() + b"x"}),
@@ -202,11 +205,11 @@ def test_who_has_what_opens_the_door_is_served(house, assert_served, mechanism):
     ],
     ids=str,
 )
-def test_who_has_not_is_refused_and_the_next_is_served(house, visit, assert_served, door, visitor):
-    opened = house(door)
-    let_in, client = visit(opened.address(door)[0], **visitor)
+def test_who_has_not_is_refused_and_the_next_is_served(house, visit, assert_served, endpoint, visitor):
+    opened = house(endpoint)
+    let_in, client = visit(opened.address(endpoint)[0], **visitor)
     assert not let_in
-    assert_served(opened, door)
+    assert_served(opened, endpoint)
     assert not client.poll(0)
 
 
@@ -220,7 +223,7 @@ def test_one_doors_credentials_do_not_open_the_other(house, visit, assert_served
 def test_the_control_socket_has_the_same_lock(house):
     control = house("PLAIN").address("PLAIN")[1]
     for token in ("another-token-of-that-length", None):
-        with pytest.raises(ServiceError, match="does not let this client in") as told:
+        with pytest.raises(ServiceError, match="a service that refuses this client") as told:
             ask(control, "ping", token=token)
         assert TOKEN not in str(told.value)
     assert ask(control, "ping", token=TOKEN) == "pong"
@@ -233,7 +236,7 @@ def greeting(mechanism):
     return GREETING % mechanism.encode().ljust(20, b"\0")
 
 
-@pytest.mark.parametrize("door", ["NULL", "PLAIN", "CURVE"])
+@pytest.mark.parametrize("endpoint", ["NULL", "PLAIN", "CURVE"])
 @pytest.mark.parametrize(
     "data",
     [
@@ -258,13 +261,13 @@ def greeting(mechanism):
     ],
     ids=range(18),
 )
-def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, door, data):
-    opened = house(door)
-    for address in opened.address(door):
+def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, endpoint, data):
+    opened = house(endpoint)
+    for address in opened.address(endpoint):
         with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
             raw.sendall(data)
-            assert_served(opened, door)
-    for address in opened.address(door):  # and a byte at a time
+            assert_served(opened, endpoint)
+    for address in opened.address(endpoint):  # and a byte at a time
         with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
             raw.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_NODELAY, 1)
             try:
@@ -272,13 +275,13 @@ def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, do
                     raw.sendall(bytes([byte]))
             except ConnectionError:
                 pass
-            assert_served(opened, door)
+            assert_served(opened, endpoint)
 
 
 @pytest.mark.parametrize("hello", [b"\x00\x00", b"\x08anybody!\x00", b"\x00\x12" + TOKEN.encode()[::-1]], ids=str)
 def test_an_empty_token_opens_nothing(house, assert_served, hello, monkeypatch):
     """libzmq's own client sends none; a small one might."""
-    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)
     opened = house("PLAIN")
     for address in opened.address("PLAIN"):
         with left_open(address, greeting("PLAIN") + b"\x04" + bytes([6 + len(hello)]) + b"\x05HELLO" + hello, 1) as (
@@ -306,24 +309,24 @@ def left_open(address, data, number):
             each.close()
 
 
-@pytest.mark.parametrize("door", ["NULL", "PLAIN", "CURVE"])
+@pytest.mark.parametrize("endpoint", ["NULL", "PLAIN", "CURVE"])
 @pytest.mark.parametrize("length", [0, 1, 10, 11, 63])
-def test_handshakes_left_half_way_take_nobodys_place(house, assert_served, door, length):
-    opened = house(door, max_clients=4)
-    address, _ = opened.address(door)
-    with left_open(address, greeting(door)[:length], 30):
-        assert_served(opened, door)
+def test_handshakes_left_half_way_take_nobodys_place(house, assert_served, endpoint, length):
+    opened = house(endpoint, max_clients=4)
+    address, _ = opened.address(endpoint)
+    with left_open(address, greeting(endpoint)[:length], 30):
+        assert_served(opened, endpoint)
 
 
-@pytest.mark.parametrize("door", ["PLAIN", "CURVE"])
-def test_greetings_without_credentials_take_nobodys_place(house, assert_served, door):
-    opened = house(door, max_clients=4)
-    with left_open(opened.address(door)[0], greeting(door), 30):
-        assert_served(opened, door)
+@pytest.mark.parametrize("endpoint", ["PLAIN", "CURVE"])
+def test_greetings_without_credentials_take_nobodys_place(house, assert_served, endpoint):
+    opened = house(endpoint, max_clients=4)
+    with left_open(opened.address(endpoint)[0], greeting(endpoint), 30):
+        assert_served(opened, endpoint)
 
 
 def test_who_never_ends_the_handshake_is_cut_off_and_counted(house, monkeypatch, assert_served):
-    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)
     opened = house("PLAIN")
     with left_open(opened.address("PLAIN")[0], greeting("PLAIN"), 3) as waiting:
         for each in waiting:
@@ -334,7 +337,9 @@ def test_who_never_ends_the_handshake_is_cut_off_and_counted(house, monkeypatch,
 
 
 def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
-    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)  # what one that is turned away waits before it tries again
+    monkeypatch.setattr(
+        endpoints_module, "HANDSHAKE_SECONDS", 1.0
+    )  # what one that is turned away waits before it tries again
     opened = house("NULL")
     stream, control = opened.address("NULL")
     clients = []
@@ -356,7 +361,7 @@ def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
 
 
 def test_all_doors_share_the_room(house, visit, monkeypatch):
-    monkeypatch.setattr(doors_module, "HANDSHAKE", 1.0)
+    monkeypatch.setattr(endpoints_module, "HANDSHAKE_SECONDS", 1.0)
     opened = house("PLAIN", "CURVE", max_clients=2)
     assert visit(opened.address("PLAIN")[0], "PLAIN")[0]
     assert visit(opened.address("CURVE")[0], "CURVE")[0]
@@ -391,18 +396,18 @@ def test_requests_come_and_go_as_often_as_they_like(house):
 
 
 def test_a_crowd_counts_those_let_in_who_are_still_there():
-    crowd = _Crowd()
-    crowd.opened = {("monitor", fd): 100.0 for fd in range(5)}
-    assert crowd.size(100.1) == 0, "nobody was let in"
-    crowd.admitted.extend([100.2, 100.2])
-    assert crowd.size(100.3) == 2, "and three shake hands yet"
-    crowd.opened = {("monitor", 0): 100.0}
-    assert crowd.size(100.4) == 1, "one that was let in has gone"
-    assert crowd.size(100.4, knocking=1) == 0, "both have, and another one is at the door"
-    assert crowd.size(100.0 + 2 * SETTLED) == 1, "who stays is one that was let in"
-    assert not crowd.admitted
-    crowd.opened.clear()
-    assert crowd.size(100.0 + 2 * SETTLED) == 0
+    connections = _Connections()
+    connections.opened = {("monitor", fd): 100.0 for fd in range(5)}
+    assert connections.count(100.1) == 0, "nobody was let in"
+    connections.admitted.extend([100.2, 100.2])
+    assert connections.count(100.3) == 2, "and three shake hands yet"
+    connections.opened = {("monitor", 0): 100.0}
+    assert connections.count(100.4) == 1, "one that was let in has gone"
+    assert connections.count(100.4, undecided=1) == 0, "both have, and another one is at the endpoint"
+    assert connections.count(100.0 + 2 * SETTLED_SECONDS) == 1, "who stays is one that was let in"
+    assert not connections.admitted
+    connections.opened.clear()
+    assert connections.count(100.0 + 2 * SETTLED_SECONDS) == 0
 
 
 def test_refusals_are_logged_without_secrets(house, visit, caplog):
@@ -420,12 +425,12 @@ def test_refusals_are_logged_without_secrets(house, visit, caplog):
 
 @pytest.fixture(scope="module")
 def asker():
-    """A guard of a door with a token, and a function that asks it as libzmq does, whatever the question."""
+    """A guard of a endpoint with a token, and a function that asks it as libzmq does, whatever the question."""
     context = zmq.Context()
-    door = doors_module.Door("PLAIN", "", "", token=TOKEN.encode())
-    guard = Guard(context, [door], 1_000_000)
+    endpoint = endpoints_module.Endpoint("PLAIN", "", "", token=TOKEN.encode())
+    guard = Guard(context, [endpoint], 1_000_000)
     client = context.socket(zmq.DEALER)
-    client.connect(ENDPOINT)
+    client.connect(ZAP_ADDRESS)
 
     def ask(*frames):
         client.send_multipart([b"", *frames])

@@ -1,0 +1,63 @@
+"""What limbs cost: a frame's controls and the pre-computation, beside an ARAP iteration of the same run.
+
+python -m benchmarks.limb_cost MESH LOG
+
+MESH is a puppet file's mesh without a skin, such as the Armadillo; the limbs are those that `puppetline new` proposes.
+"""
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from engine_bridge.character.character import load_character
+from engine_bridge.cli.bench_process import Work, arap_iteration, interleaved
+from engine_bridge.performance.clip import load_timeline, resting_pose
+from engine_bridge.performance.performance import Performance
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet.proposal import new_puppet
+from solver.model.reduced_model import build
+
+ROUNDS = 12
+"""Times that each is measured, in turn with the others."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("mesh", type=Path)
+    parser.add_argument("log", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        puppet = Path(folder) / "puppet.toml"
+        puppet.write_text(puppet_file.dumps(new_puppet(options.mesh, puppet).puppet))
+        rig = load_rig(puppet)
+    timeline, _ = load_timeline(options.log, Settings())
+    performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, Settings()))
+    aims = [performance.retargeting.step(frame) for frame in map(timeline.frame, range(len(timeline.positions)))]
+    R = np.empty_like(rig.model.rest_controls)
+    last = rig.model.bones.terminal
+    ends = rig.model.bones.tails[last]
+    homogeneous = np.column_stack([ends, np.ones(len(ends))])
+    targets = np.array([np.einsum("bx,bxk->bk", homogeneous, aim.motions[last]) for aim in aims])
+
+    def solve(number: int) -> None:
+        aim = aims[number % len(aims)]
+        performance.deformer.solve(aim.targets, aim.motions, R)
+
+    mesh = load_character(options.mesh).solver_mesh()
+    times = interleaved({"solve": Work(solve, 250), "arap": arap_iteration(mesh, ends, targets)}, ROUNDS)
+    start = time.perf_counter()
+    build(mesh, rig.puppet.solver.parameters, rig.model.bones)
+    seconds = time.perf_counter() - start
+    solved, arap = np.median(times["solve"]), np.median(times["arap"])
+    print(f"{len(rig.model.bones)} bones, {rig.model.cluster.max() + 1} clusters, {len(mesh.vertices)} vertices")
+    print(f"controls of a frame: {solved:.3f} ms, {arap / solved:.0f} times below an ARAP iteration ({arap:.1f} ms)")
+    print(f"pre-computation with bones: {seconds:.2f} s")
+
+
+if __name__ == "__main__":
+    main()

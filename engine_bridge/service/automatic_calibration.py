@@ -1,0 +1,84 @@
+"""Decides when a performer is calibrated without a command, and in which pose."""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.skeleton import SkeletonFrame
+from engine_bridge.performance.calibration import NOW, LastSecond, same_body
+
+Calibrate = Literal["still", "at_once", "command"]
+"""After the first second without motion; after a moment, in any pose; or only by command."""
+
+
+class AutomaticCalibration:
+    """Watches a performer for a pose to calibrate with.
+
+    A limb that follows directions needs no rest pose: a character with such limbs is calibrated after a moment, and
+    again when the performer first stands still. A returning performer who stands still and has another body than before
+    is calibrated again.
+
+    Parameters
+    ----------
+    calibrate : {"still", "at_once", "command"}
+    """
+
+    def __init__(self, calibrate: Calibrate) -> None:
+        self.calibrate = calibrate
+        self._last_second = LastSecond()
+        self._returning = False
+        self._provisional = False  # calibrated before standing still
+
+    def enter(self, returning: bool) -> None:
+        """Watch another performer; a returning one has a calibration already."""
+        self._returning, self._provisional = returning, False
+        self._last_second.forget()
+
+    def forget(self) -> None:
+        """Forget what the performer did until now."""
+        self._last_second.forget()
+
+    def add(self, frame: SkeletonFrame) -> None:
+        """Add a frame of the performer."""
+        self._last_second.add(frame)
+
+    def present_pose(self) -> NDArray[np.float64] | None:
+        """Return the performer's present pose (20, 3) in metres, sensor coordinates; None if too little is known."""
+        return self._last_second.pose(NOW) if self._last_second.enough(0.0) else None
+
+    def due(self, rest: NDArray[np.float64] | None, directs: bool) -> NDArray[np.float64] | None:
+        """Return the pose to calibrate with now, if there is one.
+
+        Parameters
+        ----------
+        rest : (20, 3) float64 or None
+            Calibration pose that the performer has already.
+        directs : bool
+            Whether the character has limbs that follow directions.
+
+        Returns
+        -------
+        (20, 3) float64 or None
+            Metres, sensor coordinates.
+        """
+        last = self._last_second
+        if rest is not None:
+            return self._again(rest)
+        if self.calibrate == "still" and last.still():
+            return last.pose()
+        if (self.calibrate == "at_once" or (self.calibrate == "still" and directs)) and last.enough(NOW):
+            self._provisional = self.calibrate == "still"
+            return last.pose(NOW)
+        return None
+
+    def _again(self, rest: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return the pose to calibrate a performer with who is calibrated already."""
+        if not (self._provisional or self._returning) or not self._last_second.still():
+            return None
+        pose = self._last_second.pose()
+        if self._provisional:
+            self._provisional = False
+            return pose
+        self._returning = False
+        return None if same_body(pose, rest) else pose

@@ -1,0 +1,41 @@
+"""Work beside the service's loop: calibrations, loading and writing files."""
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+
+class Jobs:
+    """Runs functions in threads; what is to follow is called in the loop.
+
+    Attributes
+    ----------
+    calibrating, loading, writing : ThreadPoolExecutor
+        Calibrations may run two at a time; files are loaded, and are written, one after the other.
+    """
+
+    def __init__(self) -> None:
+        self.calibrating = ThreadPoolExecutor(2, "calibration")
+        self.loading = ThreadPoolExecutor(1, "loading")
+        self.writing = ThreadPoolExecutor(1, "writing")
+        self._running: list[tuple[Future[Any], Callable[[Future[Any]], None]]] = []
+
+    def start(
+        self, pool: ThreadPoolExecutor, work: Callable[[], Result], then: Callable[[Future[Result]], None]
+    ) -> None:
+        """Run `work` in one of the pools, and have `take_finished` return `then` when it is done."""
+        self._running.append((pool.submit(work), then))
+
+    def take_finished(self) -> list[tuple[Future[Any], Callable[[Future[Any]], None]]]:
+        """Return what has finished since the last call, each with what is to be called with it."""
+        finished = [job for job in self._running if job[0].done()]
+        self._running = [job for job in self._running if job not in finished]
+        return finished
+
+    def close(self) -> None:
+        """Wait until everything is written, and give up everything else; closing again does nothing."""
+        self.writing.shutdown()
+        self.loading.shutdown(wait=False, cancel_futures=True)
+        self.calibrating.shutdown(wait=False, cancel_futures=True)

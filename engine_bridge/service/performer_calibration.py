@@ -1,0 +1,102 @@
+"""The calibration of a performer, alone and with the retargeting that follows from it."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture import body
+from capture.sensor_tilt import Level
+from capture.skeleton import JOINT_INDEX, JOINTS
+from engine_bridge.performance.retargeting import Retargeting
+from engine_bridge.puppet.puppet import Puppet
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A performer's calibration pose, which corresponds to the character's rest pose.
+
+    Attributes
+    ----------
+    rest : (20, 3) float64
+        Joint positions in metres, sensor coordinates.
+    level : Level
+        Position of the sensor at that time.
+    """
+
+    rest: NDArray[np.float64]
+    level: Level
+
+    @property
+    def height(self) -> float:
+        """Height of the performer in metres."""
+        return body.height(self.rest)
+
+    @property
+    def reach(self) -> float:
+        """Distance from the performer's shoulders to the hands in metres, mean of both sides."""
+        return float(body.reach(self.rest)[[JOINT_INDEX["hand_left"], JOINT_INDEX["hand_right"]]].mean())
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types, from which `of_json` makes the same calibration, bit for bit."""
+        return {"rest": rows_of(self.rest), "sensor": asdict(self.level)}
+
+    @classmethod
+    def of_json(cls, value: Mapping[str, Any]) -> "Calibration":
+        """Make a calibration of the values of `to_json`.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            Other values.
+        """
+        rest = places_of(value["rest"])
+        if rest.shape != (len(JOINTS), 3):
+            raise ValueError(f"a pose of shape {rest.shape}")
+        return cls(rest, Level.of_json(value["sensor"]))
+
+
+@dataclass(frozen=True)
+class PreparedCalibration:
+    """A calibration, and the retargeting that follows from it.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    mirror : bool
+    asked : float
+        Time at which it was requested.
+    puppet : Puppet
+        Puppet whose mapping it has.
+    working : Future
+        Computes the retargeting, which takes a tenth of a second.
+    """
+
+    calibration: Calibration
+    mirror: bool
+    asked: float
+    puppet: Puppet
+    working: Future[Retargeting]
+
+    @property
+    def retargeting(self) -> Retargeting:
+        """The retargeting, once it is computed."""
+        return self.working.result()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return values of JSON's types, from which `CharacterPlayer.begin` prepares the same calibration."""
+        return self.calibration.to_json() | {"mirror": self.mirror}
+
+
+def rows_of(places: NDArray[np.float64]) -> list[list[float] | None]:
+    """Return places (n, 3) as JSON has them."""
+    return [place.tolist() if np.isfinite(place).all() else None for place in places]
+
+
+def places_of(places: Iterable[Sequence[float] | None]) -> NDArray[np.float64]:
+    """Return the places that `rows_of` was given."""
+    rows = [(np.nan,) * 3 if place is None else place for place in places]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)

@@ -8,7 +8,7 @@ import os
 import pickle
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from .commands import Commands
 
 ROOT = Path(__file__).parent.parent
 PEERS = ROOT / "tests" / "peers"
@@ -122,6 +124,14 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, and PUPPETLINE_TEST_REQUIRE forbids to go without {what}", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def commands() -> Iterator[Commands]:
+    """Start commands as a user does, without loading Python and its libraries for each of them."""
+    started = Commands()
+    yield started
+    started.close()
 
 
 @pytest.fixture(scope="session")
@@ -231,12 +241,18 @@ def multicast() -> None:
 
 
 @pytest.fixture(scope="session")
-def example_character(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Callable[[str], Any]:
+def of_all_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Folder of this run in which all workers find what one of them has made."""
+    own = tmp_path_factory.getbasetemp()
+    return own if worker_id == "master" else own.parent
+
+
+@pytest.fixture(scope="session")
+def example_character(of_all_workers: Path) -> Callable[[str], Any]:
     """Make an example character, which takes seconds, once in a run: whichever worker comes first leaves it for all."""
     from puppetline.examples.characters import CHARACTERS
 
-    own = tmp_path_factory.getbasetemp()
-    folder = (own if worker_id == "master" else own.parent) / "characters"
+    folder = of_all_workers / "characters"
     folder.mkdir(exist_ok=True)
 
     def make(name: str) -> Any:

@@ -6,8 +6,6 @@ import os
 import pty
 import select
 import struct
-import subprocess
-import sys
 import termios
 
 PATIENCE = 180.0
@@ -15,7 +13,7 @@ PATIENCE = 180.0
 
 
 class Terminal:
-    """A Python program on a pseudo-terminal of its own, wide enough that no line is broken.
+    """A command on a pseudo-terminal of its own, wide enough that no line is broken.
 
     Attributes
     ----------
@@ -23,19 +21,18 @@ class Terminal:
         All that was read so far.
     """
 
-    def __init__(self, *arguments, cwd=None):
+    def __init__(self, commands, *arguments, cwd=None):
         self._master, slave = pty.openpty()
         fcntl.ioctl(self._master, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 300, 0, 0))
         inherited = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLUMNS", "LINES")}
-        self.process = subprocess.Popen(
-            [sys.executable, *map(str, arguments)],
+        self.process = commands.start(
+            *arguments,
             stdin=slave,
             stdout=slave,
             stderr=slave,
             cwd=cwd,
             env=inherited | {"TERM": "xterm-256color"},
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C reaches it
+            terminal=True,
         )
         os.close(slave)
         self._decoder = codecs.getincrementaldecoder("utf-8")()

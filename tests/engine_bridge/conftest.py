@@ -118,9 +118,9 @@ ROOT = '[root]\njoint = "hip_center"\naxes = "xz"\n'
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory):
+def own_cache(of_all_workers):
     """Keep reduced models of tests out of the user's cache, in child processes as well."""
-    folder = tmp_path_factory.mktemp("cache")
+    folder = of_all_workers / "cache"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(folder))
         yield folder

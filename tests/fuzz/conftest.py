@@ -7,7 +7,6 @@ import base64
 import io
 import json
 import math
-import os
 import re
 import signal
 import struct
@@ -26,7 +25,7 @@ from engine_bridge.cli.inspection import inspect
 from engine_bridge.export.animation import Take, animate
 from puppetline.errors import PuppetlineError
 
-EFFORT = float(os.environ.get("PUPPETLINE_FUZZ", "1"))
+from ..effort import EFFORT
 
 RAW = "\ue000"
 """Begins a string that goes into JSON as it is, without quotes."""
@@ -538,12 +537,17 @@ def go():
 
 @pytest.fixture(scope="session")
 def try_damaged():
-    """Damage a file in one way `count` times, the same each time, and take each on a road; count what came of it."""
+    """Damage a file in one way, the same each time, and take each on a road; count what came of it.
 
-    def run(path, kind, count, road=go_all_the_way):
+    This is done `count` times, or with less effort until each outcome has come about `enough` times.
+    """
+
+    def run(path, kind, count, enough, road=go_all_the_way):
         name, content, others = path.name, path.read_bytes(), list(CORPUS.values())
         outcomes = {"read": 0, "refused": 0}
-        for number in range(math.ceil(count * EFFORT)):
+        for number in range(math.ceil(count * max(1, EFFORT))):
+            if number >= count * EFFORT and min(outcomes.values()) >= enough:
+                break
             rng = np.random.default_rng([zlib.crc32(f"{name} {kind}".encode()), number])
             path.write_bytes(DAMAGES[kind](rng, content, others))
             try:

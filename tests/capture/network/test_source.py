@@ -23,6 +23,8 @@ from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_USERS, open_
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.errors import SourceError
 
+from ...effort import EFFORT
+
 REFUSALS = {
     *REASONS,
     *("unknown message", "unknown joint", "wrong arguments"),
@@ -332,20 +334,9 @@ DATAGRAMS = st.lists(st.one_of(MESSAGES, st.lists(MESSAGES, max_size=6), st.bina
 ANY = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_fixture]}
 
 
-@settings(max_examples=300, **ANY)
+@settings(max_examples=round(1000 * EFFORT), **ANY)
 @given(DATAGRAMS)
 def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
-    _check_events(long_lived, osc_bundle, datagrams)
-
-
-@pytest.mark.slow
-@settings(max_examples=5000, **ANY)
-@given(DATAGRAMS)
-def test_many_more_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
-    _check_events(long_lived, osc_bundle, datagrams)
-
-
-def _check_events(long_lived, osc_bundle, datagrams):
     """One source for all examples, so that what one leaves behind meets the next."""
     source, sender = long_lived
     received, refused = source.counts.received, sum(source.counts.refused.values())

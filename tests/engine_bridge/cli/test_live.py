@@ -29,16 +29,9 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, commands):
     def start(*arguments, code=0):
-        result = subprocess.run(
-            [sys.executable, "-m", "puppetline", *map(str, arguments)],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-            env=os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")},
-        )
+        result = commands.run(*arguments, cwd=tmp_path, env=os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")})
         assert result.returncode == code, result.stderr
         return result
 
@@ -167,14 +160,13 @@ def test_bake_makes_a_file_that_serve_plays(run, serve, blob_puppet, tmp_path):
     assert service.ask("describe")["characters"][0]["morphs"] == [f"motion_{k}" for k in range(summary["targets"])]
 
 
-def test_demo_live_streams_the_examples(tmp_path, run):
+def test_demo_live_streams_the_examples(tmp_path, run, commands):
     with socket.socket() as port:
         if port.connect_ex(("127.0.0.1", 7400)) == 0:
             pytest.skip("somebody has the default port")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "puppetline", "demo", "dog", "--live", "-o", str(tmp_path)],
+    process = commands.start(
+        *("demo", "dog", "--live", "-o", tmp_path),
         stderr=subprocess.PIPE,
-        text=True,
         env=os.environ | {"XDG_STATE_HOME": str(tmp_path / "state")},
     )
     try:
@@ -236,13 +228,13 @@ def test_look_says_at_once_where_it_cannot_write(run, output, message):
 
 
 @pytest.fixture
-def look_live(tmp_path):
+def look_live(tmp_path, commands):
     """Run `puppetline look --live` on a terminal."""
     started = []
 
     def start(source, *arguments, **more):
-        command = ("-m", "puppetline", "look", "--source", source, "--live", *arguments)
-        started.append(Terminal(*command, cwd=tmp_path, **more))
+        command = ("look", "--source", source, "--live", *arguments)
+        started.append(Terminal(commands, *command, cwd=tmp_path, **more))
         return started[-1]
 
     yield start

@@ -20,7 +20,7 @@ from engine_bridge.cli.main import main
 
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 ALSO = pytest.mark.slow
-"""A case that its module's own tests have as well; each process takes over a second."""
+"""A case that its module's own tests have as well."""
 COMMANDS = [
     "demo",
     "new",
@@ -44,15 +44,9 @@ if not Path(COMMAND).exists():
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, commands):
     """Run the command in an empty folder; returns the finished process."""
-
-    def start(*arguments, **more):
-        return subprocess.run(
-            [COMMAND, *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True, check=False, **more
-        )
-
-    return start
+    return lambda *arguments: commands.run(*arguments, cwd=tmp_path)
 
 
 @pytest.fixture
@@ -221,9 +215,10 @@ def test_a_file_that_is_not_there_is_one_line(run, stage, tmp_path, arguments):
     assert names(tmp_path) == before
 
 
-def test_convert_writes_the_file_and_prints_results_only(run, stage, tmp_path):
+def test_convert_writes_the_file_and_prints_results_only(stage, tmp_path):
     before = names(tmp_path)
-    result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--preview", "out.png")
+    command = [COMMAND, "convert", "take.log", "--puppet", stage, "-o", "out.glb", "--preview", "out.png"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.startswith("out.glb: 58 frames, 1.9 s, ")
     assert "\x1b" not in result.stdout
@@ -320,14 +315,14 @@ def drain(terminal, process, seconds=60):
     return text.decode()
 
 
-def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(stage, tmp_path):
+def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(commands, stage, tmp_path):
     terminal, other = pty.openpty()
-    command = [COMMAND, "convert", "take.log", "--puppet", stage, "-o", "out.glb"]
+    command = ["convert", "take.log", "--puppet", stage, "-o", "out.glb"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other, env=environment) as process:
+    with commands.start(*command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other, env=environment) as process:
         os.close(other)
         shown = drain(terminal, process)
-        output = process.stdout.read().decode()
+        output = process.stdout.read()
     os.close(terminal)
     assert process.returncode == 0
     assert "Fitting morph targets" in shown
@@ -338,12 +333,12 @@ def test_progress_is_on_the_terminal_and_the_standard_output_stays_clean(stage, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
-def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, long_take, tmp_path, delay):
+def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(commands, stage, long_take, tmp_path, delay):
     (tmp_path / "out.glb").write_text("old")
     before = names(tmp_path)
     terminal, other = pty.openpty()
-    command = [COMMAND, "convert", long_take, "--puppet", stage, "-o", "out.glb"]
-    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other) as process:
+    command = ["convert", long_take, "--puppet", stage, "-o", "out.glb"]
+    with commands.start(*command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other) as process:
         os.close(other)
         select.select([terminal], [], [], 60)  # the first sign of progress
         time.sleep(delay)
@@ -351,7 +346,7 @@ def test_an_interrupt_ends_quickly_and_leaves_no_partial_file(stage, long_take, 
         process.send_signal(signal.SIGINT)
         shown = drain(terminal, process, 20)
         assert process.wait(timeout=20) not in (0, None)
-        assert process.stdout.read() == b""
+        assert process.stdout.read() == ""
     os.close(terminal)
     assert "Traceback" not in shown
     assert names(tmp_path) == before

@@ -6,7 +6,6 @@ import random
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -187,14 +186,9 @@ class Client:
 class Served:
     """The real command, as a process."""
 
-    def __init__(self, *arguments, env=None):
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "puppetline", "serve", "--log-format", "json", *map(str, arguments)],
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-            env=os.environ | (env or {}),
-        )
+    def __init__(self, commands, *arguments, env=None):
+        told = ("--log-format", "json", *arguments)
+        self.process = commands.start("serve", *told, stderr=subprocess.PIPE, env=os.environ | (env or {}))
         self.log = []
         self._read = threading.Thread(target=self._follow)
         self._read.start()
@@ -265,14 +259,14 @@ def sender():
 
 
 @pytest.fixture
-def serve(tmp_path, own_cache):
+def serve(tmp_path, own_cache, commands):
     """Start `puppetline serve` on free ports with a state of its own; whatever still runs at the end is killed."""
     started = []
 
     def start(*arguments, env=None):
         free = () if "--config" in arguments else ("--port", 0, "--no-announce", "--takes", tmp_path / "takes")
         mine = {"XDG_STATE_HOME": str(tmp_path / "state"), **(env or {})}
-        started.append(Served(*free, *arguments, env=mine))
+        started.append(Served(commands, *free, *arguments, env=mine))
         return started[-1]
 
     yield start

@@ -70,11 +70,10 @@ def puppet(blob, new_glb, write_puppet, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def baked(puppet, take):
+def baked(puppet, take, commands):
     """A morph basis of another motion than what is played: it leaves something of most poses."""
     path = puppet.with_name("parts.morphs.glb")
-    command = [sys.executable, "-m", "puppetline", "bake", puppet, "-o", path, "--log", take, "--tolerance", "0.001"]
-    subprocess.run(command, check=True, capture_output=True)
+    commands.run("bake", puppet, "-o", path, "--log", take, "--tolerance", "0.001").check_returncode()
     return path
 
 

@@ -27,7 +27,7 @@ from solver.model.binding import Binding
 
 pytestmark = pytest.mark.slow
 
-SERVE = (sys.executable, "-m", "puppetline", "serve", "--port", "0", "--no-announce")
+SERVE = ("serve", "--port", "0", "--no-announce")
 
 
 @pytest.fixture
@@ -313,7 +313,7 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
 
 @pytest.mark.parametrize("loaded", ["engine_bridge.service.signals", "numpy", "zmq", "engine_bridge.service.service"])
 def test_a_stop_while_it_starts_is_a_stop(blob_puppet, sender, loaded):
-    command = [*SERVE, "--puppet", blob_puppet, "--source", sender.uri]
+    command = [sys.executable, "-m", "puppetline", *SERVE, "--puppet", blob_puppet, "--source", sender.uri]
     told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=told)
     next(line for line in process.stderr if line.rpartition("|")[2].strip() == loaded)
@@ -324,9 +324,9 @@ def test_a_stop_while_it_starts_is_a_stop(blob_puppet, sender, loaded):
     assert "a fault in Puppetline" not in said
 
 
-def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
+def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet, commands):
     command = [*SERVE, "--puppet", blob_puppet, "--source", "demo:walk?loop", "--log-format", "json"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE)
+    process = commands.start(*command, stderr=subprocess.PIPE)
     try:
         served = json.loads(process.stderr.readline())["fields"]
         client = listen(served["stream"][0], "blob/controls")
@@ -341,7 +341,7 @@ def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet):
         process.stderr.close()
 
 
-def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(blob_puppet, tmp_path, free_port):
+def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(blob_puppet, commands, free_port):
     metrics = free_port()
     command = [
         *SERVE[:-1],
@@ -353,7 +353,7 @@ def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(b
         "--metrics",
         str(metrics),
     ]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    process = commands.start(*command, stdout=subprocess.PIPE)
     try:
         service, stage = process.stdout.readline(), process.stdout.readline()
         assert re.match(r"Puppetline \S+  up 0:0\d:\d\d  \d+ MB .* of 64 clients", service)

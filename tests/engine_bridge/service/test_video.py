@@ -1,8 +1,6 @@
 """Somebody in a video moves a character: the commands as a user runs them, with the real tracker."""
 
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -21,18 +19,14 @@ def squats(real_data):
     return real_data / "video" / "tfjs" / "pose_squats.mp4"
 
 
-def puppetline(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "puppetline", *map(str, arguments)], capture_output=True, text=True, check=False
-    )
-
-
-def test_a_character_squats_with_the_performer(serve, blob_puppet, squats):
+def test_a_character_squats_with_the_performer(serve, blob_puppet, squats, commands):
     # a still second wants more pictures than the film's five
     source = f"video:{squats}?height=1.65"
     service = serve("--puppet", blob_puppet, "--source", source, "--loop", "--calibrate", "at_once")
     service.client("blob/controls").until(lambda message: message.header.state == PERFORMING, "controls")
-    result = puppetline("listen", service.stream.removeprefix("tcp://"), "--seconds", 3, "--json", "--kind", "controls")
+    result = commands.run(
+        *("listen", service.stream.removeprefix("tcp://"), "--seconds", 3, "--json", "--kind", "controls")
+    )
     report = json.loads(result.stdout)
     [heard] = report["heard"]
     assert heard["topic"] == "blob/controls"
@@ -40,9 +34,9 @@ def test_a_character_squats_with_the_performer(serve, blob_puppet, squats):
     assert 0 < heard["rate"] < 6  # the film has five; a busy machine takes its time
 
 
-def test_a_video_is_recorded_whole(squats, tmp_path):
+def test_a_video_is_recorded_whole(squats, tmp_path, commands):
     take = tmp_path / "squats.log"
-    result = puppetline("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json")
+    result = commands.run("record", "--source", f"video:{squats}?height=1.65", "-o", take, "--json")
     summary = json.loads(result.stdout)
     assert result.stderr == "", "MediaPipe says a lot"
     assert (summary["frames"], summary["users"]) == (PICTURES, [1])
@@ -51,17 +45,17 @@ def test_a_video_is_recorded_whole(squats, tmp_path):
     assert [height(pose) for pose in clip.positions] == pytest.approx([1.65] * PICTURES, abs=1e-3)
 
 
-def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path):
+def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path, commands):
     """FFmpeg and OpenCV would say something, too."""
     (tmp_path / "cut.mp4").write_bytes(b"\0\0\0\x20ftypisom" + bytes(100))
-    result = puppetline("look", "--source", f"video:{tmp_path}/cut.mp4", "-o", tmp_path / "look.png")
+    result = commands.run("look", "--source", f"video:{tmp_path}/cut.mp4", "-o", tmp_path / "look.png")
     [line] = result.stderr.splitlines()
     assert "found no picture in" in line
     assert (result.returncode, result.stdout) == (1, "")
 
 
-def test_no_video_is_one_line_and_exit_code_1(blob_puppet, tmp_path):
-    result = puppetline("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", "--source", "video:none.mp4")
+def test_no_video_is_one_line_and_exit_code_1(blob_puppet, tmp_path, commands):
+    result = commands.run("serve", "--puppet", blob_puppet, "--port", 0, "--no-announce", "--source", "video:none.mp4")
     assert result.returncode == 1
     [line] = [line for line in result.stderr.splitlines() if line.startswith("puppetline: ")]
     assert "found no file none.mp4" in line

@@ -5,7 +5,6 @@ import re
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 from contextlib import closing
 from pathlib import Path
@@ -128,13 +127,12 @@ def answers(port):
 
 
 @pytest.fixture(scope="module")
-def demo_live(tmp_path_factory, own_cache):
+def demo_live(tmp_path_factory, own_cache, commands):
     """Run `puppetline demo --live` as the documentation says, until the tests of this module are done."""
     if any(map(answers, PORTS)):
         pytest.skip(f"another program listens on {PORTS[0]} or {PORTS[1]}, which puppetline demo --live uses")
-    command = [sys.executable, "-m", "puppetline", "demo", "--live"]
     folder = tmp_path_factory.mktemp("live")
-    with subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True) as process:
+    with commands.start("demo", "--live", cwd=folder, stderr=subprocess.PIPE) as process:
         for line in process.stderr:
             if "serving" in line:
                 break

@@ -1,8 +1,5 @@
 """What was a standard material looks the same when a shader of the addon draws it: pictures of both, from OpenGL."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from PIL import Image
@@ -82,14 +79,16 @@ def test_a_bent_character_looks_as_a_mesh_of_its_vertices_does(run_godot, own_ca
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["khronos_Fox", "kaykit_Knight", "quaternius_George", "cubevc"])
-def test_an_imported_character_looks_as_it_does_without_the_addon(run_godot, add_glb, real_data, tmp_path, name):
+def test_an_imported_character_looks_as_it_does_without_the_addon(
+    run_godot, add_glb, real_data, commands, tmp_path, name
+):
     """Textures, fifteen materials, loose triangles, vertex colours: as in the files of other people."""
     puppet, own = tmp_path / f"{name}.toml", tmp_path / "own.glb"
     for arguments in (
         ["new", real_data / "mesh" / "gltf" / f"{name}.glb", "-o", puppet],
         ["shader-mesh", puppet, "-o", own],
     ):
-        subprocess.run([sys.executable, "-m", "puppetline", *arguments], check=True, capture_output=True)
+        commands.run(*arguments).check_returncode()
     write_payloads(puppet, tmp_path)
     run_godot("render_materials.gd", tmp_path, add_glb(own), display=True, timeout=600)
     drawn = picture(tmp_path / "imported own.png")

@@ -2,8 +2,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import threading
 import time
 from dataclasses import dataclass
@@ -162,8 +160,9 @@ def check_shader(shade, service, puppet, loosest=4.0, **settings):
         assert np.prod(high - low) <= loosest * np.prod(np.ptp(where, axis=0))
 
 
-def puppetline(*arguments):
-    subprocess.run([sys.executable, "-m", "puppetline", *map(str, arguments)], check=True, capture_output=True)
+@pytest.fixture
+def puppetline(commands):
+    return lambda *arguments: commands.run(*arguments).check_returncode()
 
 
 def compared(frames, values):
@@ -220,7 +219,7 @@ def test_controls(show, playing, blob_puppet, take):
     check_controls(show, playing(blob_puppet, take), blob_puppet)
 
 
-def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, take, tmp_path):
+def test_the_graphics_card_shows_the_same(shade, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
     puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
     service = playing(blob_puppet, take)
     check_shader(shade, service, blob_puppet)
@@ -231,13 +230,13 @@ def test_vertices(show, playing, blob_puppet, take):
     check_vertices(show, playing(blob_puppet, take), blob_puppet)
 
 
-def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path):
+def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
     puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
     service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
     check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
 
 
-def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path):
+def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline):
     puppetline("shader-mesh", blob_puppet, "-o", tmp_path / "own.glb")
     check_controls(show, playing(blob_puppet, take), blob_puppet, mesh_source=add_glb(tmp_path / "own.glb"))
 
@@ -298,7 +297,7 @@ def keyframes(path):
 
 @pytest.mark.parametrize("mode", [CONTROLS, VERTICES])
 def test_it_is_what_convert_makes_of_the_same_performance(
-    show, serve, blob_puppet, standing, dance, record, tmp_path, mode
+    show, serve, blob_puppet, standing, dance, record, tmp_path, mode, puppetline
 ):
     """Who stands still, as the character does, until everything has settled is the same performer to both."""
     log = record(tmp_path / "take.log", np.concatenate([np.tile(standing, (90, 1, 1)), dance(400)]))
@@ -326,7 +325,7 @@ TEXTURED = ("khronos_Fox", "kaykit_Knight")
 
 
 @pytest.fixture(scope="module", params=[*CASTING, *TEXTURED])
-def character(request, own_cache, tmp_path_factory):
+def character(request, own_cache, tmp_path_factory, puppetline):
     """One of the five example characters, or a textured one of somebody else's, and a performance: puppet, log."""
     folder = tmp_path_factory.mktemp(request.param)
     if request.param in CASTING:
@@ -347,7 +346,7 @@ def test_characters_by_controls_and_vertices(show, playing, character):
 
 
 @pytest.mark.slow
-def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp_path):
+def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp_path, puppetline):
     puppet, log = character
     puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")
     service = playing(puppet, log)
@@ -356,7 +355,7 @@ def test_characters_on_the_graphics_card(shade, playing, add_glb, character, tmp
 
 
 @pytest.mark.slow
-def test_characters_by_imported_meshes(show, playing, add_glb, character, tmp_path):
+def test_characters_by_imported_meshes(show, playing, add_glb, character, tmp_path, puppetline):
     puppet, log = character
     puppetline("bake", puppet, "-o", tmp_path / "baked.glb", "--log", log)
     puppetline("shader-mesh", puppet, "-o", tmp_path / "own.glb")

@@ -4,7 +4,6 @@ import base64
 import json
 import shutil
 import subprocess
-import sys
 import threading
 import time
 from concurrent.futures import Future
@@ -224,23 +223,10 @@ def reference():
 
 
 @pytest.fixture(scope="session")
-def baked(blob_puppet, take, tmp_path_factory):
+def baked(blob_puppet, take, commands, tmp_path_factory):
     """The small figure's morph targets."""
     path = tmp_path_factory.mktemp("baked") / "blob.morphs.glb"
-    command = [
-        sys.executable,
-        "-m",
-        "puppetline",
-        "bake",
-        blob_puppet,
-        "-o",
-        path,
-        "--log",
-        take,
-        "--tolerance",
-        "0.002",
-    ]
-    subprocess.run(command, check=True, capture_output=True)
+    commands.run("bake", blob_puppet, "-o", path, "--log", take, "--tolerance", "0.002").check_returncode()
     return path
 
 
@@ -261,10 +247,10 @@ def serve_figure(serve, played, free_port):
     return start
 
 
-def served(folder, *arguments):
+def served(commands, folder, *arguments):
     """Serve for many tests: none of them asks for what others would see."""
     state = {"XDG_STATE_HOME": str(folder)}
-    return live.Served(*arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
+    return live.Served(commands, *arguments, "--no-announce", "--takes", folder, "--port", 0, env=state)
 
 
 def end(service):
@@ -274,16 +260,16 @@ def end(service):
 
 
 @pytest.fixture(scope="session")
-def figure(own_cache, played, baked, tmp_path_factory):
+def figure(own_cache, commands, played, baked, tmp_path_factory):
     """The small figure, served as long as the tests run, with morph targets."""
-    service = served(tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
+    service = served(commands, tmp_path_factory.mktemp("figure"), *played, "--morphs", baked)
     yield service
     end(service)
 
 
 @pytest.fixture(scope="session")
-def locked_figure(own_cache, played, token_file, tmp_path_factory):
+def locked_figure(own_cache, commands, played, token_file, tmp_path_factory):
     """The same behind a token, without morph targets."""
-    service = served(tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
+    service = served(commands, tmp_path_factory.mktemp("locked"), *played, "--token-file", token_file)
     yield service
     end(service)

@@ -3,8 +3,6 @@
 import re
 import socket
 import struct
-import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
@@ -91,13 +89,11 @@ def test_every_example_character_moves_as_the_service_has_it(
 
 @pytest.mark.slow
 def test_a_textured_file_with_many_parts_moves_as_the_service_has_it(
-    serve, free_port, follow, reference, tmp_path, real_data, take
+    serve, free_port, follow, reference, tmp_path, real_data, take, commands
 ):
     mesh = real_data / "mesh" / "gltf" / "kaykit_Knight.glb"
     puppet = tmp_path / "knight.toml"
-    subprocess.run(
-        [sys.executable, "-m", "puppetline", "new", mesh, "-o", puppet], check=True, capture_output=True, cwd=tmp_path
-    )
+    commands.run("new", mesh, "-o", puppet, cwd=tmp_path).check_returncode()
     port = free_port()
     service = serve("--puppet", puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port)
     service.port = port

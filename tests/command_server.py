@@ -1,0 +1,119 @@
+"""A program that has loaded Puppetline once, and forks a process for each command that is to be run.
+
+Loading takes longer than most commands that tests run. A command is a process all the same, with its own arguments,
+environment, folder, standard streams, signals and exit code. The only argument is the file descriptor of a socket. A
+request on it is JSON with four file descriptors: the command's standard streams, and a pipe, to which its process id
+and later its exit code are written, a line each.
+"""
+
+import contextlib
+import fcntl
+import gc
+import importlib
+import json
+import os
+import signal
+import socket
+import sys
+import termios
+
+from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher
+
+from puppetline.__main__ import run
+
+LOADED = (
+    "engine_bridge.cli.align",
+    "engine_bridge.cli.inspection",
+    "engine_bridge.cli.main",
+    "engine_bridge.cli.record",
+    "engine_bridge.client.listening",
+    "engine_bridge.export.bake",
+    "engine_bridge.export.convert",
+    "engine_bridge.pictures.look",
+    "engine_bridge.pictures.preview",
+    "engine_bridge.puppet.proposal",
+    "engine_bridge.service.commands",
+    "engine_bridge.service.service",
+    "puppetline.examples.performances",
+    "scipy.interpolate",
+    "scipy.linalg",
+    "scipy.sparse.linalg",
+    "scipy.spatial.transform",
+)
+
+
+def compiled_functions() -> list[Dispatcher]:
+    """Return all functions that Numba compiles and keeps for other processes."""
+    functions = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
+    return [function for function in functions if isinstance(function._cache, FunctionCache)]
+
+
+def load_compiled(functions: list[Dispatcher]) -> None:
+    """Load what other processes have compiled so far; that takes longer than to run it."""
+    for function in functions:
+        for signature, *_ in function._cache._cache_file._load_index():
+            function.compile(signature)
+
+
+def main(requests: socket.socket) -> None:
+    """Answer requests until there are no more; return in each forked process, which then is to run its command."""
+    functions = compiled_functions()
+    while True:
+        load_compiled(functions)
+        gc.freeze()  # or the end of each command would look at all of it, and copy it for that
+        message, descriptors, _, _ = socket.recv_fds(requests, 2**20, 4)
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        if not message:
+            os._exit(0)
+        if os.fork() == 0:
+            requests.close()
+            if _is_command(descriptors):
+                _become(json.loads(message), descriptors)
+                return
+        for descriptor in descriptors:
+            os.close(descriptor)
+
+
+def _is_command(descriptors: list[int]) -> bool:
+    """Fork a process for the command, where this returns True; wait here for its end, and tell its exit code."""
+    *streams, told = descriptors
+    command = os.fork()
+    if command == 0:
+        os.close(told)
+        return True
+    for stream in (0, 1, 2, *streams):
+        os.close(stream)
+    os.write(told, f"{command}\n".encode())
+    code = os.waitstatus_to_exitcode(os.waitpid(command, 0)[1])
+    with contextlib.suppress(BrokenPipeError):
+        os.write(told, f"{code}\n".encode())
+    os._exit(0)
+
+
+def _become(request: dict, descriptors: list[int]) -> None:
+    """Take on what a new process starts with."""
+    for number, descriptor in enumerate(descriptors[:3]):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
+    if request["terminal"]:
+        os.setsid()
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)  # so that Ctrl-C reaches it
+    os.chdir(request["cwd"])
+    os.environ.clear()
+    os.environ.update(request["env"])
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.stdin = sys.__stdin__ = os.fdopen(0, closefd=False)
+    sys.stdout = sys.__stdout__ = os.fdopen(1, "w", buffering=1 if os.isatty(1) else -1, closefd=False)
+    sys.stderr = sys.__stderr__ = os.fdopen(2, "w", buffering=1, errors="backslashreplace", closefd=False)
+    sys.argv = ["puppetline", *request["arguments"]]
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the tests' own Ctrl-C; whoever asks goes away
+    for name in LOADED:
+        importlib.import_module(name)
+    main(socket.socket(fileno=int(sys.argv[1])))
+    run()

@@ -89,7 +89,7 @@ def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(eval
     slack = 1e-6 * scene.facts["diagonal"]
     assert (np.float32(around[:3]) <= low + slack).all()
     assert (np.float32(around[3:]) >= high - slack).all()
-    assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 3 * np.linalg.norm(high - low)
+    assert np.linalg.norm(np.subtract(around[3:], around[:3])) <= 1.5 * np.linalg.norm(high - low)
 
 
 def streams(scene):

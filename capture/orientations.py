@@ -8,8 +8,8 @@ BVH and the Azure Kinect have the orientation at the joint where a bone begins, 
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
 
@@ -40,7 +40,7 @@ def of_bones_that_begin(orientations: NDArray[np.float64]) -> NDArray[np.float64
 
 def turned(orientations: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return orientations (…, 4) in a frame that a (3, 3) rotation takes the old one to."""
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(rotation).as_quat()
     a, b = np.array([w, x, y, z]), np.moveaxis(orientations, -1, 0)
     return np.stack(
         [

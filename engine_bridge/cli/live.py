@@ -2,6 +2,7 @@
 
 import gc
 import json
+import os
 import sys
 from contextlib import ExitStack
 from copy import copy
@@ -258,7 +259,6 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.signals import Signals
 
-    connected = True
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         stack.enter_context(native_output.logged())
@@ -273,10 +273,20 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
                     while not (signals.stop or looking.over) and time.monotonic() < due:
                         looking.take_in(due)
                     line.update(Text(status_line(looking.sight())), refresh=True)
-        except OSError:  # the terminal was closed
+            connected = sys.stdout.isatty()  # a closed terminal, which sent SIGHUP, is none any more
+        except OSError:  # it was closed while the line was written
             connected = False
+        if not connected:  # what is still to be written would make the end of the process fail
+            _discard_output()
         sight = replace(looking.sight(), retried=False)
     return sight, connected
+
+
+def _discard_output() -> None:
+    """Let what this process prints from now on go nowhere."""
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(nowhere.fileno(), stream.fileno())
 
 
 @click.command()

@@ -324,7 +324,7 @@ def test_a_take_is_of_one_mapping_and_plays_again_to_the_same_controls(serve, do
             ("revert_puppet", {}),
         ):
             refused = service.ask(do, character="dog", **more)
-            assert refused["found"] == "that the take 'take' is being recorded"
+            assert refused["found"] == "a take that is being recorded ('take')"
             assert "record_stop" in refused["fix"]
         assert service.ask("save_puppet", character="dog") == edited | {"saved": True}
         begun = time.monotonic()

@@ -34,6 +34,7 @@ LIBRARIES: dict[str, str] = {
     "prometheus-client": "prometheus_client",
     "psutil": "psutil",
     "pydantic": "pydantic",
+    "python-osc": "pythonosc",
     "pyzmq": "zmq",
     "rich": "rich",
     "scipy": "scipy",

@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 Arrays = dict[str, NDArray[Any]]
 
-VERSION = 8
+VERSION = 9
 """Goes up whenever anything that is kept would differ from a new one."""
 
 LARGEST = 1_000_000_000

@@ -36,6 +36,9 @@ it is longer counts as distance."""
 MIDDLE = 0.2, 0.8
 """Part of a bone's length around which the surface is held; towards its joints the surface is left to bend."""
 
+MOST = 2 / 3
+"""Share of a part's area from which all of it belongs to the limb that has so much of it."""
+
 NEARLY_ALL = 0.95
 """Share of a vertex from which a bone holds it: the skin around it bends."""
 
@@ -117,7 +120,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
 
     1. Rays leave every bone at right angles; where they meet the surface, the distance to the bone is 0.
     2. Every vertex belongs to the bone that it is nearest to along edges and contacts between parts. The first bone of
-       a limb has nothing that lies behind its head.
+       a limb has nothing that lies behind its head. A part that belongs to one limb for the most part does so wholly.
     3. A bone holds those of its vertices that are around its `MIDDLE` and `NEAR`; the last bone of a limb holds all of
        them that lie beyond its head.
 
@@ -135,7 +138,13 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
     start, radius = _where_rays_meet(mesh, bones, axes, along)
     graph = _both_ways(mesh)
-    owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, along, bones.roots)
+    before_its_head = (along < 0) & bones.roots
+    owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, before_its_head)
+    limb = _limb_of_parts(mesh, bones, owner)[mesh.components]
+    if np.any(limb >= 0):
+        others = (limb[:, None] >= 0) & (bones.limbs != limb[:, None])
+        forbidden = np.where(limb[:, None] >= 0, others, before_its_head)
+        owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
     low, high = MIDDLE
@@ -164,6 +173,21 @@ def regions_of_shares(shares: NDArray[np.float64]) -> BoneRegions:
     held = most >= NEARLY_ALL
     few = np.bincount(owner[held], minlength=shares.shape[1]) < ENOUGH
     return BoneRegions(owner, held | ((owner >= 0) & few[owner]))
+
+
+def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the limb to which most of each part belongs; −1 for a part without one.
+
+    A sleeve, an arm or a weapon of its own may reach behind the root of its limb, and beside another limb.
+    """
+    parts, limbs = mesh.parts, int(bones.limbs.max(initial=-1)) + 1
+    if parts == 1 or not limbs:
+        return np.full(parts, -1)
+    limb = np.where(owner >= 0, bones.limbs[owner], -1)
+    area = np.zeros((parts, limbs))
+    np.add.at(area, (mesh.components[limb >= 0], limb[limb >= 0]), mesh.vertex_areas[limb >= 0])
+    whole = np.bincount(mesh.components, mesh.vertex_areas, parts)
+    return np.where(area.max(axis=1) > MOST * whole, area.argmax(axis=1), -1)
 
 
 def _both_ways(mesh: SolverMesh) -> "csr_matrix":
@@ -281,7 +305,7 @@ def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: 
 
 
 @numba.njit(cache=True, nogil=True)
-def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _nearest(starts, neighbours, lengths, start, forbidden):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return the bone that each vertex is nearest to along a graph, and how far away: Dijkstra's algorithm.
 
     Parameters
@@ -291,10 +315,8 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
         Adjacency in compressed rows.
     start : (n, b) float64
         Distance to each bone to begin with; infinite for none.
-    along : (n, b) float64
-        Place along each bone.
-    roots : (b,) bool
-        Bones that nothing belongs to that lies behind their heads.
+    forbidden : (n, b) bool
+        Bones that a vertex does not belong to.
     """
     n, count = start.shape
     owner, distance = np.full(n, -1), np.full(n, np.inf)
@@ -302,7 +324,7 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
     heap.clear()
     for v in range(n):
         for b in range(count):
-            if start[v, b] < np.inf and (along[v, b] >= 0 or not roots[b]):
+            if start[v, b] < np.inf and not forbidden[v, b]:
                 heapq.heappush(heap, (start[v, b], v, b))
     while len(heap) > 0:
         away, v, b = heapq.heappop(heap)
@@ -311,7 +333,7 @@ def _nearest(starts, neighbours, lengths, start, along, roots):  # type: ignore[
         owner[v], distance[v] = b, away
         for entry in range(starts[v], starts[v + 1]):
             u = neighbours[entry]
-            if owner[u] < 0 and (along[u, b] >= 0 or not roots[b]):
+            if owner[u] < 0 and not forbidden[u, b]:
                 further = away + lengths[entry]
                 if further < distance[u]:
                     distance[u] = further  # of the nearest so far; ties keep the first

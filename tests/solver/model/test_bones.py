@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import igl
 import numpy as np
 import pytest
 
@@ -202,6 +203,26 @@ def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
     cube = np.arange(len(two_parts.vertices) - 8, len(two_parts.vertices))
     assert np.all(regions.owner[cube] == 2)
     assert regions.held[cube].all()
+
+
+def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well():
+    """A ball with an arm of its own that is stuck into it: the end inside is not the ball's."""
+    ball, triangles = igl.upsample(*igl.icosahedron(), 2)
+    ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
+    places = np.arange(3.0, 22.0, 2.0)
+    arm = np.concatenate([ring + np.array([x, 0, 0]) for x in places])
+    last = len(arm) - 4
+    quads = [[k + a, k + (a + 1) % 4, k + (a + 1) % 4 + 4, k + a + 4] for k in range(0, last, 4) for a in range(4)]
+    quads += [[3, 2, 1, 0], [last, last + 1, last + 2, last + 3]]
+    faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
+    mesh = weld(np.concatenate([6 * ball, arm]), np.concatenate([triangles, faces + len(ball)]))
+    bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
+    owner = bone_regions(mesh, bones).owner
+    of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
+    x = mesh.vertices[of_arm, 0]
+    np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
+    assert np.all(owner[~of_arm] != 2)
+    assert (x < 6).any()
 
 
 def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():

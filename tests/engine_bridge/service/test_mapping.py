@@ -316,7 +316,7 @@ def test_a_take_is_of_one_mapping_and_plays_again_to_the_same_controls(serve, do
         live = service.client("dog/controls")
         edited = service.ask("set_handle", character="dog", handle="left hand", joints="head", gain=-1.5)
         while "take" not in (answer := service.ask("record_start", name="take")):
-            assert "just changing" in answer["found"]  # for a moment
+            assert "still being applied" in answer["found"]  # for a moment
         for do, more in (
             ("set_handle", {"handle": "head", "gain": 1}),
             ("set_root", {"joint": None}),

@@ -32,7 +32,7 @@ from capture.source import Silence
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
-from .conftest import data_of, read
+from ..devices import data_of, read
 
 NAME = "openni:"
 

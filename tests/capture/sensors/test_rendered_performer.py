@@ -14,7 +14,7 @@ from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
 from capture.trackers.mediapipe import MediaPipePose
 
-from .conftest import Watched
+from ..devices import Watched
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 

@@ -18,7 +18,7 @@ from capture.skeleton import SkeletonFrame
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
-from .conftest import LENS
+from ..devices import LENS
 from .rooms import LENS as ROOM_LENS
 from .rooms import room
 

@@ -1,27 +1,5 @@
-"""The sensors whose pictures trackers read in tests."""
+"""Sources of these tests do not wait."""
 
-from ..sensors.conftest import (
-    _virtual_sensors,
-    openni_folder,
-    record,
-    render,
-    scripted_device,
-    scripted_tracker,
-    standing,
-    unhurried,
-    virtual_sensors,
-    watch,
-)
+from ..devices import unhurried
 
-__all__ = [
-    "_virtual_sensors",
-    "openni_folder",
-    "record",
-    "render",
-    "scripted_device",
-    "scripted_tracker",
-    "standing",
-    "unhurried",
-    "virtual_sensors",
-    "watch",
-]
+__all__ = ["unhurried"]

@@ -21,7 +21,7 @@ from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
 from puppetline.errors import SourceError
 
-from ..sensors.conftest import HEADERS, PATIENCE, Watched
+from ..devices import HEADERS, PATIENCE, Watched
 
 NAME = "openni:"
 

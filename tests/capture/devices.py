@@ -1,0 +1,421 @@
+"""Devices and a tracker that do what a test says, a body to be seen, and a source watched as the service watches it."""
+
+import ctypes.util
+import mmap
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, closing
+from importlib.util import find_spec
+from pathlib import Path
+from select import select
+
+import numpy as np
+import pytest
+
+from capture.events import Tick
+from capture.sensors import source
+from capture.sensors.source import SensorSource
+from capture.skeleton import JOINT_INDEX, PARENTS, SkeletonFrame
+from capture.trackers.picture import Lens, Person, Picture
+
+from ..conftest import missing
+from .network.conftest import STANDING
+
+PATIENCE = 10.0
+"""Seconds after which a test gives up."""
+
+LENS = Lens(4, 3, 4.0)
+
+HEADERS = Path("/usr/include/openni2")
+FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
+
+
+class ScriptedDevice:
+    """Gives the pictures that are put into it; what is put in and is an exception is raised."""
+
+    name = "a scripted device"
+
+    def __init__(self):
+        self.pictures = queue.SimpleQueue()
+        self.closed = 0
+
+    def show(self, *times, color=None):
+        """Put in pictures that were taken at those times."""
+        for taken in times:
+            self.pictures.put(Picture(taken, LENS, color, None))
+
+    def read(self, timeout):
+        try:
+            picture = self.pictures.get(timeout=timeout)
+        except queue.Empty:
+            return None
+        if isinstance(picture, Exception):
+            raise picture
+        return picture
+
+    def close(self):
+        self.closed += 1
+
+
+class ScriptedTracker:
+    """Finds the people that were last put into it, or raises what is an exception; remembers the pictures' times.
+
+    A person's positions are all the picture's time.
+    """
+
+    name = "a scripted tracker"
+
+    def __init__(self, *users):
+        self.users = users
+        self.seen = []
+        self.closed = 0
+
+    def track(self, picture):
+        self.seen.append(picture.time)
+        if isinstance(self.users, Exception):
+            raise self.users
+        positions = np.full((20, 3), picture.time, dtype=np.float32)
+        return [Person(user, positions, np.ones(20, dtype=np.float32)) for user in self.users]
+
+    def close(self):
+        self.closed += 1
+
+
+class Watched:
+    """A source, waited for as the service waits."""
+
+    def __init__(self, watched):
+        self.source = watched
+
+    def events(self, count=1, until=None):
+        """Return what comes until that many events have come, ticks not counted."""
+        found = []
+        give_up = time.monotonic() + PATIENCE
+        while not (until(found) if until else len(found) >= count):
+            assert time.monotonic() < give_up, found
+            self.wait()
+            found += [event for event in self.source.receive() if not isinstance(event, Tick)]
+        return found
+
+    def frames(self, count=1):
+        """Return the frames among the events that come until there are so many."""
+        events = self.events(until=lambda found: sum(isinstance(each, SkeletonFrame) for each in found) >= count)
+        return [each for each in events if isinstance(each, SkeletonFrame)]
+
+    def wait(self):
+        """Wait until the source wants to be called."""
+        select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))
+
+    def error(self):
+        """Return the error that ends it."""
+        with pytest.raises(Exception) as caught:  # noqa: PT011
+            self.events(until=lambda _: False)
+        assert not isinstance(caught.value, AssertionError), caught.value
+        return caught.value
+
+
+@pytest.fixture
+def scripted_device():
+    return ScriptedDevice()
+
+
+@pytest.fixture
+def scripted_tracker():
+    return ScriptedTracker(1)
+
+
+@pytest.fixture(autouse=True)
+def unhurried(monkeypatch):
+    """No picture is too old, however busy the machine is."""
+    monkeypatch.setattr(source, "OLDEST", PATIENCE)
+
+
+@pytest.fixture
+def watch():
+    """Open a source of a device and a tracker, or of what opens them."""
+    with ExitStack() as stack:
+
+        def opened(device, tracker, name="test:", **options):
+            sensor_source = SensorSource(
+                name,
+                device if callable(device) else lambda: device,
+                tracker if callable(tracker) else lambda _device: tracker,
+                **options,
+            )
+            stack.callback(sensor_source.close)
+            return Watched(sensor_source)
+
+        yield opened
+
+
+class VirtualSensor:
+    """What virtual_sensor.cpp shows as a sensor: mapped pictures of 640×480, and its plug.
+
+    Its lens sees 1 radian from left to right.
+    """
+
+    lens = Lens(640, 480, 320 / np.tan(0.5))
+    refusals = ("opening", "registration", "synchronisation", "mirror off")
+
+    def __init__(self, path):
+        head, pixels = 32, self.lens.width * self.lens.height
+        path.write_bytes(bytes(head + 5 * pixels))
+        with path.open("r+b") as file:
+            self._map = mmap.mmap(file.fileno(), 0)
+        self._plugged, self._listed, self._shown, self._given, self._streaming, self._refuses = (
+            np.frombuffer(self._map, np.uint32, 1, 4 * k) for k in range(6)
+        )
+        self._time = np.frombuffer(self._map, np.uint64, 1, 24)
+        shape = self.lens.height, self.lens.width
+        self._depth = np.frombuffer(self._map, np.uint16, pixels, head).reshape(shape)
+        self._color = np.frombuffer(self._map, np.uint8, 3 * pixels, head + 2 * pixels).reshape(*shape, 3)
+        self.uri, self.serial = f"virtual/{path.name}", f"serial-{path.name}"
+
+    def plug(self, refuses=()):
+        """Plug it in, and have it not do some of `refusals`."""
+        self.refuse(*refuses)
+        self._plugged[:] = 1
+        self._wait(lambda: self._listed[0])
+
+    def refuse(self, *what):
+        """Have it not do some of `refusals` from now on."""
+        self._refuses[:] = sum(1 << self.refusals.index(each) for each in what)
+
+    def unplug(self):
+        self._plugged[:] = 0
+        self._wait(lambda: not self._listed[0])
+
+    def show(self, depth, color, moment):
+        """Show a picture, of millimetres and RGB, at seconds on the sensor's clock; return when it was given."""
+        self.wait_for_streams()
+        self._depth[:], self._color[:], self._time[:] = depth, color, round(moment * 1e6)
+        self._shown += 1
+        self._wait(lambda: self._given == self._shown)
+
+    def wait_for_streams(self):
+        """Wait until depth and colour are being streamed."""
+        self._wait(lambda: self._streaming == 2)
+
+    @property
+    def streaming(self):
+        """How many streams it gives."""
+        return int(self._streaming[0])
+
+    def _wait(self, what):
+        give_up = time.monotonic() + PATIENCE
+        while not what():
+            assert time.monotonic() < give_up
+            time.sleep(0.0005)
+
+
+@pytest.fixture(scope="session")
+def openni_folder(tmp_path_factory):
+    """Folder of the real OpenNI2 library with its driver of files and that of virtual sensors, for this process."""
+    if find_spec("openni") is None:
+        missing("openni", "the OpenNI2 bindings are not here (pip install openni)")
+    library = ctypes.util.find_library("OpenNI2")
+    files = [] if library is None else list(Path("/usr/lib").glob(f"*/{library}"))
+    if not files or not HEADERS.is_dir() or shutil.which("g++") is None:
+        missing("openni", "g++ or OpenNI2 is not here (Debian: g++, libopenni2-0 and libopenni2-dev)")
+    folder = tmp_path_factory.mktemp("openni")
+    drivers = folder / "OpenNI2" / "Drivers"
+    drivers.mkdir(parents=True)
+    shutil.copy(files[0], folder)
+    shutil.copy(files[0].parent / "OpenNI2" / "Drivers" / "libOniFile.so.0", drivers)
+    command = ["g++", "-std=c++17", "-O2", "-fPIC", "-shared", f"-I{HEADERS}"]
+    source = Path(__file__).parent / "sensors" / "virtual_sensor.cpp"
+    subprocess.run([*command, "-o", drivers / "libVirtualSensor.so.0", source], check=True, capture_output=True)
+    os.environ["OPENNI2_REDIST"] = str(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def _virtual_sensors(openni_folder):
+    os.environ["PUPPETLINE_VIRTUAL_SENSORS"] = str(openni_folder)
+    return [VirtualSensor(openni_folder / str(k)) for k in range(2)]
+
+
+@pytest.fixture
+def virtual_sensors(_virtual_sensors):
+    """Two sensors, unplugged, that the real OpenNI2 library finds in this process once they are plugged in."""
+    from capture.sensors.openni import openni2
+
+    openni2("test")
+    yield _virtual_sensors
+    for sensor in _virtual_sensors:
+        sensor.unplug()
+
+
+@pytest.fixture(scope="session")
+def record(_virtual_sensors):
+    """Record what a sensor that is plugged in shows with OpenNI2's recorder: pairs of depth and colour, in even steps.
+
+    On a busy machine, the recorder leaves pictures out; then it is done again.
+    """
+    from capture.sensors.openni import OpenNIDevice, Place, openni2
+
+    bindings = openni2("test")
+
+    def once(sensor, path, pictures, step):
+        with closing(OpenNIDevice("openni:", Place())) as device:
+            recorder = bindings.Recorder(os.fsencode(path))
+            for stream in device._streams:
+                recorder.attach(stream)
+            recorder.start()
+            for k, (depth, color) in enumerate(pictures):
+                sensor.show(depth, color, 3.0 + k * step)
+                read(device)
+            recorder.stop()
+            recorder.close()
+
+    def recorded(sensor, path, pictures, step):
+        for _ in range(5):
+            once(sensor, path, pictures, step)
+            if len(data_of(path.read_bytes())) == 2 * len(pictures):
+                return
+        pytest.fail("OpenNI2's recorder left pictures out five times")
+
+    return recorded
+
+
+def read(device):
+    """Return the next picture of a device."""
+    give_up = time.monotonic() + PATIENCE
+    while (picture := device.read(0.5)) is None:
+        assert time.monotonic() < give_up
+    return picture
+
+
+def data_of(content):
+    """Return where the depths and colours are in a recording, in the order of time."""
+    found, place = [], 24
+    while (kind := int.from_bytes(content[place + 4 : place + 8], "little")) != 11:
+        own, size = (int.from_bytes(content[place + at : place + at + 4], "little") for at in (12, 16))
+        if kind == 10:
+            found.append(slice(place + own, place + own + size))
+        place += own + size
+    return found
+
+
+@pytest.fixture(scope="session")
+def fakenect(tmp_path_factory):
+    """A folder with fakenect under the name of the library, and what stands in front of it."""
+    compiler = shutil.which("gcc")
+    if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
+        missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
+    folder = tmp_path_factory.mktemp("fakenect")
+    behind = FAKENECT[0].read_bytes().replace(b"libfreenect.so.0.5\0", b"libfakenect.so.0.5\0")
+    (folder / "libfakenect.so.0.5").write_bytes(behind)
+    source = Path(__file__).parent / "sensors" / "kinect.c"
+    name = "libfreenect.so.0.5"
+    link = f"-Wl,-soname,{name},--no-as-needed,-rpath,$ORIGIN"
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", source, "-o", folder / name, link, "-L", folder, "-l:libfakenect.so.0.5"],
+        check=True,
+    )
+    return folder
+
+
+@pytest.fixture
+def run_with_kinect(fakenect):
+    """Run a program that finds fakenect where the library would be: `run(dump, program, *arguments)`, to its end."""
+
+    def run(dump, program, *arguments, fault=""):
+        environment = {"LD_LIBRARY_PATH": str(fakenect), "FAKENECT_PATH": str(dump), "KINECT_FAULT": fault}
+        return subprocess.run(
+            [sys.executable, "-c", program, *map(str, arguments)],
+            env=os.environ | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+
+    return run
+
+
+@pytest.fixture
+def write_dump(tmp_path):
+    """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
+
+    def write(pictures, interval=0.01):
+        folder = tmp_path / "dump"
+        folder.mkdir()
+        names = []
+        for number, (picture, ticks) in enumerate(pictures):
+            kind, header = ("d", b"P5 640 480 65535\n") if picture.ndim == 2 else ("r", b"P6 640 480 255 \n")
+            names.append(f"{kind}-{100 + interval * number:.6f}-{ticks % 2**32}.p")
+            (folder / names[-1]).write_bytes(header + picture.tobytes())
+        (folder / "INDEX.txt").write_text("".join(f"{name}\n" for name in names))
+        return folder
+
+    return write
+
+
+@pytest.fixture
+def standing():
+    """(20, 3) joints of somebody who faces the sensor, 2.5 m away, the right arm up."""
+    return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
+
+
+BONES = [(JOINT_INDEX[child], JOINT_INDEX[parent]) for child, parent in PARENTS.items()]
+
+
+@pytest.fixture(scope="session")
+def render():
+    """Show a body to a lens: `render(joints, lens)` returns depths (millimetres, 0 for nothing) and colours.
+
+    A bone is a capsule of `radius` metres between two of the (20, 3) joints.
+    Colours are skin that is darker where it turns away.
+    """
+
+    def rendered(joints, lens, radius=0.05):
+        joints = np.asarray(joints, dtype=np.float64)
+        rows, columns = np.mgrid[: lens.height, : lens.width] + 0.5
+        rays = lens.unproject(np.stack([columns, rows], axis=-1), np.ones((lens.height, lens.width)))
+        nearest = np.full((lens.height, lens.width), np.inf)
+        light = np.zeros_like(nearest)
+        for start, end in BONES:
+            ends = joints[[start, end]]
+            corners = lens.project(ends)
+            margin = lens.focal * 1.5 * radius / (ends[:, 2].min() - radius) + 1
+            (left, top), (right, bottom) = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+            window = np.s_[max(0, int(top)) : max(0, int(bottom) + 1), max(0, int(left)) : max(0, int(right) + 1)]
+            distance, facing = _capsule(rays[window], *ends, radius)
+            nearer = distance < nearest[window]
+            nearest[window][nearer], light[window][nearer] = distance[nearer], facing[nearer]
+        seen = np.isfinite(nearest)
+        depth = np.where(seen, np.round(1000 * np.where(seen, nearest, 0)), 0).astype(np.uint16)
+        color = np.where(seen[..., None], (0.3 + 0.7 * light)[..., None] * [224, 172, 140], [40, 60, 80])
+        return depth, color.astype(np.uint8)
+
+    return rendered
+
+
+def _capsule(rays, start, end, radius):
+    """Return the depths, infinite for none, at which rays (…, 3) of z = 1 meet a capsule, and how it faces them."""
+    axis = end - start
+    length2 = axis @ axis
+    found = np.full(rays.shape[:-1], np.inf)
+    facing = np.zeros(rays.shape[:-1])
+    candidates = [(start, None), (end, None), (start, axis)] if length2 > 0 else [(start, None)]
+    for center, along in candidates:
+        across, offset = rays, np.broadcast_to(center, rays.shape)
+        if along is not None:  # as seen along the axis, a cylinder is a circle
+            across = rays - (rays @ along)[..., None] * along / length2
+            offset = offset - (offset @ along)[..., None] * along / length2
+        a, b, c = (across**2).sum(-1), (across * offset).sum(-1), (offset**2).sum(-1) - radius**2
+        discriminant = b**2 - a * c
+        with np.errstate(invalid="ignore", divide="ignore"):
+            depth = (b - np.sqrt(discriminant)) / a
+            point = rays * depth[..., None]
+            share = np.clip((point - start) @ axis / length2, 0, 1) if length2 > 0 else np.zeros(depth.shape)
+            normal = (point - (start + share[..., None] * axis)) / radius
+            on_it = (np.abs((normal**2).sum(-1) - 1) < 1e-6) & (depth < found)
+        found[on_it] = depth[on_it]
+        facing[on_it] = np.clip(-normal[on_it][:, 2], 0, 1)
+    return found, facing

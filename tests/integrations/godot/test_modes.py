@@ -160,7 +160,7 @@ def check_shader(shade, service, puppet, loosest=4.0, **settings):
         assert np.prod(high - low) <= loosest * np.prod(np.ptp(where, axis=0))
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def puppetline(commands):
     return lambda *arguments: commands.run(*arguments).check_returncode()
 

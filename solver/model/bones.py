@@ -140,10 +140,9 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     graph = _both_ways(mesh)
     before_its_head = (along < 0) & bones.roots
     owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, before_its_head)
-    limb = _limb_of_parts(mesh, bones, owner)[mesh.components]
+    limb = _limb_of_parts(mesh, bones, owner)[mesh.components, None]
     if np.any(limb >= 0):
-        others = (limb[:, None] >= 0) & (bones.limbs != limb[:, None])
-        forbidden = np.where(limb[:, None] >= 0, others, before_its_head)
+        forbidden = np.where(limb >= 0, bones.limbs != limb, before_its_head)
         owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
@@ -176,9 +175,9 @@ def regions_of_shares(shares: NDArray[np.float64]) -> BoneRegions:
 
 
 def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the limb to which most of each part belongs; −1 for a part without one.
+    """Return the number of the limb to which most of each part belongs, (parts,) int64; −1 for a part without one.
 
-    A sleeve, an arm or a weapon of its own may reach behind the root of its limb, and beside another limb.
+    A sleeve, an arm or a weapon that is a part of its own may reach behind the root of its limb, and beside another.
     """
     parts, limbs = mesh.parts, int(bones.limbs.max(initial=-1)) + 1
     if parts == 1 or not limbs:

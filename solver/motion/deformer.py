@@ -42,9 +42,10 @@ class Deformer:
     """Moves a reduced model by its handles and bones, each frame starting where the last one ended.
 
     The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + the null-space projector is factored once. W always has
-    directions that move no vertex, and Eq. 8 says nothing about them; the projector pins just these to the rest pose,
-    so that N is positive definite and no deformation is biased. G_b = λ W_bᵀ M_b W_b holds the surface around bone b
-    to its motion T_b. Since all of W R is an affine map of the rest pose where every transform is that map, its
+    directions that move no vertex, and Eq. 8 says nothing about them; the projector pins just these, so that N is
+    positive definite and no deformation is biased: to the rest pose, or where there are bones to the mean motion of
+    those nearby, to which `NEAR_BONES` draws all directions a little. G_b = λ W_bᵀ M_b W_b holds the surface around
+    bone b to its motion T_b. Since all of W R is an affine map of the rest pose where every transform is that map, its
     right-hand side W_bᵀ M_b [X_b 1] T_b is G_b times a stack of T_b.
 
     The iteration of Eq. 9 is folded into the space of rotations: with P the linear map that reads the surface
@@ -57,12 +58,12 @@ class Deformer:
     Parameters
     ----------
     model : ReducedModel
+        Made for the bones that move the mesh, if any.
     mesh : SolverMesh
         What the model was made of.
     handles : (h, 3) float64
         Rest positions in the mesh file's coordinates, taken to the nearest surface point; at least one if there is no
         bone.
-    bones : Bones, optional
     iterations : int
         Rotation updates a frame.
     mode : {"clusters", "covariance", "triangles"}, optional

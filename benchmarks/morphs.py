@@ -25,7 +25,7 @@ from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.pictures.renderer import View, contact_sheet, render
 from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"

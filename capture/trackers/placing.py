@@ -6,7 +6,7 @@ is on the ray through its pixel, which is what a tracker is best at, as far behi
 says. Bones keep their mean length, as what a tracker makes of it varies by a fifth from picture to picture.
 
 The tracker's metres become those of the room by what is known of the performer: depth where a sensor gives it,
-otherwise the height. A joint whose depth is known is put there (`capture.trackers.lifting`).
+otherwise the height. A joint whose depth is known is put there (`capture.trackers.joint_depth`).
 """
 
 import math
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
-from capture.trackers.lifting import NEIGHBORS, lift
+from capture.trackers.joint_depth import NEIGHBORS, lift
 from capture.trackers.picture import Lens
 
 Floats = NDArray[np.float64]

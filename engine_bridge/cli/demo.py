@@ -17,7 +17,7 @@ from capture.sources.demo import performances
 from engine_bridge.character.character import make_character
 from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures import sheet
+from engine_bridge.pictures import clip_sheet
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 
@@ -68,7 +68,7 @@ def play(
     title = f"{name}_{CASTING[name]}"
     output, picture = folder / f"{title}.glb", folder / f"{title}.png"
     clip, summary = convert(log, puppet, output, Settings(), progress)
-    sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
+    clip_sheet.draw(clip, picture, f"{name} · {CASTING[name]}", lambda share: progress("Drawing", share))
     return summary, picture
 
 

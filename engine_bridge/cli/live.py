@@ -14,7 +14,7 @@ import click
 from engine_bridge.cli.command_line import FILE, Finite, progress
 
 if TYPE_CHECKING:
-    from capture.sensors.sight import Sight
+    from capture.sensors.source_report import Sight
     from engine_bridge.service.service_file import ServiceFile
 
 PORT = click.IntRange(0, 65534)
@@ -193,8 +193,8 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
     """Show what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
-    from capture.sensors.sight import reasons
-    from engine_bridge.pictures.look import draw
+    from capture.sensors.source_report import reasons
+    from engine_bridge.pictures.source_view import draw
     from puppetline.files import check_writable, written_whole
 
     if output is None and not live:
@@ -217,7 +217,7 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
 
 def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
-    from capture.sensors.sight import reasons, summary, told
+    from capture.sensors.source_report import reasons, summary, told
 
     why = reasons(sight)
     if as_json:
@@ -236,7 +236,7 @@ def _seen(source: str, seconds: float | None) -> "Sight":
     """Return what is seen of a source in so many seconds."""
     from contextlib import closing
 
-    from capture.sensors.sight import watch
+    from capture.sensors.source_report import watch
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
 
@@ -254,7 +254,7 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from rich.text import Text
 
     from capture.reconnecting import Reopening
-    from capture.sensors.sight import RECENT, Watch, status_line
+    from capture.sensors.source_report import RECENT, Watch, status_line
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.signals import Signals

@@ -128,7 +128,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     from capture.formats.options import ReadOptions
     from engine_bridge.export.convert import convert as run
     from engine_bridge.performance.settings import Settings
-    from engine_bridge.pictures import sheet
+    from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable
 
     for option, form in (("targets", "morph"), ("bones", "skin")):
@@ -140,7 +140,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     with progress() as report:
         clip, summary = run(log, puppet, output, Settings(log=options, **choices), report)
         if preview is not None:
-            sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
+            clip_sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
     if as_json:
         click.echo(json.dumps(summary.as_dict(), indent=2))
     else:
@@ -233,7 +233,7 @@ def new(
     force: bool,
 ) -> None:
     """Propose a puppet file for a MESH: its limbs, or handles where it has none, and joints to move them."""
-    from engine_bridge.pictures import portrait
+    from engine_bridge.pictures import puppet_diagram
     from engine_bridge.puppet import proposal, puppet
     from puppetline.files import check_writable
 
@@ -256,7 +256,7 @@ def new(
     )
     made = proposed.puppet
     puppet.dump(made, output)
-    portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
+    puppet_diagram.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(made.limb), "handles": len(made.handle)}
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
     click.echo(f"{output}: {listed}, shown in {picture}")

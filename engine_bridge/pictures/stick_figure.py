@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from capture.skeleton import JOINT_INDEX, PARENTS
-from engine_bridge.pictures.preview import View, backdrop, project
+from engine_bridge.pictures.renderer import View, backdrop, project
 
 SUPERSAMPLING = 3
 LEFT, RIGHT, MIDDLE = (214, 106, 36), (38, 104, 178), (74, 78, 86)

@@ -5,7 +5,7 @@ import pytest
 
 from capture import body
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, OPPOSITE, PARENTS, TRACKED
-from capture.trackers.lifting import SKIN_TO_JOINT
+from capture.trackers.joint_depth import SKIN_TO_JOINT
 from capture.trackers.picture import Lens
 from capture.trackers.placing import Placing, distance_of
 

@@ -21,7 +21,7 @@ from capture.recording import Recorder
 from capture.trackers.mediapipe import MIXTURE
 from engine_bridge.cli.doctor.diagnosis import Finding
 from engine_bridge.cli.main import main
-from engine_bridge.pictures.look import HEIGHT, PERFORMERS
+from engine_bridge.pictures.source_view import HEIGHT, PERFORMERS
 
 from ...terminal import Terminal
 

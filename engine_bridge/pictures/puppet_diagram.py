@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.character.character import Character
-from engine_bridge.pictures.preview import View, contact_sheet, project, render
+from engine_bridge.pictures.renderer import View, contact_sheet, project, render
 from engine_bridge.puppet.puppet import HandleTable, LimbTable, Puppet
 
 VIEWS = {"from the front": (25.0, 12.0), "from its left": (100.0, 8.0)}

@@ -13,9 +13,9 @@ from capture.network.osc import encode
 from capture.network.source import open_osc
 from capture.reconnecting import Reopening
 from capture.sensor_tilt import Level
-from capture.sensors import sight as sights
-from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
+from capture.sensors import source_report as module
 from capture.sensors.source import SensorSource
+from capture.sensors.source_report import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
 from capture.sources.replay import TakeSource
@@ -185,31 +185,31 @@ def test_a_recording_that_ends_leaves_who_was_in_it_and_says_so():
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
     with closing(TakeSource.of_clips("replay:short.log", [short])) as source:
-        sight = sights.watch(source, 60)
+        sight = module.watch(source, 60)
     assert {user: performer.frames for user, performer in sight.performers.items()} == {1: 3}
     assert [reason.what for reason in reasons(sight)] == [sight.failure]
     assert "found that it has ended" in sight.failure
 
 
 def test_a_silent_port_is_given_up_and_packets_that_are_none_are_told_of(osc):
-    assert why_of(sights.watch(osc, 1, patience=0.1)) == ["Nothing has come in 0 s."]
+    assert why_of(module.watch(osc, 1, patience=0.1)) == ["Nothing has come in 0 s."]
     send(osc, b"nonsense")
-    sight = sights.watch(osc, 0.1)
+    sight = module.watch(osc, 0.1)
     assert (sight.received, sum(sight.refused.values()), sight.listens) == (1, 1, True)
     assert why_of(sight)[0].startswith("What came were no performers: ")
 
 
 def test_a_performer_of_whom_nothing_comes_any_more_has_gone(osc, monkeypatch):
-    monkeypatch.setattr(sights, "SILENT", 0.05)
+    monkeypatch.setattr(module, "SILENT", 0.05)
     send(osc, *(encode("/joint", name, 7, 0.5, 0.5, 1.0) for name in ("head", "neck", "torso")))
-    sight = sights.watch(osc, 0.5)
+    sight = module.watch(osc, 0.5)
     assert (set(sight.performers), sight.gone) == (set(), {7})
 
 
 def test_the_last_picture_of_a_sensor_is_kept_with_who_was_in_it(watch, scripted_device, scripted_tracker):
     scripted_device.show(0.0)
     scripted_device.show(0.1, color=np.full((3, 4, 3), 5, np.uint8))
-    sight = sights.watch(watch(scripted_device, scripted_tracker).source, 0.3)
+    sight = module.watch(watch(scripted_device, scripted_tracker).source, 0.3)
     assert (sight.picture.time, set(sight.performers), sight.listens) == (0.1, {1}, False)
     assert "The picture is black." in why_of(sight)
 
@@ -218,7 +218,7 @@ def test_a_sensor_that_fails_is_told_with_its_own_error(watch, scripted_tracker)
     def absent():
         raise SourceError("freenect:", found="no Kinect v1 on USB", expected="one", fix="Plug it in.")
 
-    sight = sights.watch(watch(absent, scripted_tracker).source, 1)
+    sight = module.watch(watch(absent, scripted_tracker).source, 1)
     assert why_of(sight) == ["freenect: found no Kinect v1 on USB; expected one. Plug it in."]
 
 
@@ -327,7 +327,7 @@ def test_a_sensor_that_fails_is_opened_again_until_a_picture_comes(watch, script
             raise absent
         return watch(answer, scripted_tracker).source
 
-    looking = Watch(source := Reopening("freenect:", opened), sights.RECENT)
+    looking = Watch(source := Reopening("freenect:", opened), module.RECENT)
     scripted_device.show(0.0)
     assert until(looking, lambda sight: sight.performers).picture is not None
     gone = SourceError("freenect:", found="it gone", expected="one", fix="Plug it in.")

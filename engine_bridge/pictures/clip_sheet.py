@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from engine_bridge.performance.clip import Clip
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.pictures.renderer import View, contact_sheet, render
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from capture.sensors.sight import Performer, Reason, Sight, told
+from capture.sensors.source_report import Performer, Reason, Sight, told
 from capture.skeleton import JOINT_INDEX, PARENTS
 from capture.trackers.picture import Picture
 

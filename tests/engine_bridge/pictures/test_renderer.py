@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.pictures import preview
-from engine_bridge.pictures.preview import View, contact_sheet, project, render
+from engine_bridge.pictures import renderer
+from engine_bridge.pictures.renderer import View, contact_sheet, project, render
 from puppetline.errors import OutputError
 
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
@@ -126,11 +126,11 @@ def test_a_sphere_throws_the_key_lights_shadow_on_the_floor():
     image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
     light = (image / bare)[..., 1]
     # The shadow is an ellipse of 1 by 1 / sin e; 0.8 behind its middle the floor is in it and not behind the sphere.
-    azimuth, elevation, tilt = np.radians([preview.KEY_AZIMUTH, preview.KEY_ELEVATION, 20])
+    azimuth, elevation, tilt = np.radians([renderer.KEY_AZIMUTH, renderer.KEY_ELEVATION, 20])
     away = 1 / np.tan(elevation) + 0.8
     x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
     column, row = int(60 + 20 * x), int(60 - 20 * (-np.cos(tilt) - z * np.sin(tilt)))
-    sky_alone = preview.SKY[1] / (preview.SKY[1] + preview.KEY[1] * np.sin(elevation))
+    sky_alone = renderer.SKY[1] / (renderer.SKY[1] + renderer.KEY[1] * np.sin(elevation))
     assert 0.5 * sky_alone < light[row, column] < sky_alone
     assert light[row, 120 - column] > 0.9  # on the other side, towards the light
     assert light[115, 5] > 0.98  # far away
@@ -140,7 +140,7 @@ def test_colors_are_interpolated_between_vertices():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
     image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
-    share = image[:, 0] / image[:, 1] / (preview.KEY[0] / preview.KEY[1])
+    share = image[:, 0] / image[:, 1] / (renderer.KEY[0] / renderer.KEY[1])
     expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
     np.testing.assert_allclose(share, expected, rtol=0.05)
 
@@ -180,7 +180,7 @@ def test_a_sheet_has_room_for_all_tiles_labels_and_the_title(tmp_path, title, he
         y, x = top + i // 2 * 50, 10 + i % 2 * 50
         np.testing.assert_array_equal(sheet[y : y + 20, x : x + 40], tile)
         assert (sheet[y + 20 : y + 50, x : x + 40] < 128).any()  # the label's ink
-    assert (sheet[top + 100 :, 60:] == preview.PAPER).all()  # no sixth tile
+    assert (sheet[top + 100 :, 60:] == renderer.PAPER).all()  # no sixth tile
 
 
 def test_a_sheet_replaces_the_old_one_and_leaves_nothing_else(tmp_path):

@@ -3,11 +3,11 @@ import pytest
 from PIL import ImageFont
 from puppetline.examples.performances import PERFORMANCES
 
-from capture.sensors.sight import Reason, Sight, reasons
+from capture.sensors.source_report import Reason, Sight, reasons
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.trackers.picture import Lens, Picture
-from engine_bridge.pictures import look
-from engine_bridge.pictures.look import GUESSED, HEIGHT, PANEL, PERFORMERS, draw, shaded
+from engine_bridge.pictures import source_view
+from engine_bridge.pictures.source_view import GUESSED, HEIGHT, PANEL, PERFORMERS, draw, shaded
 
 GAP = 12
 LENS = Lens(320, 240, 262.5)
@@ -113,10 +113,10 @@ def test_an_empty_room_is_drawn_too():
 def test_what_is_amiss_is_written_below_in_its_own_colour(picture):
     black = Picture(0.0, LENS, picture.color * 0, picture.depth)
     bad, good = sight_of(1, black), sight_of(1, picture)
-    assert len(places_of(drawn(bad, reasons(bad))[HEIGHT + GAP :], look.AMISS)) > 0
+    assert len(places_of(drawn(bad, reasons(bad))[HEIGHT + GAP :], source_view.AMISS)) > 0
     words = drawn(good, reasons(good))[HEIGHT + GAP :]
-    assert len(places_of(words, look.AMISS)) == 0
-    assert len(places_of(words, look.WELL)) > 0
+    assert len(places_of(words, source_view.AMISS)) == 0
+    assert len(places_of(words, source_view.WELL)) > 0
 
 
 def test_depth_is_lighter_the_nearer_it_is_and_violet_where_there_is_none():
@@ -129,8 +129,8 @@ def test_depth_is_lighter_the_nearer_it_is_and_violet_where_there_is_none():
 
 def test_long_texts_are_broken_between_words_and_lose_none():
     text = " ".join(f"{'wide' * (n % 4 + 1)}{n}" for n in range(60))
-    lines = look._wrapped(text, 15, 300)
+    lines = source_view._wrapped(text, 15, 300)
     assert " ".join(lines) == text
     assert all(ImageFont.load_default(15).getlength(line) <= 300 for line in lines)
-    assert look._wrapped("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
-    assert look._wrapped("", 15, 50) == []
+    assert source_view._wrapped("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
+    assert source_view._wrapped("", 15, 50) == []

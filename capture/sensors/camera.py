@@ -17,7 +17,7 @@ from urllib.parse import parse_qsl
 
 from capture.libraries import import_error
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import EXTRA, HEIGHT, MediaPipePose, library
+from capture.trackers.mediapipe import HEIGHT, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
 
@@ -68,8 +68,8 @@ def open_camera(uri: str, rest: str) -> SensorSource:
     options = parse(uri, rest)
     if options.loop:
         raise SourceError(uri, found="the option 'loop'", expected="height and fov", fix="A camera has no end.")
-    opencv()
-    library()
+    load_opencv()
+    load_mediapipe()
     return SensorSource(uri, lambda: Camera(uri, options), lambda _: MediaPipePose(options.height))
 
 
@@ -89,7 +89,7 @@ def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
         The text cannot be read, a library is missing, or there is no such video.
     """
     options = parse(uri, rest)
-    library()
+    load_mediapipe()
     video = Video(uri, folder / options.place, options)
     return SensorSource(uri, lambda: video, lambda _: MediaPipePose(options.height), recorded=True)
 
@@ -128,7 +128,7 @@ class Camera:
     """
 
     def __init__(self, uri: str, options: Options) -> None:
-        cv2 = opencv()
+        cv2 = load_opencv()
         self._uri, self._fov = uri, options.fov
         numbered = options.place.isdecimal()
         linux = sys.platform == "linux"
@@ -190,7 +190,7 @@ class Video:
         self._uri, self._fov, self._loop = uri, options.fov, options.loop
         if not path.is_file():
             raise SourceError(uri, found=f"no file {path}", expected="a video", fix="Correct the file's name.")
-        cv2 = opencv()
+        cv2 = load_opencv()
         self._start = cv2.CAP_PROP_POS_FRAMES, 0
         self._moment = cv2.CAP_PROP_POS_MSEC
         self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
@@ -242,7 +242,7 @@ class Video:
         return _picture(self._last, frame, self._fov)
 
 
-def opencv() -> ModuleType:
+def load_opencv() -> ModuleType:
     """Return OpenCV.
 
     Raises
@@ -256,7 +256,7 @@ def opencv() -> ModuleType:
         import cv2
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
         raise import_error("cv2", error)(
-            "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
+            "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
         ) from error
     return cv2
 
@@ -264,7 +264,7 @@ def opencv() -> ModuleType:
 def _picture(moment: float, frame: Any, fov: float) -> Picture:
     height, width = frame.shape[:2]
     focal = math.hypot(width, height) / 2 / math.tan(math.radians(fov) / 2)
-    return Picture(moment, Lens(width, height, focal), opencv().cvtColor(frame, opencv().COLOR_BGR2RGB), None)
+    return Picture(moment, Lens(width, height, focal), load_opencv().cvtColor(frame, load_opencv().COLOR_BGR2RGB), None)
 
 
 def _check(uri: str, device: Path) -> None:

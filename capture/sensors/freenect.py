@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from capture.libraries import NotInstalledError, load_error
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import MediaPipePose, library
+from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, heading
 
@@ -28,7 +28,7 @@ SAME_MOMENT = 0.02
 
 LIBRARIES = ("libfreenect.so.0.5", "libfreenect.so.0.7", "libfreenect.so.0", "libfreenect.dylib")
 """Names that the library has on Debian, elsewhere on Linux, and on macOS."""
-RULES = "60-libfreenect0.5.rules"
+UDEV_RULES = "60-libfreenect0.5.rules"
 
 _CAMERA = 2  # of the parts of a Kinect: without its motor, which some models lack
 _MEDIUM, _RGB, _REGISTERED = 1, 0, 4  # freenect_resolution, freenect_video_format, freenect_depth_format
@@ -83,11 +83,11 @@ def open_freenect(uri: str, rest: str) -> SensorSource:
             fix="Write freenect: for the first, freenect:1 for the second.",
         )
     _load(uri)
-    library()
+    load_mediapipe()
     return SensorSource(uri, lambda: FreenectDevice(uri, int(rest or 0)), lambda _: MediaPipePose())
 
 
-def plugged_in(where: str) -> int | None:
+def count_sensors(where: str) -> int | None:
     """Return how many sensors the library finds, or None if it cannot use USB, as in a container without it.
 
     Parameters
@@ -351,7 +351,7 @@ def _forbidden(name: str) -> SourceError:
         name,
         found="no permission to open the Kinect on USB",
         expected="a udev rule that gives it",
-        fix=f'The package libfreenect0.5 brings {RULES}; without it, write SUBSYSTEM=="usb", '
+        fix=f'The package libfreenect0.5 brings {UDEV_RULES}; without it, write SUBSYSTEM=="usb", '
         'ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", MODE="0666" (02bf for a Kinect for Windows) into '
-        f"/etc/udev/rules.d/{RULES}. Then call udevadm control --reload and plug the Kinect in again.",
+        f"/etc/udev/rules.d/{UDEV_RULES}. Then call udevadm control --reload and plug the Kinect in again.",
     )

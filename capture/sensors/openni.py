@@ -26,15 +26,15 @@ from numpy.typing import NDArray
 from capture.libraries import import_error, load_error
 from capture.sensors.oni_file import check_plays, check_whole
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import MediaPipePose, library
-from capture.trackers.nite import REDIST as NITE2_REDIST
+from capture.trackers.mediapipe import MediaPipePose, load_mediapipe
+from capture.trackers.nite import REDIST_VARIABLE as NITE2_REDIST
 from capture.trackers.nite import NiTE, library_path
 from capture.trackers.picture import Device, Lens, Picture, Tracker
 from puppetline.errors import SourceError, heading
 
-REDIST = "OPENNI2_REDIST"
+REDIST_VARIABLE = "OPENNI2_REDIST"
 """Names the folder of the library and of its drivers."""
-RULES = "60-libopenni2-0.rules"
+UDEV_RULES = "60-libopenni2-0.rules"
 """The udev rules that let users open sensors, of Debian's libopenni2-0."""
 
 SAME_MOMENT = 0.02
@@ -83,14 +83,14 @@ class Sensor:
         What it calls itself.
     uri, serial : str
         By which it can be chosen; the second may be unknown, and is empty then.
-    trouble : SourceError or None
+    error : SourceError or None
         Why it cannot be opened.
     """
 
     name: str
     uri: str
     serial: str
-    trouble: SourceError | None
+    error: SourceError | None
 
 
 def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
@@ -110,9 +110,9 @@ def open_openni(uri: str, rest: str, folder: Path) -> SensorSource:
         source raises.
     """
     place = parse(uri, rest)
-    openni2(uri)
+    load_openni2(uri)
     if place.kind == "file" or library_path() is None:
-        library()
+        load_mediapipe()
     if place.kind == "file":
         check_plays(uri, folder / place.value)
         file = OpenNIDevice(uri, place, folder)
@@ -139,7 +139,7 @@ def parse(uri: str, rest: str) -> Place:
     raise SourceError(uri, found=repr(rest), expected=_EXPECTED, fix="openni: alone takes the first sensor there is.")
 
 
-def openni2(where: str) -> Any:
+def load_openni2(where: str) -> Any:
     """Return the bindings, with the library loaded and its drivers started.
 
     Parameters
@@ -164,12 +164,12 @@ def openni2(where: str) -> Any:
     return bindings
 
 
-def devices(bindings: Any) -> list[str]:
+def sensor_uris(bindings: Any) -> list[str]:
     """Return the URIs of the sensors that are plugged in."""
     return [uri for uri, _ in _listed(bindings)]
 
 
-def plugged_in(where: str) -> list[Sensor]:
+def list_sensors(where: str) -> list[Sensor]:
     """Return the sensors that the library finds.
 
     Parameters
@@ -182,7 +182,7 @@ def plugged_in(where: str) -> list[Sensor]:
     SourceError
         There is no library.
     """
-    bindings = openni2(where)
+    bindings = load_openni2(where)
     with _alone(where):
         return [_looked_at(bindings, uri, name) for uri, name in _listed(bindings)]
 
@@ -215,7 +215,7 @@ class OpenNIDevice:
 
     def __init__(self, name: str, place: Place, folder: Path = Path()) -> None:
         self._uri = name
-        self._oni = openni2(name)
+        self._oni = load_openni2(name)
         self._recorded = place.kind == "file"
         self._streams: list[Any] = []
         self._waiting: dict[Any, tuple[float, NDArray[Any]]] = {}  # the newest of each stream, not given yet
@@ -277,7 +277,7 @@ class OpenNIDevice:
         if place.kind == "file":
             check_whole(self._uri, folder / place.value)
             return _open(self._oni, os.fsencode(folder / place.value))
-        there = devices(self._oni)
+        there = sensor_uris(self._oni)
         if place.kind == "serial":
             for uri in there:
                 with suppress(self._oni.OpenNIError):
@@ -426,7 +426,7 @@ class OpenNIDevice:
         )
 
     def _check_plug(self) -> None:
-        if not self._recorded and self._place.decode(errors="replace") not in devices(self._oni):
+        if not self._recorded and self._place.decode(errors="replace") not in sensor_uris(self._oni):
             raise SourceError(
                 self._uri,
                 found=f"that {self.name} was unplugged",
@@ -451,7 +451,7 @@ class OpenNIDevice:
                 expected="a whole .oni recording",
                 fix="Record it again.",
             )
-        return _unusable(self._uri, devices(self._oni), reason)
+        return _unusable(self._uri, sensor_uris(self._oni), reason)
 
 
 def _tracker(device: Device) -> Tracker:
@@ -466,7 +466,7 @@ def _tracker(device: Device) -> Tracker:
         return MediaPipePose()
 
 
-def usb_node(uri: str) -> Path | None:
+def usb_device_file(uri: str) -> Path | None:
     """Return the file by which a sensor of OpenNI2's own drivers is opened."""
     match = _USB.fullmatch(uri)
     return match and Path(f"/dev/bus/usb/{int(match[1]):03}/{int(match[2]):03}")
@@ -498,18 +498,18 @@ def _load(where: str, bindings: Any) -> None:
         bindings.initialize()
     except (OSError, bindings.OpenNIError) as error:
         # a folder that the user names is meant to have it
-        kind = SourceError if REDIST in os.environ else load_error("OpenNI2")
+        kind = SourceError if REDIST_VARIABLE in os.environ else load_error("OpenNI2")
         raise kind(
             where,
             found=f"no OpenNI2 library that starts ({error})",
-            expected=f"the system's library, or one in the folder that {REDIST} names",
+            expected=f"the system's library, or one in the folder that {REDIST_VARIABLE} names",
             fix="Install it: apt install libopenni2-0 on Debian and Ubuntu.",
         ) from error
 
 
 def _path() -> str:
     """Return the library's path, or a name that the system finds it by."""
-    folder = os.environ.get(REDIST)
+    folder = os.environ.get(REDIST_VARIABLE)
     if folder is None:
         return ctypes.util.find_library("OpenNI2") or "libOpenNI2.so.0"
     found = [path for name in _NAMES if (path := Path(folder) / name).is_file()]
@@ -570,13 +570,13 @@ def _reason(error: Exception) -> str:
 
 def _unusable(where: str, uris: list[str], reason: str) -> SourceError:
     """Tell why a sensor does not work, which is one of those: the library says no more than that."""
-    for node in filter(None, map(usb_node, uris)):
+    for node in filter(None, map(usb_device_file, uris)):
         if not os.access(node, os.R_OK | os.W_OK):
             return SourceError(
                 where,
                 found=f"a sensor at {node} that this user may not open",
                 expected="permission to read and write there",
-                fix=f"Install the udev rules {RULES} (Debian: libopenni2-0), then plug the sensor in again.",
+                fix=f"Install the udev rules {UDEV_RULES} (Debian: libopenni2-0), then plug the sensor in again.",
             )
     return SourceError(
         where,

@@ -29,7 +29,7 @@ from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
-from capture.trackers.floor import FloorWatch
+from capture.trackers.floor import FloorTracker
 from capture.trackers.picture import Device, Picture, Tracker
 from puppetline.errors import SourceError, heading
 
@@ -256,7 +256,7 @@ class SensorSource:
         """Find people in one picture after the other."""
         present: set[int] = set()
         last = -math.inf
-        watch = FloorWatch()
+        watch = FloorTracker()
         try:
             while (next_one := self._take()) is not None:
                 taken, picture = next_one

@@ -103,7 +103,7 @@ def _fitted(points: Floats, noise: Floats) -> Floats:
     return np.array([*normal, -normal @ middle])
 
 
-class FloorWatch:
+class FloorTracker:
     """Says how a sensor stands once it is sure, and again when it stands otherwise."""
 
     def __init__(self) -> None:

@@ -34,10 +34,12 @@ _BENEATH = {
     "ankle": 0.04,
     "foot": 0.03,
 }
-SKIN_TO_JOINT: Floats = np.array([_BENEATH[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS])
+SKIN_TO_JOINT_METRES: Floats = np.array(
+    [_BENEATH[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS]
+)
 """(20,) metres from the skin that a sensor sees to the joint within: half of an adult's thickness there."""
 
-NEIGHBORS = np.array([JOINT_INDEX[PARENTS[joint]] if joint in PARENTS else -1 for joint in JOINTS])
+PARENT_INDICES = np.array([JOINT_INDEX[PARENTS[joint]] if joint in PARENTS else -1 for joint in JOINTS])
 """(20,) index of each joint's neighbour towards the hips, which stands before it; -1 of the hips' centre."""
 
 _WINDOW = 0.02  # metres from a joint within which depth is looked at: less than half of a wrist
@@ -50,7 +52,7 @@ _LONGEST = 1.4  # of a bone's length beyond which a joint cannot be
 _ENOUGH = 5  # joints with depth that tell how large a body is
 
 
-def lift(
+def measure_depths(
     depth: NDArray[np.uint16],
     focal: float,
     pixels: Floats,
@@ -145,19 +147,19 @@ def _lift(depth, focal, pixels, rays, guessed, lengths, confidence):  # type: ig
         if confidence[j] >= SEEN:
             window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
             if len(window) > 0:
-                scales[count] = (_median(window) + SKIN_TO_JOINT[j]) / guessed[j]
+                scales[count] = (_median(window) + SKIN_TO_JOINT_METRES[j]) / guessed[j]
                 count += 1
     if count < _ENOUGH:
         return depths, known, np.nan
     scale = _median(np.sort(scales[:count]))  # whatever hides a joint, or lies behind it, is in the minority
     for j in range(joints):
-        near = NEIGHBORS[j]
+        near = PARENT_INDICES[j]
         beside_z = depths[near] if near >= 0 and known[near] else np.nan
         guess, bone = guessed[j] * scale, lengths[j] * scale
         z = np.nan
         if confidence[j] >= SEEN:
             window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
-            z = _surface(window, SKIN_TO_JOINT[j], rays[j], guess, bone, rays[near], beside_z)
+            z = _surface(window, SKIN_TO_JOINT_METRES[j], rays[j], guess, bone, rays[near], beside_z)
         known[j] = not np.isnan(z)
         if known[j]:
             depths[j] = z

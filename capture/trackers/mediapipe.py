@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from capture.libraries import import_error
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.trackers.picture import Person, Picture
-from capture.trackers.placing import Placing, rehearse
+from capture.trackers.placing import BodyPlacer, warm_up
 from puppetline.errors import SourceError
 
 HEIGHT = 1.70
@@ -37,7 +37,9 @@ GONE = 0.5
 DARK = 10.0
 """Mean brightness, of 255, below which nobody can be seen."""
 
-EXTRA = "pip install 'puppetline[camera]' brings OpenCV and MediaPipe; Debian needs libgl1 and libglib2.0-0 for them."
+INSTALL_FIX = (
+    "pip install 'puppetline[camera]' brings OpenCV and MediaPipe; Debian needs libgl1 and libglib2.0-0 for them."
+)
 
 _LANDMARKS = 33
 _LEFT = {"shoulder": [11], "elbow": [13], "wrist": [15], "hand": [17, 19], "hip": [23], "knee": [25], "ankle": [27]}
@@ -68,10 +70,10 @@ class MediaPipePose:
     name = "MediaPipe pose"
 
     def __init__(self, height: float = HEIGHT) -> None:
-        self._pose: Any = library().Pose(model_complexity=1)  # the one whose model comes with it
-        rehearse()
+        self._pose: Any = load_mediapipe().Pose(model_complexity=1)  # the one whose model comes with it
+        warm_up()
         self._height = height
-        self._placing: Placing | None = None
+        self._placing: BodyPlacer | None = None
         self._person: Person | None = None
         self._users = 0
         self._seen = -np.inf  # the time of the last picture with somebody
@@ -119,14 +121,14 @@ class MediaPipePose:
         seen = np.array([(mark.x, mark.y, mark.visibility) for mark in result.pose_landmarks.landmark])
         world = np.array([(mark.x, mark.y, mark.z) for mark in result.pose_world_landmarks.landmark])
         if self._placing is None:
-            self._placing = Placing(self._height)
+            self._placing = BodyPlacer(self._height)
             self._users += 1
         placed = self._placing.place(
             picture.time,
             picture.lens,
-            MIXTURE @ (seen[:, :2] * size),
-            MIXTURE @ world * _TO_SENSOR,
-            (MIXTURE @ seen[:, 2]).astype(np.float32),
+            LANDMARK_WEIGHTS @ (seen[:, :2] * size),
+            LANDMARK_WEIGHTS @ world * _TO_SENSOR,
+            (LANDMARK_WEIGHTS @ seen[:, 2]).astype(np.float32),
             picture.depth,
         )
         return None if placed is None else Person(self._users, placed[0].astype(np.float32), placed[1])
@@ -137,7 +139,7 @@ class MediaPipePose:
         self._state = state
 
 
-def library() -> ModuleType:
+def load_mediapipe() -> ModuleType:
     """Return MediaPipe's module of poses.
 
     Raises
@@ -149,7 +151,7 @@ def library() -> ModuleType:
         from mediapipe.python.solutions import pose
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
         raise import_error("mediapipe", error)(
-            "MediaPipe", found=f"that it cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=EXTRA
+            "MediaPipe", found=f"that it cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=INSTALL_FIX
         ) from error
     return pose
 
@@ -178,5 +180,5 @@ def _mixture() -> NDArray[np.float64]:
     return mixture
 
 
-MIXTURE = _mixture()
+LANDMARK_WEIGHTS = _mixture()
 """(20, 33): each joint as a weighted mean of MediaPipe's landmarks."""

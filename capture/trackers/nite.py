@@ -28,7 +28,7 @@ from capture.skeleton import LOST, OPPOSITE, mirrored
 from capture.trackers.picture import Person, Picture
 from puppetline.errors import SourceError
 
-REDIST = "NITE2_REDIST"
+REDIST_VARIABLE = "NITE2_REDIST"
 """Names the folder of the library."""
 PATIENCE = 1.0
 """Seconds that a picture's people are waited for."""
@@ -106,7 +106,8 @@ class NiTE:
                     self.name,
                     found=f"that it has not come to a picture for {PATIENCE:g} s",
                     expected="that it looks at every depth picture",
-                    fix=f"Plug the sensor out and in again. With an empty folder as {REDIST}, MediaPipe finds people.",
+                    fix="Unplug the sensor and plug it in again, or set "
+                    f"{REDIST_VARIABLE} to an empty folder to track with MediaPipe.",
                 )
             self._ready.clear()
             self._read()
@@ -167,7 +168,7 @@ class _Device(ctypes.Structure):
 
 def library_path() -> str | None:
     """Return where NiTE2's library is, or a name that the system finds it by; None if it is not there."""
-    folder = os.environ.get(REDIST)
+    folder = os.environ.get(REDIST_VARIABLE)
     if folder is None:
         return ctypes.util.find_library("NiTE2")
     return next((str(path.absolute()) for name in _NAMES if (path := Path(folder) / name).is_file()), None)
@@ -186,7 +187,7 @@ def _library() -> Any:
                 NiTE.name,
                 found=f"a library that cannot be loaded ({error})",
                 expected="NiTE 2.2 for this machine, and libOpenNI2.so, which it asks for",
-                fix=f"Correct {REDIST}; Debian's libopenni2-dev has libOpenNI2.so.",
+                fix=f"Correct {REDIST_VARIABLE}; Debian's libopenni2-dev has libOpenNI2.so.",
             ) from error
     if not _started:
         _call(nite, "niteInitialize")

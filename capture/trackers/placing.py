@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
-from capture.trackers.joint_depth import NEIGHBORS, lift
+from capture.trackers.joint_depth import PARENT_INDICES, measure_depths
 from capture.trackers.picture import Lens
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ _MEMORY = 150.0  # pictures that a mean is of in the end: 5 s of a usual camera
 _EASE = 0.1  # seconds in which an estimated distance comes about
 
 
-class Placing:
+class BodyPlacer:
     """Places one body in one picture after the other.
 
     Parameters
@@ -84,7 +84,9 @@ class Placing:
             self._typical_lengths(posture, np.zeros(len(JOINTS), np.float32))
         known = np.zeros(len(JOINTS), bool)
         lifted = (
-            None if depth is None else lift(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
+            None
+            if depth is None
+            else measure_depths(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
         )
         if lifted is not None:
             metres, known, scale = lifted
@@ -109,8 +111,8 @@ class Placing:
     def _typical_lengths(self, joints: Floats, confidence: NDArray[np.float32]) -> Floats:
         """Return the mean length of each joint's bone, both sides being alike; joints in sight count the most."""
         lengths, weights = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
-        lengths[1:] = np.linalg.norm(joints[1:] - joints[NEIGHBORS[1:]], axis=1)
-        weights[1:] = np.minimum(confidence[1:], confidence[NEIGHBORS[1:]]) + 1e-3
+        lengths[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
+        weights[1:] = np.minimum(confidence[1:], confidence[PARENT_INDICES[1:]]) + 1e-3
         both = weights + weights[OPPOSITE]
         self._lengths.add((weights * lengths + (weights * lengths)[OPPOSITE]) / np.maximum(both, 1e-9), both / 2)
         return self._lengths.value
@@ -157,19 +159,19 @@ def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # no
         placed = seen.copy()
         for joint in range(1, len(rays)):
             if not known[joint]:
-                near = NEIGHBORS[joint]
+                near = PARENT_INDICES[joint]
                 bone = seen[joint] - seen[near]
                 placed[joint] = placed[near] + bone * (lengths[joint] / max(np.sqrt((bone**2).sum()), 1e-6))
     return placed
 
 
-def rehearse() -> None:
+def warm_up() -> None:
     """Place a made-up body, so that nothing is compiled when somebody comes: that takes seconds."""
     lens = Lens(64, 48, 60.0)
     posture = np.random.default_rng(0).normal(0, 0.3, (len(JOINTS), 3))
     joints = posture + np.array([0.0, 0.0, 3.0])
     sure, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3000, np.uint16)
-    Placing(1.7).place(0.0, lens, lens.project(joints), posture, sure, depth)
+    BodyPlacer(1.7).place(0.0, lens, lens.project(joints), posture, sure, depth)
 
 
 class _Mean:

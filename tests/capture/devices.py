@@ -242,9 +242,9 @@ def _virtual_sensors(openni_folder):
 @pytest.fixture
 def virtual_sensors(_virtual_sensors):
     """Two sensors, unplugged, that the real OpenNI2 library finds in this process once they are plugged in."""
-    from capture.sensors.openni import openni2
+    from capture.sensors.openni import load_openni2
 
-    openni2("test")
+    load_openni2("test")
     yield _virtual_sensors
     for sensor in _virtual_sensors:
         sensor.unplug()
@@ -256,9 +256,9 @@ def record(_virtual_sensors):
 
     On a busy machine, the recorder leaves pictures out; then it is done again.
     """
-    from capture.sensors.openni import OpenNIDevice, Place, openni2
+    from capture.sensors.openni import OpenNIDevice, Place, load_openni2
 
-    bindings = openni2("test")
+    bindings = load_openni2("test")
 
     def once(sensor, path, pictures, step):
         with closing(OpenNIDevice("openni:", Place())) as device:

@@ -10,7 +10,7 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.sensors.camera import Camera, Options, Video, open_camera, open_video, opencv, parse
+from capture.sensors.camera import Camera, Options, Video, load_opencv, open_camera, open_video, parse
 from puppetline.errors import SourceError
 
 RATE, COUNT, WIDTH, HEIGHT = 20, 8, 160, 120
@@ -19,7 +19,7 @@ RATE, COUNT, WIDTH, HEIGHT = 20, 8, 160, 120
 @pytest.fixture(scope="module")
 def film(camera, tmp_path_factory):
     """A film of 8 pictures, the k-th of red, green and blue 30k, 200 and 10."""
-    cv2 = opencv()
+    cv2 = load_opencv()
     path = tmp_path_factory.mktemp("film") / "film.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE, (WIDTH, HEIGHT))
     assert writer.isOpened()
@@ -190,7 +190,7 @@ def test_a_device_that_is_no_camera_is_told(camera):
 @linux
 def test_a_camera_that_stops_is_told(film, monkeypatch):
     """A film stands in for the camera, as no machine of tests has one: it ends as a camera does that is pulled out."""
-    cv2 = opencv()
+    cv2 = load_opencv()
     monkeypatch.setattr(cv2, "CAP_V4L2", cv2.CAP_FFMPEG)
     device = Camera("camera:film", Options(str(film)))
     times = [device.read(1.0).time for _ in range(COUNT)]

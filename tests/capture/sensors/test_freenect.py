@@ -220,7 +220,7 @@ def test_the_library_itself_says_which_sensors_there_are():
 
 
 def test_the_udev_rule_that_the_message_names_is_the_packages_and_opens_what_it_says():
-    rules = Path("/lib/udev/rules.d", freenect.RULES)
+    rules = Path("/lib/udev/rules.d", freenect.UDEV_RULES)
     if not rules.exists():
         missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
     line = 'SUBSYSTEM=="usb", ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", GROUP="plugdev", MODE="0666"'

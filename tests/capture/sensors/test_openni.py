@@ -20,12 +20,12 @@ from capture.sensors.openni import (
     OpenNIDevice,
     Place,
     Sensor,
-    devices,
+    list_sensors,
+    load_openni2,
     open_openni,
-    openni2,
     parse,
-    plugged_in,
-    usb_node,
+    sensor_uris,
+    usb_device_file,
 )
 from capture.skeleton import SkeletonFrame
 from capture.source import Silence
@@ -86,27 +86,27 @@ def test_another_uri_is_refused_with_what_there_is(rest):
 
 
 def test_a_sensor_on_usb_is_a_file_that_may_be_opened_or_not():
-    assert usb_node("1d27/0601@1/5") == Path("/dev/bus/usb/001/005")
-    assert usb_node("virtual/0") is None
+    assert usb_device_file("1d27/0601@1/5") == Path("/dev/bus/usb/001/005")
+    assert usb_device_file("virtual/0") is None
 
 
 def test_sensors_are_listed_as_they_are_plugged_in_and_out(virtual_sensors):
-    bindings = openni2(NAME)
-    assert devices(bindings) == []
+    bindings = load_openni2(NAME)
+    assert sensor_uris(bindings) == []
     for sensor in virtual_sensors:
         sensor.plug()
-    assert devices(bindings) == ["virtual/0", "virtual/1"]
+    assert sensor_uris(bindings) == ["virtual/0", "virtual/1"]
     virtual_sensors[0].unplug()
-    assert devices(bindings) == ["virtual/1"]
+    assert sensor_uris(bindings) == ["virtual/1"]
 
 
 def test_sensors_that_are_plugged_in_are_told_with_names_serial_numbers_and_what_is_wrong(virtual_sensors):
     virtual_sensors[0].plug()
     virtual_sensors[1].plug(refuses=["opening"])
-    well, amiss = plugged_in(NAME)
+    well, amiss = list_sensors(NAME)
     assert well == Sensor("Puppetline virtual sensor 0", "virtual/0", "serial-0", None)
     assert (amiss.name, amiss.uri, amiss.serial) == ("Puppetline virtual sensor 1", "virtual/1", "")
-    assert amiss.trouble.found == "a sensor that does not work (the virtual sensor refuses)"
+    assert amiss.error.found == "a sensor that does not work (the virtual sensor refuses)"
     assert virtual_sensors[0].streaming == 0
 
 
@@ -203,7 +203,7 @@ def test_a_sensor_that_has_refused_often_opens_as_soon_as_it_does_not(sensor, op
     for _ in range(20):
         with pytest.raises(SourceError, match="the virtual sensor refuses"):
             OpenNIDevice(NAME, Place())
-        assert plugged_in(NAME)[0].trouble is not None
+        assert list_sensors(NAME)[0].error is not None
         gc.collect()
     sensor.refuse()
     device = opened()
@@ -214,7 +214,7 @@ def test_a_sensor_that_has_refused_often_opens_as_soon_as_it_does_not(sensor, op
 def test_a_sensor_that_may_not_be_opened_is_an_error_that_names_the_udev_rules(sensor, monkeypatch):
     sensor.unplug()
     sensor.plug(refuses=["opening"])
-    monkeypatch.setattr(module, "usb_node", lambda uri: Path("/dev/bus/usb/001/005"))
+    monkeypatch.setattr(module, "usb_device_file", lambda uri: Path("/dev/bus/usb/001/005"))
     with pytest.raises(SourceError) as caught:
         OpenNIDevice(NAME, Place())
     assert caught.value.found == "a sensor at /dev/bus/usb/001/005 that this user may not open"
@@ -260,7 +260,7 @@ class Onlooker:
 
 
 def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted_tracker, rng, monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "library", lambda: None)
+    monkeypatch.setattr(module, "load_mediapipe", lambda: None)
     monkeypatch.setattr(module, "MediaPipePose", lambda: scripted_tracker)
     with closing(StageRunner("openni:", Onlooker(), tmp_path)) as line:
         stage = line.stage
@@ -291,7 +291,7 @@ def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted
 
 @pytest.mark.usefixtures("virtual_sensors")
 def test_a_recording_that_is_not_there_is_an_error_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "library", lambda: None)
+    monkeypatch.setattr(module, "load_mediapipe", lambda: None)
     with pytest.raises(SourceError, match=rf"found that {tmp_path}/take.oni cannot be read \(No such file"):
         open_openni("openni:file=take.oni", "file=take.oni", tmp_path)
 
@@ -347,7 +347,7 @@ def test_it_is_said_that_a_recording_does_not_tell_whether_depth_is_registered(r
 
 def test_of_a_recording_that_tells_so_it_is_said_that_depth_is_not_registered(recording, caplog, monkeypatch):
     """As other builds of the library may; Debian's gives nothing back."""
-    bindings = openni2(NAME)
+    bindings = load_openni2(NAME)
     monkeypatch.setattr(bindings.Device, "get_image_registration_mode", lambda _device: bindings.IMAGE_REGISTRATION_OFF)
     with closing(OpenNIDevice("openni:file=take.oni", Place("file", str(recording[0])))):
         assert caplog.messages == [
@@ -392,7 +392,7 @@ def test_a_damaged_recording_never_reaches_the_library(damaged):
 
 
 def test_a_recording_on_which_the_library_crashes_costs_another_process(recording, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "library", lambda: None)
+    monkeypatch.setattr(module, "load_mediapipe", lambda: None)
     damaged = tmp_path / "damaged.oni"
     content = bytearray(recording[0].read_bytes())
     content[23] = 127  # there are billions of nodes
@@ -455,15 +455,15 @@ def test_recordings_are_opened_and_closed_again_and_again_wherever_they_are(reco
 
 def test_a_recording_is_not_taken_for_a_sensor(recording, opened):
     opened("file", str(recording[0]))
-    assert devices(openni2(NAME)) == []
+    assert sensor_uris(load_openni2(NAME)) == []
 
 
 ALONE = """
 import sys
-from capture.sensors.openni import openni2
+from capture.sensors.openni import load_openni2
 from puppetline.errors import SourceError
 try:
-    openni2("openni:")
+    load_openni2("openni:")
 except SourceError as error:
     print(error.found, "|", error.expected, "|", error.fix)
 """
@@ -488,14 +488,14 @@ def test_starting_the_library_leaves_the_working_folder_alone():
 
 REOPEN = """
 import sys, threading, time
-from capture.sensors.openni import devices, openni2
+from capture.sensors.openni import sensor_uris, load_openni2
 from capture.sensors.source import SensorSource
 from puppetline.errors import SourceError
 
 def unplugged():
-    raise SourceError("openni:", found=f"{len(devices(library))} sensors", expected="one", fix="Plug it in.")
+    raise SourceError("openni:", found=f"{len(sensor_uris(library))} sensors", expected="one", fix="Plug it in.")
 
-library = openni2("openni:")
+library = load_openni2("openni:")
 for megabytes in range(64, 320, 16):  # so many that the system takes back a thread's memory as soon as it ends
     threading.stack_size(megabytes << 20)
     source = SensorSource("openni:", unplugged, None)

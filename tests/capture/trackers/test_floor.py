@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from capture.sensor_tilt import Level
-from capture.trackers.floor import FloorWatch, find_floor
+from capture.trackers.floor import FloorTracker, find_floor
 from capture.trackers.picture import Lens, Picture
 
 from ..sensors.rooms import LENS, room
@@ -75,7 +75,7 @@ def test_a_strip_of_floor_tells_nothing():
 
 def told(pictures):
     """Return what a watch says of pictures, ten a second, with their times."""
-    watch = FloorWatch()
+    watch = FloorTracker()
     said = [(k / 10, watch.see(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
     return [(time, floor) for time, floor in said if floor is not None]
 

@@ -6,9 +6,9 @@ import pytest
 from capture import body
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS, TRACKED
 from capture.trackers import joint_depth
-from capture.trackers.joint_depth import NEIGHBORS, SKIN_TO_JOINT, lift
+from capture.trackers.joint_depth import PARENT_INDICES, SKIN_TO_JOINT_METRES, measure_depths
 from capture.trackers.picture import Lens
-from capture.trackers.placing import rehearse
+from capture.trackers.placing import warm_up
 
 LENS = Lens(640, 480, 500.0)
 SURE = np.full(20, TRACKED, np.float32)
@@ -34,7 +34,7 @@ def joints():
 
 def drawn(joints, skin=None):
     """Return a depth picture of patches around the joints' pixels; `skin` (20,) metres, the nearest on top."""
-    skin = joints[:, 2] - SKIN_TO_JOINT if skin is None else skin
+    skin = joints[:, 2] - SKIN_TO_JOINT_METRES if skin is None else skin
     depth = np.full((LENS.height, LENS.width), round(1000 * WALL), np.uint16)
     for joint in np.argsort(-skin):
         patch(depth, joints[joint], skin[joint])
@@ -50,9 +50,9 @@ def patch(depth, joint, metres, beside=0):
 def lifted(depth, joints, guessed=None, confidence=SURE):
     """Return what is lifted of joints in their true pixels; `guessed` (20,) metres, as true if not said."""
     bones = np.zeros(20)
-    bones[1:] = np.linalg.norm(joints[1:] - joints[NEIGHBORS[1:]], axis=1)
+    bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
     guessed = joints[:, 2] if guessed is None else guessed
-    return lift(depth, LENS.focal, LENS.project(joints), joints / joints[:, 2:], guessed, bones, confidence)
+    return measure_depths(depth, LENS.focal, LENS.project(joints), joints / joints[:, 2:], guessed, bones, confidence)
 
 
 def test_each_joint_is_its_skin_and_half_its_thickness_away(joints):
@@ -64,9 +64,9 @@ def test_each_joint_is_its_skin_and_half_its_thickness_away(joints):
 
 def test_the_scale_is_the_sensors_metre_for_the_trackers(joints):
     bones = np.zeros(20)
-    bones[1:] = np.linalg.norm(joints[1:] - joints[NEIGHBORS[1:]], axis=1)
+    bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
     rays = joints / joints[:, 2:]
-    depths, known, scale = lift(
+    depths, known, scale = measure_depths(
         drawn(joints), LENS.focal, LENS.project(joints), rays, joints[:, 2] / 1.25, bones / 1.25, SURE
     )
     assert known.all()
@@ -88,8 +88,8 @@ def test_nothing_is_farther_from_its_neighbour_than_1_4_bones(joints, length, fo
     ray, knee = joints[ANKLE] / joints[ANKLE, 2], joints[KNEE]
     shin = np.linalg.norm(joints[ANKLE] - knee)
     _, z = sorted(np.roots([ray @ ray, -2 * ray @ knee, knee @ knee - (length * shin) ** 2]))
-    skin, guessed = joints[:, 2] - SKIN_TO_JOINT, joints[:, 2].copy()
-    skin[ANKLE], guessed[ANKLE] = z - SKIN_TO_JOINT[ANKLE], z - 0.2
+    skin, guessed = joints[:, 2] - SKIN_TO_JOINT_METRES, joints[:, 2].copy()
+    skin[ANKLE], guessed[ANKLE] = z - SKIN_TO_JOINT_METRES[ANKLE], z - 0.2
     depths, known, _ = lifted(drawn(joints, skin), joints, guessed)
     assert known[ANKLE] == found
     assert depths[ANKLE] == pytest.approx(z if found else z - 0.2, abs=1e-3)
@@ -144,7 +144,7 @@ def test_too_few_joints_with_depth_tell_nothing(joints):
 
 def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_nothing_compiled_for_it(joints):
     depth = drawn(joints)
-    rehearse()
+    warm_up()
     compiled = list(joint_depth._lift.signatures)
     expected = lifted(depth, joints)
     locked = depth.copy()
@@ -156,5 +156,5 @@ def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_noth
 
 
 def test_neighbours_stand_before_their_joints():
-    assert [JOINTS[near] for near in NEIGHBORS[1:]] == [PARENTS[joint] for joint in JOINTS[1:]]
-    assert (np.arange(20) > NEIGHBORS).all()
+    assert [JOINTS[near] for near in PARENT_INDICES[1:]] == [PARENTS[joint] for joint in JOINTS[1:]]
+    assert (np.arange(20) > PARENT_INDICES).all()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from capture import body
 from capture.sensors.camera import Options, Video
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
-from capture.trackers.mediapipe import GONE, MIXTURE, MediaPipePose, library
+from capture.trackers.mediapipe import GONE, LANDMARK_WEIGHTS, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
@@ -38,7 +38,7 @@ def clip(camera, real_data):
     pictures = [video.read(1.0) for _ in range(65)]
     video.close()
     reference = [json.loads((folder / f"pose_squats{kind}.full.json").read_text()) for kind in ("", "_3d")]
-    return pictures, MIXTURE @ np.array(reference[0])[..., :2], MIXTURE @ np.array(reference[1])
+    return pictures, LANDMARK_WEIGHTS @ np.array(reference[0])[..., :2], LANDMARK_WEIGHTS @ np.array(reference[1])
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +67,10 @@ def joint(squats, name):
 
 
 def test_every_joint_is_a_mean_of_landmarks_and_both_sides_are_alike():
-    np.testing.assert_allclose(MIXTURE.sum(axis=1), 1)
-    assert MIXTURE.min() == 0
+    np.testing.assert_allclose(LANDMARK_WEIGHTS.sum(axis=1), 1)
+    assert LANDMARK_WEIGHTS.min() == 0
     other_side = [0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(k + 1 if k % 2 else k - 1 for k in range(11, 33))]
-    np.testing.assert_array_equal(MIXTURE[OPPOSITE], MIXTURE[:, other_side])
+    np.testing.assert_array_equal(LANDMARK_WEIGHTS[OPPOSITE], LANDMARK_WEIGHTS[:, other_side])
 
 
 def test_joints_are_seen_where_the_reference_has_them(squats):
@@ -175,4 +175,4 @@ def test_a_picture_without_colours_is_told(tracker):
 def test_without_mediapipe_it_is_said_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "mediapipe.python.solutions", None)
     with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
-        library()
+        load_mediapipe()

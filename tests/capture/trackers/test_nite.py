@@ -135,7 +135,7 @@ class FoundNobody:
 @pytest.fixture
 def opened(sensor, monkeypatch):
     """Open `openni:`, in which something that finds nobody is in MediaPipe's place."""
-    monkeypatch.setattr(openni, "library", lambda: None)
+    monkeypatch.setattr(openni, "load_mediapipe", lambda: None)
     monkeypatch.setattr(openni, "MediaPipePose", FoundNobody)
     sources = []
 

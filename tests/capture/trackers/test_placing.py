@@ -5,9 +5,9 @@ import pytest
 
 from capture import body
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, OPPOSITE, PARENTS, TRACKED
-from capture.trackers.joint_depth import SKIN_TO_JOINT
+from capture.trackers.joint_depth import SKIN_TO_JOINT_METRES
 from capture.trackers.picture import Lens
-from capture.trackers.placing import Placing, distance_of
+from capture.trackers.placing import BodyPlacer, distance_of
 
 LENS = Lens(640, 480, 525.0)
 SURE = np.full(20, TRACKED, np.float32)
@@ -58,7 +58,7 @@ def depth_of(joints, wall=4.5, without=()):
         if joint not in without:
             column, row = LENS.project(joints[joint])
             disc = np.hypot(columns - column, rows - row) < 0.05 * LENS.focal / joints[joint, 2]
-            depth[disc] = round((joints[joint, 2] - SKIN_TO_JOINT[joint]) * 1000)
+            depth[disc] = round((joints[joint, 2] - SKIN_TO_JOINT_METRES[joint]) * 1000)
     return depth
 
 
@@ -70,7 +70,7 @@ def test_the_distance_at_which_a_posture_looks_like_the_picture_is_exact(truth, 
 
 
 def test_the_height_makes_metres_of_what_the_tracker_guesses(truth):
-    placing = Placing(body.height(truth))
+    placing = BodyPlacer(body.height(truth))
     positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
     np.testing.assert_allclose(positions, truth, atol=1e-5)
     np.testing.assert_array_equal(confidence, SURE)
@@ -78,14 +78,14 @@ def test_the_height_makes_metres_of_what_the_tracker_guesses(truth):
 
 def test_a_taller_performer_stands_farther_away_in_proportion(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None
-    small, tall = (Placing(height).place(*view)[0] for height in (1.4, 2.0))
+    small, tall = (BodyPlacer(height).place(*view)[0] for height in (1.4, 2.0))
     crown_and_soles = body.HEAD_TOP + body.ANKLE_HEIGHT
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
 def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_alike(truth):
     rng = np.random.default_rng(1)
-    placing = Placing(1.6)
+    placing = BodyPlacer(1.6)
     for k in range(60):
         pixels = LENS.project(truth) + rng.normal(0, 3, (20, 2))
         posture = posture_of(truth) + rng.normal(0, 0.03, (20, 3))
@@ -98,7 +98,7 @@ def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_ali
 
 def test_bones_keep_their_length_though_the_tracker_guesses_another_in_each_picture(truth):
     rng = np.random.default_rng(2)
-    placing = Placing(1.7)
+    placing = BodyPlacer(1.7)
     guessed, placed = [], []
     for k in range(90):
         posture = posture_of(truth) + rng.normal(0, 0.02, (20, 3))
@@ -110,7 +110,7 @@ def test_bones_keep_their_length_though_the_tracker_guesses_another_in_each_pict
 
 
 def test_a_step_in_the_estimated_distance_comes_about_as_an_exponential_of_a_tenth_of_a_second(truth):
-    placing = Placing(body.height(truth))
+    placing = BodyPlacer(body.height(truth))
     farther = truth + np.array([0, 0, 1.2])
     placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
     for k in range(1, 7):
@@ -119,7 +119,7 @@ def test_a_step_in_the_estimated_distance_comes_about_as_an_exponential_of_a_ten
 
 
 def test_depth_puts_joints_where_they_are_whatever_the_height_is_said_to_be(truth):
-    placing = Placing(1.2)
+    placing = BodyPlacer(1.2)
     positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
     np.testing.assert_array_equal(confidence, SURE)
     np.testing.assert_allclose(positions, truth, atol=1e-3)
@@ -129,7 +129,7 @@ def test_a_joint_that_depth_misses_is_inferred_where_the_tracker_guesses_it(trut
     depth = depth_of(truth, without=[HAND])
     column, row = LENS.project(truth[HEAD]).astype(int)
     depth[row - 60 : row + 20, column - 40 : column + 40] = 1000  # something before the face
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
     expected = SURE.copy()
     expected[[HAND, HEAD]] = INFERRED
     np.testing.assert_array_equal(confidence, expected)
@@ -140,7 +140,7 @@ def test_a_wall_beside_a_thin_limb_is_not_taken_for_it(truth):
     depth = depth_of(truth)
     column, row = LENS.project(truth[KNEE]).astype(int)
     depth[row - 20 : row + 20, column + 1 : column + 20] = 4500
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
     assert confidence[KNEE] == TRACKED
     np.testing.assert_allclose(positions[KNEE], truth[KNEE], atol=1e-3)
 
@@ -151,7 +151,7 @@ def test_a_hidden_joint_is_not_looked_for_in_the_depth(truth):
     moved = depth_of(truth)
     column, row = LENS.project(truth[HAND]).astype(int)
     moved[row - 8 : row + 9, column - 8 : column + 9] -= 100
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), hidden, moved)
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), hidden, moved)
     assert confidence[HAND] == hidden[HAND]
     np.testing.assert_allclose(positions[HAND], truth[HAND], atol=0.01)
 
@@ -159,12 +159,12 @@ def test_a_hidden_joint_is_not_looked_for_in_the_depth(truth):
 def test_an_empty_depth_picture_is_as_good_as_none(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE
     empty = np.zeros((LENS.height, LENS.width), np.uint16)
-    for with_it, without in zip(Placing(1.7).place(*view, empty), Placing(1.7).place(*view, None), strict=True):
+    for with_it, without in zip(BodyPlacer(1.7).place(*view, empty), BodyPlacer(1.7).place(*view, None), strict=True):
         np.testing.assert_array_equal(with_it, without)
 
 
 def test_what_depth_has_told_of_the_size_outlasts_the_depth(truth):
-    placing = Placing(1.2)
+    placing = BodyPlacer(1.2)
     placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
     positions, _ = placing.place(0.1, LENS, LENS.project(truth), posture_of(truth), SURE, None)
     np.testing.assert_allclose(positions, truth, atol=0.01)
@@ -172,6 +172,6 @@ def test_what_depth_has_told_of_the_size_outlasts_the_depth(truth):
 
 def test_a_picture_that_no_body_gives_places_nothing(truth):
     upside_down = LENS.project(truth) * -1
-    assert Placing(1.7).place(0.0, LENS, upside_down, posture_of(truth), SURE, None) is None
+    assert BodyPlacer(1.7).place(0.0, LENS, upside_down, posture_of(truth), SURE, None) is None
     heap = np.full((20, 2), 100.0)
-    assert Placing(1.7).place(0.0, LENS, heap, posture_of(truth), SURE, None) is None
+    assert BodyPlacer(1.7).place(0.0, LENS, heap, posture_of(truth), SURE, None) is None

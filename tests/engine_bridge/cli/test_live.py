@@ -18,7 +18,7 @@ from PIL import Image
 
 from capture.formats import read_log
 from capture.recording import Recorder
-from capture.trackers.mediapipe import MIXTURE
+from capture.trackers.mediapipe import LANDMARK_WEIGHTS
 from engine_bridge.cli.doctor.diagnosis import Finding
 from engine_bridge.cli.main import main
 from engine_bridge.pictures.source_view import HEIGHT, PERFORMERS
@@ -328,7 +328,8 @@ def test_the_skeleton_lies_on_the_performer_of_a_real_video(run, camera, real_da
     folder = real_data / "video" / "tfjs"
     run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "-o", "look.png")
     frames = json.loads((folder / "pose_squats.full.json").read_text())  # which of them was seen last is chance
-    places = (MIXTURE @ np.array(frames)[..., :2]) * HEIGHT / 1280  # of a film that is 1280 pixels high and 720 wide
+    # the film is 1280 pixels high and 720 wide
+    places = (LANDMARK_WEIGHTS @ np.array(frames)[..., :2]) * HEIGHT / 1280
     with Image.open(tmp_path / "look.png") as picture:
         panel = np.asarray(picture.convert("RGB")).astype(int)[12 : 12 + HEIGHT, 12 : 12 + HEIGHT * 720 // 1280]
     drawn = np.argwhere(np.abs(panel - PERFORMERS[1]).max(axis=2) < 8)[:, ::-1] + 0.5

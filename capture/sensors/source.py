@@ -76,7 +76,7 @@ class SensorSource:
     name : str
     counts : Counts
         Received are pictures; dropped are those that were overtaken or too old, and so are frames.
-    seen : Picture or None
+    tracked_picture : Picture or None
         The newest picture in which people were looked for.
     """
 
@@ -90,7 +90,7 @@ class SensorSource:
     ) -> None:
         self.name = name
         self.counts = Counts()
-        self.seen: Picture | None = None
+        self.tracked_picture: Picture | None = None
         self._open_device, self._open_tracker = open_device, open_tracker
         self.recorded, self._fast = recorded, fast
         self._given = 0.0 if recorded else time.monotonic() - OLDEST  # the time of the last event
@@ -262,7 +262,7 @@ class SensorSource:
                 taken, picture = next_one
                 last = max(taken, math.nextafter(last, math.inf))
                 people = tracker.track(picture)
-                self.seen = picture
+                self.tracked_picture = picture
                 frames = [
                     SkeletonFrame(last, person.user, person.positions.astype(np.float64), person.confidence)
                     for person in people

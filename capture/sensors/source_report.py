@@ -1,13 +1,10 @@
-"""What is seen of a source in a few seconds, and in words why nothing moves."""
+"""What arrived from a source in the last seconds: its performers, its newest image, and its errors."""
 
 import math
-import re
 import time
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,44 +13,29 @@ from capture.events import Cue, Event, Lost, Tick
 from capture.reconnecting import Reopening
 from capture.sensor_tilt import Level
 from capture.sensors.source import SensorSource
-from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
+from capture.skeleton import INFERRED, LOST, SkeletonFrame
 from capture.source import Counts, Silence, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
-PATIENCE = 10.0
-"""Seconds in which something must have come."""
-
-BLACK, DARK = 10.0, 40.0
-"""Mean brightness of a picture, of 255, under which nothing is seen in it, and under which little is."""
-NO_DEPTH, LITTLE_DEPTH = 0.02, 0.25
-"""Share of a picture with depth under which there is none, and under which there is little."""
-NEAREST, FARTHEST = 0.8, 4.5
-"""Metres between which depth sensors see somebody well."""
-SILENT = 1.0
-"""Seconds without a frame after which a performer has gone, though nobody said so."""
-RECENT = 2.0
-"""Period that a status line is about, in seconds."""
-SLOW = 12.0
-"""Frames a second under which a performance is seen to stutter."""
-FROZEN = 10
-"""Frames of the very same pose after which nobody can be behind them."""
-UNCERTAIN = 8
-"""Joints that may be guessed: senders of 15 joints leave 5 to guess, and a side view hides some."""
+START_SECONDS = 10.0
+"""Maximum time until the first data arrives, in seconds."""
+LOST_SECONDS = 1.0
+"""Time without a frame after which a performer counts as having left, in seconds."""
 
 
 @dataclass
-class Performer:
-    """What has come of one performer.
+class PerformerReport:
+    """What arrived of one performer.
 
     Attributes
     ----------
     newest : SkeletonFrame
     since : float
-        Time of the first frame.
+        Time of the first frame, in seconds.
     frames : int
     still : bool
-        Whether every frame had the very same positions.
+        Whether every frame had exactly the same positions.
     """
 
     newest: SkeletonFrame
@@ -61,62 +43,62 @@ class Performer:
     frames: int = 1
     still: bool = True
 
-    def take(self, frame: SkeletonFrame) -> None:
-        """Go on with a newer frame."""
+    def add(self, frame: SkeletonFrame) -> None:
+        """Add a newer frame."""
         self.still &= np.array_equal(frame.positions, self.newest.positions, equal_nan=True)
         self.newest = frame
         self.frames += 1
 
     @property
     def rate(self) -> float | None:
-        """Frames a second, where there are enough to tell."""
+        """Frames per second; None for less than half a second of frames."""
         seconds = self.newest.time - self.since
         return (self.frames - 1) / seconds if seconds > 0.5 else None
 
     @property
     def distance(self) -> float:
-        """Metres over the floor from the sensor to the middle of what is known."""
+        """Horizontal distance from the sensor to the median of the known joints, in metres."""
         return float(np.hypot(*np.median(self.newest.positions[self.known()], axis=0)[[0, 2]]))
 
     def known(self) -> NDArray[np.bool_]:
-        """Return (20,) whether a joint has a place at all."""
+        """Return (20,) whether a joint is tracked or inferred."""
         return _known(self.newest)
 
-    def seen(self) -> NDArray[np.bool_]:
-        """Return (20,) whether a joint was seen rather than guessed."""
+    def tracked(self) -> NDArray[np.bool_]:
+        """Return (20,) whether a joint is tracked."""
         return self.known() & (self.newest.confidence > INFERRED)
 
 
 @dataclass
-class Sight:
-    """What was seen of a source in the time that is remembered.
+class SourceReport:
+    """What arrived from a source in the period that its monitor remembers.
 
     Attributes
     ----------
     source : str
-        Its URI.
+        URI of the source.
     listens : bool
-        Whether it waits for senders in the network.
+        Whether the source waits for senders in the network.
     seconds : float
-        For which it was looked at in all.
+        Time since the monitor started, in seconds.
     received : int
-        Pictures, packets, or lines of a file.
+        Number of images, packets, or lines of a file.
     refused : dict
-        Packets that were not understood, by the reason.
+        Number of packets that were not understood, by the reason.
     picture : Picture or None
-        The last one in which people were looked for; None for a source that has none.
+        The last tracked image; None for a source without images.
     performers : dict
-        Those who were there at the end, by user.
+        Performers in view at the end, by user number.
     gone : set
-        Users who were there before.
+        User numbers of performers who have left.
     failure : str
-        Why it can give no more; empty while it can.
+        The error that ended the source; empty while it works.
     retried : bool
-        Whether it is opened again until it does.
+        Whether the source is opened again until it works.
     silent : float
-        Seconds since something came, or in all where nothing has.
-    level : Level or None
-        How the sensor stands, where it sees the floor.
+        Time since data arrived, in seconds; since the start if none arrived.
+    sensor_tilt : Level or None
+        Tilt, roll and height of the sensor, if it sees the floor.
     """
 
     source: str
@@ -125,45 +107,29 @@ class Sight:
     received: int = 0
     refused: dict[str, int] = field(default_factory=dict)
     picture: Picture | None = None
-    performers: dict[int, Performer] = field(default_factory=dict)
+    performers: dict[int, PerformerReport] = field(default_factory=dict)
     gone: set[int] = field(default_factory=set)
     failure: str = ""
     retried: bool = False
     silent: float = 0.0
-    level: Level | None = None
+    sensor_tilt: Level | None = None
 
-    def take(self, event: Event) -> None:
-        """Go on with what a source gives."""
+    def add(self, event: Event) -> None:
+        """Add an event of the source."""
         if isinstance(event, SkeletonFrame) and _known(event).any():
             self.gone.discard(event.user)
             if event.user in self.performers:
-                self.performers[event.user].take(event)
+                self.performers[event.user].add(event)
             else:
-                self.performers[event.user] = Performer(event, event.time)
+                self.performers[event.user] = PerformerReport(event, event.time)
         elif isinstance(event, Lost) and event.user in self.performers:
             del self.performers[event.user]
             self.gone.add(event.user)
 
 
 @dataclass(frozen=True)
-class Reason:
-    """Why nothing moves, or not as it should.
-
-    Attributes
-    ----------
-    what : str
-        A sentence.
-    fix : str
-        What to do, a sentence; empty where the first says it.
-    """
-
-    what: str
-    fix: str = ""
-
-
-@dataclass(frozen=True)
-class _News:
-    """What came at one time, on the source's clock: events, how many packets, and those refused by the reason."""
+class _Arrivals:
+    """What arrived at one time on the source's clock: events, the number of packets, and those refused by reason."""
 
     time: float
     events: list[Event]
@@ -171,50 +137,50 @@ class _News:
     refused: Counter[str]
 
 
-class Watch:
-    """Looks at a source for as long as somebody wants to know what it sees.
+class SourceMonitor:
+    """Receives from a source and reports what arrived.
 
     Parameters
     ----------
     source : SkeletonSource
-        It is not closed.
-    memory : float
-        Seconds for which is remembered what came.
+        The monitor does not close it.
+    period : float
+        How long data counts, in seconds.
 
     Attributes
     ----------
-    begun : bool
-        Whether anything has come.
+    started : bool
+        Whether any data has arrived.
     """
 
-    def __init__(self, source: SkeletonSource, memory: float = math.inf) -> None:
-        self.begun = False
-        self._source, self._memory = source, memory
+    def __init__(self, source: SkeletonSource, period: float = math.inf) -> None:
+        self.started = False
+        self._source, self._period = source, period
         self._listens = not isinstance(self._inner, SensorSource) and source.fileno() is not None
-        self._news: deque[_News] = deque()
+        self._arrivals: deque[_Arrivals] = deque()
         self._counted = Counts()
-        self._started = self._heard = time.monotonic()
+        self._start = self._last_arrival = time.monotonic()
         self._failure = ""
-        self._level: Level | None = None
+        self._sensor_tilt: Level | None = None
 
     @property
-    def over(self) -> bool:
-        """Whether nothing more can come."""
-        return bool(self._failure) or (self._source.recorded and bool(self._trouble))
+    def ended(self) -> bool:
+        """Whether no more data can arrive."""
+        return bool(self._failure) or (self._source.recorded and bool(self._retried_error))
 
     @property
     def _inner(self) -> SkeletonSource:
         return self._source.inner if isinstance(self._source, Reopening) else self._source
 
     @property
-    def _trouble(self) -> str:
-        """Why a source is opened again: until it is, and of a sensor until a picture comes, its sign of life."""
+    def _retried_error(self) -> str:
+        """Why a source is being opened again; a sensor works again only when its first image has arrived."""
         if isinstance(self._source, Reopening) and isinstance(self._source.inner, Silence | SensorSource):
             return self._source.trouble
         return ""
 
-    def take_in(self, deadline: float) -> None:
-        """Wait for what comes next, though not beyond a deadline, `time.monotonic`, and remember it."""
+    def receive(self, deadline: float) -> None:
+        """Wait for data until a deadline, in seconds of `time.monotonic`, and remember it."""
         wait(self._source, deadline)
         try:
             events = self._source.receive()
@@ -223,224 +189,67 @@ class Watch:
             return
         self._remember([event for event in events if not isinstance(event, Tick)])
 
-    def sight(self) -> Sight:
-        """Return what was seen."""
-        moment, now, trouble = time.monotonic(), self._source.now(), self._trouble
-        sight = Sight(
+    def report(self) -> SourceReport:
+        """Return what arrived in the period."""
+        moment, now, retried_error = time.monotonic(), self._source.now(), self._retried_error
+        report = SourceReport(
             self._source.name,
             self._listens,
-            moment - self._started,
-            failure=self._failure or trouble,
-            retried=bool(trouble) and not self.over,
-            silent=moment - self._heard,
-            level=self._level,
+            moment - self._start,
+            failure=self._failure or retried_error,
+            retried=bool(retried_error) and not self.ended,
+            silent=moment - self._last_arrival,
+            sensor_tilt=self._sensor_tilt,
         )
         refused: Counter[str] = Counter()
-        for news in self._news:
-            sight.received += news.received
-            refused.update(news.refused)
-            for event in news.events:
-                sight.take(event)
-        sight.refused = dict(refused)
-        patience = 0.0 if sight.retried else SILENT
-        for user in [user for user, each in sight.performers.items() if now - each.newest.time > patience]:
-            sight.take(Lost(now, user))
+        for arrivals in self._arrivals:
+            report.received += arrivals.received
+            refused.update(arrivals.refused)
+            for event in arrivals.events:
+                report.add(event)
+        report.refused = dict(refused)
+        max_age = 0.0 if report.retried else LOST_SECONDS
+        for user in [user for user, each in report.performers.items() if now - each.newest.time > max_age]:
+            report.add(Lost(now, user))
         if isinstance(self._inner, SensorSource):
-            sight.picture = self._inner.seen
-        return sight
+            report.picture = self._inner.tracked_picture
+        return report
 
     def _remember(self, events: list[Event]) -> None:
         counts, now = self._source.counts, self._source.now()
         received, refused = counts.received - self._counted.received, counts.refused - self._counted.refused
         self._counted = Counts(counts.received, refused=counts.refused.copy())
         if received:
-            self._heard, self.begun = time.monotonic(), True
+            self._last_arrival, self.started = time.monotonic(), True
         for event in events:
-            if isinstance(event, Cue) and event.do == "level":  # which is said once, and holds
-                with suppress(ValueError):  # of a take that was not recorded like that
-                    self._level = Level.of_json(event.arguments)
+            if isinstance(event, Cue) and event.do == "level":  # a sensor sends it once, so it outlasts the period
+                with suppress(ValueError):  # the cue of a take may hold anything
+                    self._sensor_tilt = Level.of_json(event.arguments)
         if received or events:
-            self._news.append(_News(now, events, received, refused))
-        while self._news and now - self._news[0].time > self._memory:
-            self._news.popleft()
+            self._arrivals.append(_Arrivals(now, events, received, refused))
+        while self._arrivals and now - self._arrivals[0].time > self._period:
+            self._arrivals.popleft()
 
 
-def watch(source: SkeletonSource, seconds: float, patience: float = PATIENCE) -> Sight:
-    """Look at a source for so many seconds from the first thing that comes, and return what was seen.
+def observe(source: SkeletonSource, seconds: float, start_seconds: float = START_SECONDS) -> SourceReport:
+    """Receive from a source for some seconds from its first data on, and report what arrived.
 
     Parameters
     ----------
     source : SkeletonSource
         It is not closed.
     seconds : float
-    patience : float
-        Seconds in which the first thing must come.
+    start_seconds : float
+        Maximum time until the first data arrives, in seconds.
     """
-    looking = Watch(source)
-    deadline, waiting = time.monotonic() + patience, True
-    while not looking.over and time.monotonic() < deadline:
-        looking.take_in(deadline)
-        if waiting and looking.begun:
+    monitor = SourceMonitor(source)
+    deadline, waiting = time.monotonic() + start_seconds, True
+    while not monitor.ended and time.monotonic() < deadline:
+        monitor.receive(deadline)
+        if waiting and monitor.started:
             deadline, waiting = time.monotonic() + seconds, False
-    return looking.sight()
-
-
-def told(performer: Performer) -> str:
-    """Say in a few words how well somebody is seen."""
-    rate = "" if performer.rate is None else f", {performer.rate:.0f} frames a second"
-    seen = f"{performer.seen().sum()} of 20 joints seen"
-    return f"user {performer.newest.user}: {seen}, {performer.distance:.2f} m away{rate}"
-
-
-def reasons(sight: Sight) -> list[Reason]:
-    """Return why nothing moves or not as it should, the most important first; empty where all is well."""
-    found = [] if sight.picture is None else list(_of_picture(sight.picture))
-    if not sight.performers:
-        return [*found, *_of_nobody(sight)]
-    for user, performer in sorted(sight.performers.items()):
-        found += _of_performer(f"User {user}", performer, sight.picture)
-    return [*found, _of_failure(sight)] if sight.failure else found
-
-
-def status_line(sight: Sight) -> str:
-    """Return one line that says what is wrong, what to do about it, and how well each performer is seen.
-
-    Texts of drivers and of the network are part of it. Characters that a terminal would obey become spaces.
-    """
-    problem = next(iter(reasons(sight)), Reason("All is well."))
-    performers = [told(performer) for _, performer in sorted(sight.performers.items())]
-    line = " · ".join(text for text in (problem.what, problem.fix, *performers) if text)
-    return "".join(character if character.isprintable() else " " for character in line)
-
-
-def summary(sight: Sight, why: Sequence[Reason]) -> dict[str, Any]:
-    """Return what was seen as plain values for JSON."""
-    return {
-        "source": sight.source,
-        "seconds": sight.seconds,
-        "received": sight.received,
-        "refused": sight.refused,
-        "picture": None if sight.picture is None else _picture_summary(sight.picture),
-        "performers": [
-            {
-                "user": user,
-                "joints_seen": int(performer.seen().sum()),
-                "distance": performer.distance,
-                "rate": performer.rate,
-                "confidence": dict(zip(JOINTS, performer.newest.confidence.tolist(), strict=True)),
-            }
-            for user, performer in sorted(sight.performers.items())
-        ],
-        "gone": sorted(sight.gone),
-        "sensor": None if sight.level is None else asdict(sight.level),
-        "reasons": [asdict(reason) for reason in why],
-    }
-
-
-def _picture_summary(picture: Picture) -> dict[str, Any]:
-    return {
-        "width": picture.lens.width,
-        "height": picture.lens.height,
-        "brightness": None if picture.color is None else float(picture.color.mean()),
-        "depth_known": None if picture.depth is None else float((picture.depth > 0).mean()),
-    }
-
-
-def _of_picture(picture: Picture) -> Iterator[Reason]:
-    if picture.color is not None:
-        brightness = float(picture.color.mean())
-        if brightness < BLACK:
-            yield Reason(
-                "The picture is black.", "Uncover the lens, switch on the light, end other programs that use it."
-            )
-        elif brightness < DARK:
-            yield Reason("The picture is dark.", "Light the performer from the front.")
-    if picture.depth is not None:
-        share = float((picture.depth > 0).mean())
-        if share < NO_DEPTH:
-            yield Reason(
-                "The sensor measures no depth.",
-                "Keep the sun off, uncover the sensor's other windows, and stand at least a metre away.",
-            )
-        elif share < LITTLE_DEPTH:
-            yield Reason(
-                f"The sensor measures depth in {share:.0%} of the picture.",
-                "Keep the sun off, and glass, mirrors and black cloth out of view.",
-            )
-
-
-def _of_failure(sight: Sight) -> Reason:
-    return Reason(sight.failure, "It is opened again twice a second." if sight.retried else "")
-
-
-def _of_nobody(sight: Sight) -> Iterator[Reason]:
-    if sight.failure:
-        yield _of_failure(sight)
-    elif sight.refused:
-        kinds = ", ".join(f"{reason} ({count} ×)" for reason, count in sorted(sight.refused.items()))
-        yield Reason(
-            f"What came were no performers: {kinds}.",
-            "Set the sender to one of the formats of docs/senders.md.",
-        )
-    elif not sight.received and sight.listens:
-        yield Reason(
-            f"Nothing has come in {sight.silent:.0f} s.",
-            "Start the sender, have it send to this machine and port, and let UDP through the firewall.",
-        )
-    elif not sight.received:
-        yield Reason(f"No picture has come in {sight.silent:.0f} s.", "Look after the cable and the power supply.")
-    elif sight.listens:
-        yield Reason("Packets come, with nobody in them.", "See whether the sender's own window shows somebody.")
-    else:
-        yield Reason(
-            "Nobody is in view.", "Stand 1.5 to 3.5 m away and face the sensor, so that it sees you from head to foot."
-        )
-    for user in sorted(sight.gone):
-        yield Reason(f"User {user} was there and is gone.")
-
-
-def _of_performer(name: str, performer: Performer, picture: Picture | None) -> Iterator[Reason]:
-    known = performer.known()
-    if performer.still and performer.frames >= FROZEN:
-        yield Reason(
-            f"{name} does not move at all: {performer.frames} times the very same pose came.",
-            "See whether the sender tracks somebody, or only shows a character at rest.",
-        )
-    if not known.all():
-        yield Reason(f"{name}: nothing is known of {_names(~known)}.", "Turn to the sensor, with nothing in between.")
-    guessed = known & ~performer.seen()
-    if guessed.sum() > UNCERTAIN:
-        yield Reason(
-            f"{name}: {guessed.sum()} of 20 joints are guessed: {_names(guessed)}.",
-            "Face the sensor from 1.5 to 3.5 m away, from head to foot in its picture and in good light.",
-        )
-    if picture is not None and (outside := known & ~_inside(performer, picture)).any():
-        yield Reason(f"{name}: {_names(outside)} outside the picture.", "Step back, or tilt the sensor.")
-    if picture is not None and picture.depth is not None and not NEAREST < performer.distance < FARTHEST:
-        yield Reason(
-            f"{name} is {performer.distance:.1f} m away.",
-            f"Stay between {NEAREST:g} and {FARTHEST:g} m from the sensor.",
-        )
-    if performer.rate is not None and performer.rate < SLOW:
-        yield Reason(
-            f"{name}: only {performer.rate:.0f} frames a second come.",
-            "Give a camera more light, and this machine or network less to do.",
-        )
-
-
-def _inside(performer: Performer, picture: Picture) -> NDArray[np.bool_]:
-    """Return (20,) whether a joint is before the sensor and within its picture."""
-    positions = performer.newest.positions
-    before = positions[:, 2] > 0
-    pixels = picture.lens.project(np.where(before[:, None], positions, 1.0))
-    return before & (pixels >= 0).all(axis=1) & (pixels < [picture.lens.width, picture.lens.height]).all(axis=1)
+    return monitor.report()
 
 
 def _known(frame: SkeletonFrame) -> NDArray[np.bool_]:
     return (frame.confidence > LOST) & np.isfinite(frame.positions).all(axis=1)
-
-
-def _names(joints: NDArray[np.bool_]) -> str:
-    """Name joints as people do: left hand, hip center."""
-    named = [re.sub("(.+)_(left|right)", r"\2 \1", name).replace("_", " ") for name in JOINTS]
-    return ", ".join(name for name, chosen in zip(named, joints, strict=True) if chosen)

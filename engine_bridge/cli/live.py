@@ -14,7 +14,7 @@ import click
 from engine_bridge.cli.command_line import FILE, Finite, progress
 
 if TYPE_CHECKING:
-    from capture.sensors.source_report import Sight
+    from capture.sensors.source_report import SourceReport
     from engine_bridge.service.service_file import ServiceFile
 
 PORT = click.IntRange(0, 65534)
@@ -192,8 +192,8 @@ def record(source: str, output: Path, seconds: float | None, force: bool, as_jso
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
-    """Show what a source sees, and say why nothing moves; the exit code is 1 where nobody is seen."""
-    from capture.sensors.source_report import reasons
+    """Show what a source sees and explain why nothing moves. The exit code is 1 if no performer is in view."""
+    from capture.sensors.diagnosis import diagnose
     from engine_bridge.pictures.source_view import draw
     from puppetline.files import check_writable, written_whole
 
@@ -205,46 +205,46 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
         check_writable(output, ".png")
     if sys.stderr.isatty():
         click.echo(f"looking at {source} …", err=True)
-    sight, reader = _seen_live(source, seconds) if live else (_seen(source, seconds), True)
+    report, reader = _seen_live(source, seconds) if live else (_seen(source, seconds), True)
     if output is not None:
         with written_whole(output) as partial:
-            draw(sight, reasons(sight)).save(partial, format="PNG")
+            draw(report, diagnose(report)).save(partial, format="PNG")
     if reader:
-        _tell(sight, output, as_json)
-    if not (reader and sight.performers):
+        _tell(report, output, as_json)
+    if not (reader and report.performers):
         raise click.exceptions.Exit(1)
 
 
-def _tell(sight: "Sight", output: Path | None, as_json: bool) -> None:
+def _tell(report: "SourceReport", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
-    from capture.sensors.source_report import reasons, summary, told
+    from capture.sensors.diagnosis import describe, diagnose, summary
 
-    why = reasons(sight)
+    problems = diagnose(report)
     if as_json:
-        click.echo(json.dumps(summary(sight, why), indent=2))
+        click.echo(json.dumps(summary(report, problems), indent=2))
         return
-    click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
-    for _, performer in sorted(sight.performers.items()):
-        click.echo(f"  {told(performer)}")
-    if sight.level is not None:
-        click.echo(f"  the sensor: {sight.level}")
-    for reason in why:
-        click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+    click.echo(f"{'' if output is None else f'{output}: '}{report.source}, {report.seconds:.1f} s")
+    for _, performer in sorted(report.performers.items()):
+        click.echo(f"  {describe(performer)}")
+    if report.sensor_tilt is not None:
+        click.echo(f"  the sensor: {report.sensor_tilt}")
+    for problem in problems:
+        click.echo(f"  {problem.what}" + (f"\n    → {problem.fix}" if problem.fix else ""))
 
 
-def _seen(source: str, seconds: float | None) -> "Sight":
+def _seen(source: str, seconds: float | None) -> "SourceReport":
     """Return what is seen of a source in so many seconds."""
     from contextlib import closing
 
-    from capture.sensors.source_report import watch
+    from capture.sensors.source_report import observe
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
 
     with native_output.logged(), closing(open_source(source)) as opened:
-        return watch(opened, 3.0 if seconds is None else seconds)
+        return observe(opened, 3.0 if seconds is None else seconds)
 
 
-def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
+def _seen_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool]":
     """Keep a status line on the terminal; return what was last seen, and whether the terminal is still there."""
     import math
     import time
@@ -254,7 +254,8 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from rich.text import Text
 
     from capture.reconnecting import Reopening
-    from capture.sensors.source_report import RECENT, Watch, status_line
+    from capture.sensors.diagnosis import STATUS_SECONDS, status_line
+    from capture.sensors.source_report import SourceMonitor
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.signals import Signals
@@ -265,21 +266,24 @@ def _seen_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
         opened = Reopening(source, lambda: open_source(source))
         stack.callback(opened.close)
         signals.waiting = True
-        looking, end = Watch(opened, RECENT), time.monotonic() + (math.inf if seconds is None else seconds)
+        monitor, end = (
+            SourceMonitor(opened, STATUS_SECONDS),
+            time.monotonic() + (math.inf if seconds is None else seconds),
+        )
         try:
             with Live(auto_refresh=False, transient=True) as line:
-                while not (signals.stop or signals.take_reload() or looking.over or time.monotonic() >= end):
+                while not (signals.stop or signals.take_reload() or monitor.ended or time.monotonic() >= end):
                     due = min(time.monotonic() + _STATUS_PERIOD, end)
-                    while not (signals.stop or looking.over) and time.monotonic() < due:
-                        looking.take_in(due)
-                    line.update(Text(status_line(looking.sight())), refresh=True)
+                    while not (signals.stop or monitor.ended) and time.monotonic() < due:
+                        monitor.receive(due)
+                    line.update(Text(status_line(monitor.report())), refresh=True)
             connected = sys.stdout.isatty()  # a closed terminal, which sent SIGHUP, is none any more
         except OSError:  # it was closed while the line was written
             connected = False
         if not connected:  # what is still to be written would make the end of the process fail
             _discard_output()
-        sight = replace(looking.sight(), retried=False)
-    return sight, connected
+        report = replace(monitor.report(), retried=False)
+    return report, connected
 
 
 def _discard_output() -> None:

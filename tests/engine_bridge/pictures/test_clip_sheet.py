@@ -34,7 +34,7 @@ def drawn(monkeypatch):
         return np.zeros((size[1], size[0], 3), np.uint8)
 
     monkeypatch.setattr(clip_sheet, "render", render)
-    monkeypatch.setattr(clip_sheet, "contact_sheet", lambda _images, labels, *_rest: seen.update(labels=labels))
+    monkeypatch.setattr(clip_sheet, "write_contact_sheet", lambda _images, labels, *_rest: seen.update(labels=labels))
     return seen
 
 
@@ -127,7 +127,7 @@ def test_the_performer_is_drawn_from_the_same_side_as_the_character_and_as_the_p
 
 
 def test_the_picture_is_written_whole_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
-    monkeypatch.setattr(clip_sheet, "TILE_SIZE", (50, 40))
+    monkeypatch.setattr(clip_sheet, "CHARACTER_SIZE", (50, 40))
     monkeypatch.setattr(clip_sheet, "PERFORMER_SIZE", (20, 40))
     clip = clip_of(blob_puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")

@@ -27,7 +27,7 @@ def pictures(monkeypatch):
     """Small pictures, and those that go onto the sheet."""
     seen = []
     monkeypatch.setattr(puppet_diagram, "SIZE", SIZE)
-    monkeypatch.setattr(puppet_diagram, "contact_sheet", lambda images, *_rest: seen.extend(images))
+    monkeypatch.setattr(puppet_diagram, "write_contact_sheet", lambda images, *_rest: seen.extend(images))
     return seen
 
 
@@ -63,9 +63,9 @@ def test_each_handle_is_a_dot_of_its_colour_where_it_is(blob, puppet, pictures, 
 def test_labels_stand_apart_and_inside():
     heights = np.array([100.0, 101, 102, 103, 540, 545, 550])
     placed = np.array(puppet_diagram._apart(heights))
-    assert (np.diff(placed) >= puppet_diagram.LINE - 1e-9).all()
-    assert placed.min() >= puppet_diagram.LINE / 2
-    assert placed.max() <= puppet_diagram.SIZE[1] - puppet_diagram.LINE / 2
+    assert (np.diff(placed) >= puppet_diagram.LABEL_HEIGHT - 1e-9).all()
+    assert placed.min() >= puppet_diagram.LABEL_HEIGHT / 2
+    assert placed.max() <= puppet_diagram.SIZE[1] - puppet_diagram.LABEL_HEIGHT / 2
     np.testing.assert_array_equal(puppet_diagram._apart(np.array([100.0, 300.0])), [100, 300])
 
 

@@ -1,11 +1,9 @@
 import igl
 import numpy as np
 import pytest
-from PIL import Image
 
-from engine_bridge.pictures import renderer
-from engine_bridge.pictures.renderer import View, contact_sheet, project, render
-from puppetline.errors import OutputError
+from engine_bridge.pictures.lighting import KEY, KEY_AZIMUTH, KEY_ELEVATION, SKY
+from engine_bridge.pictures.renderer import View, project, render
 
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
 TETRAHEDRON = (
@@ -126,11 +124,11 @@ def test_a_sphere_throws_the_key_lights_shadow_on_the_floor():
     image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
     light = (image / bare)[..., 1]
     # The shadow is an ellipse of 1 by 1 / sin e; 0.8 behind its middle the floor is in it and not behind the sphere.
-    azimuth, elevation, tilt = np.radians([renderer.KEY_AZIMUTH, renderer.KEY_ELEVATION, 20])
+    azimuth, elevation, tilt = np.radians([KEY_AZIMUTH, KEY_ELEVATION, 20])
     away = 1 / np.tan(elevation) + 0.8
     x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
     column, row = int(60 + 20 * x), int(60 - 20 * (-np.cos(tilt) - z * np.sin(tilt)))
-    sky_alone = renderer.SKY[1] / (renderer.SKY[1] + renderer.KEY[1] * np.sin(elevation))
+    sky_alone = SKY[1] / (SKY[1] + KEY[1] * np.sin(elevation))
     assert 0.5 * sky_alone < light[row, column] < sky_alone
     assert light[row, 120 - column] > 0.9  # on the other side, towards the light
     assert light[115, 5] > 0.98  # far away
@@ -140,7 +138,7 @@ def test_colors_are_interpolated_between_vertices():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
     image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
-    share = image[:, 0] / image[:, 1] / (renderer.KEY[0] / renderer.KEY[1])
+    share = image[:, 0] / image[:, 1] / (KEY[0] / KEY[1])
     expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
     np.testing.assert_allclose(share, expected, rtol=0.05)
 
@@ -167,35 +165,6 @@ def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
     assert max(last - first for first, last in extents) == pytest.approx(100 / 1.12, abs=2)
     for first, last in extents:
         assert first + last == pytest.approx(99, abs=2)
-
-
-@pytest.mark.parametrize(("title", "height"), [("A take", 52 + 3 * (20 + 30) + 10), ("", 10 + 3 * (20 + 30) + 10)])
-def test_a_sheet_has_room_for_all_tiles_labels_and_the_title(tmp_path, title, height):
-    tiles = [np.full((20, 40, 3), 10 * i, np.uint8) for i in range(5)]
-    contact_sheet(tiles, [f"{i} s" for i in range(5)], 2, tmp_path / "sheet.png", title)
-    sheet = np.array(Image.open(tmp_path / "sheet.png"))
-    assert sheet.shape == (height, 10 + 2 * (40 + 10), 3)
-    top = height - 3 * 50 - 10
-    for i, tile in enumerate(tiles):
-        y, x = top + i // 2 * 50, 10 + i % 2 * 50
-        np.testing.assert_array_equal(sheet[y : y + 20, x : x + 40], tile)
-        assert (sheet[y + 20 : y + 50, x : x + 40] < 128).any()  # the label's ink
-    assert (sheet[top + 100 :, 60:] == renderer.PAPER).all()  # no sixth tile
-
-
-def test_a_sheet_replaces_the_old_one_and_leaves_nothing_else(tmp_path):
-    path = tmp_path / "sheet.png"
-    path.write_text("old")
-    contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-    assert Image.open(path).format == "PNG"
-    assert [p.name for p in tmp_path.iterdir()] == ["sheet.png"]
-
-
-def test_a_sheet_that_cannot_be_written_says_where(tmp_path):
-    for path in (tmp_path / "nowhere" / "sheet.png", tmp_path):
-        with pytest.raises(OutputError, match="cannot be written") as error:
-            contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-        assert error.value.where == str(path)
 
 
 @pytest.mark.slow

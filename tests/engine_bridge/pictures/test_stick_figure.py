@@ -28,7 +28,7 @@ def test_a_bone_alone_is_a_line_between_its_joints_in_the_colour_of_its_side():
         ends = project(np.array([[-0.5, -1.0, 0], [0.5, 1.0, 0]]), VIEW, SIZE)
         along = (ends[1] - ends[0])[:2] / np.linalg.norm((ends[1] - ends[0])[:2])
         away = np.column_stack([column, row]) + 0.5 - ends[0, :2]
-        assert np.abs(away @ [-along[1], along[0]]).max() <= stick_figure.WIDTH * 180 / 2 + 1
+        assert np.abs(away @ [-along[1], along[0]]).max() <= stick_figure.BONE_WIDTH * 180 / 2 + 1
         assert (away @ along).min() == pytest.approx(0, abs=3)
         assert (away @ along).max() == pytest.approx(np.linalg.norm(ends[1] - ends[0]), abs=3)
 

@@ -17,7 +17,7 @@ from urllib.parse import parse_qsl
 
 from capture.libraries import import_error
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import HEIGHT, INSTALL_FIX, MediaPipePose, load_mediapipe
+from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
 
@@ -47,7 +47,7 @@ class Options:
     """
 
     place: str
-    height: float = HEIGHT
+    height: float = DEFAULT_HEIGHT_METRES
     fov: float = FIELD_OF_VIEW
     loop: bool = False
 
@@ -256,7 +256,7 @@ def load_opencv() -> ModuleType:
         import cv2
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
         raise import_error("cv2", error)(
-            "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
+            "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
         ) from error
     return cv2
 

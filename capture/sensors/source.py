@@ -256,7 +256,7 @@ class SensorSource:
         """Find people in one picture after the other."""
         present: set[int] = set()
         last = -math.inf
-        watch = FloorTracker()
+        floor_tracker = FloorTracker()
         try:
             while (next_one := self._take()) is not None:
                 taken, picture = next_one
@@ -270,7 +270,7 @@ class SensorSource:
                 found = {frame.user for frame in frames}
                 self._tell([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
                 present = found
-                if (floor := watch.see(last, picture)) is not None:  # once nobody waits for it
+                if (floor := floor_tracker.update(last, picture)) is not None:  # once nobody waits for it
                     log.info("%s the sensor is %s", heading(self.name), floor)
                     self._tell([Cue(last, "level", asdict(floor))])
         except Exception as error:  # as of a device

@@ -1,12 +1,13 @@
-"""How far away the joints of a body are, by a depth picture that is registered to the one they were found in.
+"""Depth of joints from a depth image that is registered to the colour image in which a tracker found them.
 
-Around a joint's pixel a sensor sees the skin before the joint, and what stands before or behind the body. Depths close
-together are one surface. Joints are looked for from the hips outwards, each on the nearest surface where it can be:
+Around a joint's pixel, a sensor sees the skin in front of the joint, and objects in front of or behind the body. Depths
+close together form one surface. From the hips outwards, each joint is placed behind the nearest surface where one of
+these is true:
 
-- where the tracker guesses it, which is wrong by more than that in legs it takes for bent;
-- as far from its neighbour towards the hips as its bone is long.
+- The depth is close to the tracker's estimate.
+- The distance to the parent joint matches the bone's length. The estimate can be far off for legs that look bent.
 
-A joint that depth misses is as far before or behind that neighbour as the tracker guesses.
+A joint without depth keeps the tracker's estimate of its offset from the parent joint.
 """
 
 import numba
@@ -17,10 +18,10 @@ from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 
 Floats = NDArray[np.float64]
 
-SEEN = 0.5
-"""Confidence from which a joint is taken to be in sight: it is looked for in the depth picture."""
+MIN_CONFIDENCE = 0.5
+"""Confidence from which a joint counts as visible, so that the depth image shows it."""
 
-_BENEATH = {
+_SKIN_TO_JOINT = {
     "hip_center": 0.10,
     "spine": 0.11,
     "shoulder_center": 0.06,
@@ -35,21 +36,23 @@ _BENEATH = {
     "foot": 0.03,
 }
 SKIN_TO_JOINT_METRES: Floats = np.array(
-    [_BENEATH[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS]
+    [_SKIN_TO_JOINT[joint.removesuffix("_left").removesuffix("_right")] for joint in JOINTS]
 )
-"""(20,) metres from the skin that a sensor sees to the joint within: half of an adult's thickness there."""
+"""(20,) distance from the visible skin to the joint, in metres: half of an adult's thickness there."""
 
 PARENT_INDICES = np.array([JOINT_INDEX[PARENTS[joint]] if joint in PARENTS else -1 for joint in JOINTS])
-"""(20,) index of each joint's neighbour towards the hips, which stands before it; -1 of the hips' centre."""
+"""(20,) index of each joint's parent joint, which is smaller than its own; −1 for the hip centre."""
 
-_WINDOW = 0.02  # metres from a joint within which depth is looked at: less than half of a wrist
-_NARROWEST, _WIDEST = 2, 40  # pixels
-_SURFACE = 0.15  # metres from the nearest depth of a surface to its farthest
-_LEAST = 0.25  # of the window that a surface must fill
-_GUESS = 0.25  # metres from where the tracker guesses a joint within which it may be
-_BONE = 0.3  # of a bone's length by which a joint's distance to its neighbour may differ from that
-_LONGEST = 1.4  # of a bone's length beyond which a joint cannot be
-_ENOUGH = 5  # joints with depth that tell how large a body is
+_WINDOW_METRES = 0.02  # distance from the joint's pixel to the window's edge: less than half of a wrist
+_MIN_WINDOW, _MAX_WINDOW = 2, 40  # the same, in pixels
+_SURFACE_METRES = 0.15  # depth range of one surface
+_MIN_SURFACE_SHARE = 0.25  # share of the window that a surface must fill
+_MAX_ESTIMATE_ERROR = 0.25  # metres between a joint and the tracker's estimate
+_MAX_BONE_ERROR = (
+    0.3  # difference between a joint's distance to its parent and the bone's length, relative to the latter
+)
+_MAX_BONE_STRETCH = 1.4  # largest distance from the parent, relative to the bone's length
+_MIN_JOINT_COUNT = 5  # joints with depth that determine the scale of a body
 
 
 def measure_depths(
@@ -57,43 +60,44 @@ def measure_depths(
     focal: float,
     pixels: Floats,
     rays: Floats,
-    guessed: Floats,
+    estimated: Floats,
     lengths: Floats,
     confidence: NDArray[np.float32],
 ) -> tuple[Floats, NDArray[np.bool_], float] | None:
-    """Return how far away joints are, which of them depth tells, and how many metres one of the tracker's is.
+    """Measure the depths of joints, and the scale of the tracker's metres.
 
     Parameters
     ----------
     depth : (height, width) uint16
-        Millimetres, 0 where unknown.
+        Millimetres; 0 for unknown.
     focal : float
-        Pixels.
+        Focal length, in pixels.
     pixels : (20, 2) float64
     rays : (20, 3) float64
-        Through the pixels, z being 1.
-    guessed : (20,) float64
-        How far away the tracker guesses the joints, in its metres.
+        Directions through the pixels, with z = 1.
+    estimated : (20,) float64
+        The tracker's estimate of the depths, in its metres.
     lengths : (20,) float64
-        Of each joint's bone, in the tracker's metres.
+        Length of each joint's bone, in the tracker's metres.
     confidence : (20,) float32
 
     Returns
     -------
     (depths, known, scale) or None
-        (20,) float64 metres along z, (20,) bool, float. None where too few joints have any depth.
+        (20,) float64 metres along z, (20,) bool whether the depth was measured, and float metres per metre of the
+        tracker. None if too few joints have any depth.
     """
     depth = np.ascontiguousarray(depth).view()
-    depth.flags.writeable = False  # whatever a device gives, one kind of array: nothing is compiled for another one
-    depths, known, scale = _lift(depth, focal, pixels, rays, guessed, lengths, confidence)
+    depth.flags.writeable = False  # one kind of array for all devices, so that nothing is compiled again
+    depths, known, scale = _measure(depth, focal, pixels, rays, estimated, lengths, confidence)
     return None if np.isnan(scale) else (depths, known, scale)
 
 
 @numba.njit(cache=True, nogil=True)
 def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the known depths around a pixel in metres, sorted."""
+    """Return the known depths around a pixel, in metres, sorted."""
     height, width = depth.shape
-    column, row, reach = int(pixel[0]), int(pixel[1]), min(max(_NARROWEST, round(radius)), _WIDEST)
+    column, row, reach = int(pixel[0]), int(pixel[1]), min(max(_MIN_WINDOW, round(radius)), _MAX_WINDOW)
     values = np.empty((2 * reach + 1) ** 2)
     count = 0
     if 0 <= pixel[0] < width and 0 <= pixel[1] < height:
@@ -111,58 +115,58 @@ def _median(ordered):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
 
 
 @numba.njit(cache=True, nogil=True)
-def _may_be(ray, z, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Say whether a joint can be at depth z; `beside_z` is NaN where its neighbour's is not known."""
+def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return whether a joint can be at depth z; `parent_z` is NaN if unknown."""
     square = 0.0
     for axis in range(3):
-        square += (ray[axis] * z - beside[axis] * beside_z) ** 2
+        square += (ray[axis] * z - parent_ray[axis] * parent_z) ** 2
     length = np.sqrt(square)
-    if length > _LONGEST * bone:
+    if length > _MAX_BONE_STRETCH * bone:
         return False
-    return abs(z - guess) < _GUESS or abs(length - bone) < _BONE * bone
+    return abs(z - estimate) < _MAX_ESTIMATE_ERROR or abs(length - bone) < _MAX_BONE_ERROR * bone
 
 
 @numba.njit(cache=True, nogil=True)
-def _surface(window, skin, ray, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the depth of a joint behind the nearest surface that can be its own, NaN if there is none."""
-    enough = _LEAST * len(window)
+def _surface_depth(window, skin, ray, estimate, bone, parent_ray, parent_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the depth of a joint behind the nearest plausible surface; NaN if there is none."""
+    enough = _MIN_SURFACE_SHARE * len(window)
     start = 0
     while len(window) - start > enough:
         end = start
-        while end < len(window) and window[end] < window[start] + _SURFACE:
+        while end < len(window) and window[end] < window[start] + _SURFACE_METRES:
             end += 1
         z = _median(window[start:end]) + skin
-        if end - start > enough and _may_be(ray, z, guess, bone, beside, beside_z):
+        if end - start > enough and _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):
             return z
         start = end
     return np.nan
 
 
 @numba.njit(cache=True, nogil=True)
-def _lift(depth, focal, pixels, rays, guessed, lengths, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _measure(depth, focal, pixels, rays, estimated, lengths, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     joints = len(pixels)
     depths, known = np.empty(joints), np.zeros(joints, np.bool_)
     scales, count = np.empty(joints), 0
     for j in range(joints):
-        if confidence[j] >= SEEN:
-            window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
+        if confidence[j] >= MIN_CONFIDENCE:
+            window = _window(depth, pixels[j], _WINDOW_METRES * focal / estimated[j])
             if len(window) > 0:
-                scales[count] = (_median(window) + SKIN_TO_JOINT_METRES[j]) / guessed[j]
+                scales[count] = (_median(window) + SKIN_TO_JOINT_METRES[j]) / estimated[j]
                 count += 1
-    if count < _ENOUGH:
+    if count < _MIN_JOINT_COUNT:
         return depths, known, np.nan
-    scale = _median(np.sort(scales[:count]))  # whatever hides a joint, or lies behind it, is in the minority
+    scale = _median(np.sort(scales[:count]))  # objects in front of or behind joints are the minority
     for j in range(joints):
-        near = PARENT_INDICES[j]
-        beside_z = depths[near] if near >= 0 and known[near] else np.nan
-        guess, bone = guessed[j] * scale, lengths[j] * scale
+        parent = PARENT_INDICES[j]
+        parent_z = depths[parent] if parent >= 0 and known[parent] else np.nan
+        estimate, bone = estimated[j] * scale, lengths[j] * scale
         z = np.nan
-        if confidence[j] >= SEEN:
-            window = _window(depth, pixels[j], _WINDOW * focal / guessed[j])
-            z = _surface(window, SKIN_TO_JOINT_METRES[j], rays[j], guess, bone, rays[near], beside_z)
+        if confidence[j] >= MIN_CONFIDENCE:
+            window = _window(depth, pixels[j], _WINDOW_METRES * focal / estimated[j])
+            z = _surface_depth(window, SKIN_TO_JOINT_METRES[j], rays[j], estimate, bone, rays[parent], parent_z)
         known[j] = not np.isnan(z)
         if known[j]:
             depths[j] = z
         else:
-            depths[j] = guess if near < 0 else depths[near] + (guessed[j] - guessed[near]) * scale
+            depths[j] = estimate if parent < 0 else depths[parent] + (estimated[j] - estimated[parent]) * scale
     return depths, known, scale

@@ -75,8 +75,8 @@ def test_a_strip_of_floor_tells_nothing():
 
 def told(pictures):
     """Return what a watch says of pictures, ten a second, with their times."""
-    watch = FloorTracker()
-    said = [(k / 10, watch.see(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
+    tracker = FloorTracker()
+    said = [(k / 10, tracker.update(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
     return [(time, floor) for time, floor in said if floor is not None]
 
 

@@ -145,14 +145,14 @@ def test_too_few_joints_with_depth_tell_nothing(joints):
 def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_nothing_compiled_for_it(joints):
     depth = drawn(joints)
     warm_up()
-    compiled = list(joint_depth._lift.signatures)
+    compiled = list(joint_depth._measure.signatures)
     expected = lifted(depth, joints)
     locked = depth.copy()
     locked.flags.writeable = False
     for same in (locked, np.asfortranarray(depth), np.repeat(depth, 2, axis=1)[:, ::2]):
         for one, other in zip(lifted(same, joints), expected, strict=True):
             np.testing.assert_array_equal(one, other)
-    assert joint_depth._lift.signatures == compiled
+    assert joint_depth._measure.signatures == compiled
 
 
 def test_neighbours_stand_before_their_joints():

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from capture import body
 from capture.sensors.camera import Options, Video
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
-from capture.trackers.mediapipe import GONE, LANDMARK_WEIGHTS, MediaPipePose, load_mediapipe
+from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
@@ -147,12 +147,12 @@ def test_a_moment_without_a_body_loses_the_joints_and_a_longer_one_the_person(cl
 
     (first,) = shown(0.0, picture.color)
     with caplog.at_level(logging.WARNING):
-        (missed,) = shown(GONE, black)
-        assert shown(GONE + 0.01, black) == []
+        (missed,) = shown(LOST_SECONDS, black)
+        assert shown(LOST_SECONDS + 0.01, black) == []
     assert (missed.user, missed.confidence.tolist()) == (first.user, [0.0] * len(JOINTS))
     np.testing.assert_array_equal(missed.positions, first.positions)
     assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: the picture is black: is there a cover before the lens, or no light?"
+        "MediaPipe pose: the image is black: uncover the lens, or switch on the light"
     ]
     (again,) = shown(2.0, picture.color)
     assert again.user == first.user + 1
@@ -163,12 +163,12 @@ def test_nobody_in_a_picture_is_told_once(tracker, caplog):
     with caplog.at_level(logging.WARNING):
         assert [tracker.track(Picture(k / 30, Lens(320, 240, 260.0), room, None)) for k in range(3)] == [[]] * 3
     assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: nobody is in view, or too little of them"
+        "MediaPipe pose: no performer is in view, or too little of the body"
     ]
 
 
 def test_a_picture_without_colours_is_told(tracker):
-    with pytest.raises(SourceError, match="a picture without colours"):
+    with pytest.raises(SourceError, match="an image without colours"):
         tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.uint16)))
 
 

@@ -242,7 +242,7 @@ def _virtual_sensors(openni_folder):
 @pytest.fixture
 def virtual_sensors(_virtual_sensors):
     """Two sensors, unplugged, that the real OpenNI2 library finds in this process once they are plugged in."""
-    from capture.sensors.openni import load_openni2
+    from capture.sensors.openni_library import load_openni2
 
     load_openni2("test")
     yield _virtual_sensors
@@ -256,12 +256,13 @@ def record(_virtual_sensors):
 
     On a busy machine, the recorder leaves pictures out; then it is done again.
     """
-    from capture.sensors.openni import OpenNIDevice, Place, load_openni2
+    from capture.sensors.openni import OpenNIDevice, Selection
+    from capture.sensors.openni_library import load_openni2
 
     bindings = load_openni2("test")
 
     def once(sensor, path, pictures, step):
-        with closing(OpenNIDevice("openni:", Place())) as device:
+        with closing(OpenNIDevice("openni:", Selection())) as device:
             recorder = bindings.Recorder(os.fsencode(path))
             for stream in device._streams:
                 recorder.attach(stream)

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from capture.libraries import NotInstalledError
-from capture.sensors import freenect, openni
+from capture.sensors import freenect, openni_library
 from capture.sensors.camera import load_opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import load_mediapipe
@@ -38,11 +38,11 @@ class Kind:
     rules: str = ""
 
 
-_OPENNI = "openni:", "libopenni2-0", openni.UDEV_RULES
+_OPENNI = "openni:", "libopenni2-0", openni_library.UDEV_RULES
 
 KINDS: dict[str, Kind] = {
     "045e:02ae": Kind("Kinect v1 (Xbox 360)", "freenect:", "libfreenect0.5", freenect.UDEV_RULES),
-    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni.UDEV_RULES),
+    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni_library.UDEV_RULES),
     "045e:02c4": Kind("Kinect v2"),
     "045e:02d8": Kind("Kinect v2"),
     "045e:097d": Kind("Azure Kinect"),
@@ -143,14 +143,14 @@ def _kinects(name: str) -> str:
 
 
 def _openni(name: str) -> str:
-    count = len(openni.sensor_uris(openni.load_openni2(name)))
+    count = len(openni_library.sensor_uris(openni_library.load_openni2(name)))
     return f"there; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
 
 
 def _openni_sensors() -> Iterator[Finding]:
     """Go through the sensors that OpenNI2 finds, by the names that sources have."""
     try:
-        found = openni.list_sensors("OpenNI 2")
+        found = openni_library.list_sensors("OpenNI 2")
     except SourceError:  # which is said of the library
         return
     for sensor in found:

@@ -15,7 +15,7 @@ import pytest
 
 from capture.events import Lost, Tick
 from capture.sensors import openni
-from capture.sensors.openni import OpenNIDevice, Place, open_openni
+from capture.sensors.openni import OpenNIDevice, Selection, open_openni
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, TRACKED, SkeletonFrame
 from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
@@ -104,7 +104,7 @@ def show(sensor):
 @pytest.fixture
 def look(stand_in, show):
     """Open the sensor and NiTE2 on it; `look(moment)` returns who is in the picture of that moment."""
-    with closing(OpenNIDevice(NAME, Place())) as device, closing(device.nite()) as tracker:
+    with closing(OpenNIDevice(NAME, Selection())) as device, closing(device.nite()) as tracker:
 
         def looked(moment):
             show(moment)
@@ -180,7 +180,7 @@ def test_a_sensor_that_stays_mirrored_shows_a_mirrors_sides_which_are_the_perfor
     sensor.plug(refuses=["mirror off"])
     body[6] = -500, 200, 2000
     stand_in.show(1, NEW, CALIBRATED, body)
-    with closing(OpenNIDevice(NAME, Place())) as device, closing(device.nite()) as tracker:
+    with closing(OpenNIDevice(NAME, Selection())) as device, closing(device.nite()) as tracker:
         for moment in (1.0, 1.1):
             show(moment)
             while (picture := device.read(1.0)) is None:
@@ -317,7 +317,7 @@ def test_a_library_that_does_not_start_leaves_it_to_mediapipe(
     sensor.wait_for_streams()
     _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
     [said] = [record for record in caplog.records if record.levelname == "WARNING"]
-    assert "MediaPipe finds people, as NiTE2 does not start" in said.getMessage()
+    assert "tracking with MediaPipe, because NiTE2 did not start" in said.getMessage()
     assert f"the status 1 of {call};" in said.getMessage()
     assert "s.dat" in said.getMessage()
 
@@ -329,7 +329,7 @@ def test_without_a_library_it_is_mediapipe_and_the_log_says_so(opened, sensor, c
     opened()
     sensor.wait_for_streams()
     _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
-    said = "Puppetline virtual sensor 0: no NiTE2 library (NITE2_REDIST may name its folder), so MediaPipe finds people"
+    said = "Puppetline virtual sensor 0: tracking with MediaPipe, because NiTE2 is not installed (or set NITE2_REDIST)"
     assert said in caplog.messages
 
 

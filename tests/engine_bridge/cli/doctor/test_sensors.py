@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from capture.libraries import NotInstalledError
-from capture.sensors import camera, freenect, openni
-from capture.sensors.openni import Sensor
+from capture.sensors import camera, freenect, openni_library
+from capture.sensors.openni_library import Sensor
 from capture.trackers import mediapipe
 from capture.trackers.nite import library_path
 from engine_bridge.cli.doctor import sensors
@@ -155,15 +155,15 @@ def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_a
 
 @pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])
 def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok):
-    monkeypatch.delenv(openni.REDIST_VARIABLE, raising=False)
+    monkeypatch.delenv(openni_library.REDIST_VARIABLE, raising=False)
     if named:
-        monkeypatch.setenv(openni.REDIST_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(openni, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
+        monkeypatch.setenv(openni_library.REDIST_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(openni_library, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     bindings = SimpleNamespace(
         loaded_dll_directory=None, OpenNIError=ArithmeticError, c_api=SimpleNamespace(load_dll=ctypes.CDLL)
     )
-    finding = sensors._library("OpenNI 2", lambda name: openni._load(name, bindings), "openni:", needed=False)
+    finding = sensors._library("OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False)
     assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
 
 
@@ -189,9 +189,9 @@ def test_a_machine_without_usb_is_no_fault(monkeypatch):
 def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):
     trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
     plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
-    monkeypatch.setattr(openni, "load_openni2", lambda _where: None)
-    monkeypatch.setattr(openni, "sensor_uris", lambda _bindings: [sensor.uri for sensor in plugged])
-    monkeypatch.setattr(openni, "list_sensors", lambda _where: plugged)
+    monkeypatch.setattr(openni_library, "load_openni2", lambda _where: None)
+    monkeypatch.setattr(openni_library, "sensor_uris", lambda _bindings: [sensor.uri for sensor in plugged])
+    monkeypatch.setattr(openni_library, "list_sensors", lambda _where: plugged)
     findings = [*sensors.examine()]
     start = findings.index(Finding("OpenNI 2", True, "there; 3 sensors plugged in"))
     assert findings[start + 1 : start + 4] == [

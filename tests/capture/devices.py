@@ -131,7 +131,7 @@ def scripted_tracker():
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No picture is too old, however busy the machine is."""
-    monkeypatch.setattr(source, "OLDEST", PATIENCE)
+    monkeypatch.setattr(source, "MAX_AGE_SECONDS", PATIENCE)
 
 
 @pytest.fixture

@@ -78,12 +78,12 @@ def test_options_are_read(rest, options):
         ("0?loop=no", "loop: found 'no'; expected no value"),
     ],
 )
-def test_options_that_are_none_are_told(rest, message):
+def test_wrong_options_are_errors(rest, message):
     with pytest.raises(SourceError, match=f"camera:.*{message}"):
         parse("camera:" + rest, rest)
 
 
-def test_pictures_come_with_the_times_and_colours_of_the_film(opened):
+def test_images_have_the_times_and_colours_of_the_video(opened):
     pictures = all_of(opened())
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
@@ -92,21 +92,21 @@ def test_pictures_come_with_the_times_and_colours_of_the_film(opened):
         np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
 
 
-def test_the_end_of_a_film_is_told(opened):
+def test_the_end_of_a_video_is_an_error(opened):
     video = opened()
     all_of(video)
-    with pytest.raises(SourceError, match=r"found the end of the video; expected more of it. Put \?loop"):
+    with pytest.raises(SourceError, match=r"found the end of the video; expected more images. Add \?loop"):
         video.read(1.0)
 
 
-def test_the_corners_of_the_picture_are_as_far_apart_as_the_field_of_view(opened):
+def test_the_angle_between_the_images_corners_is_the_field_of_view(opened):
     lens = opened(fov=80.0).read(1.0).lens
     left, right = lens.unproject(np.array([[0, 0], [WIDTH, HEIGHT]]), np.ones(2))
     cosine = left @ right / np.linalg.norm(left) / np.linalg.norm(right)
     assert math.degrees(math.acos(cosine)) == pytest.approx(80)
 
 
-def test_a_looped_film_goes_on_in_time(opened):
+def test_the_time_of_a_looped_video_increases(opened):
     video = opened(loop=True)
     pictures = [video.read(1.0) for _ in range(3 * COUNT)]
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
@@ -114,14 +114,14 @@ def test_a_looped_film_goes_on_in_time(opened):
 
 
 @pytest.mark.parametrize("content", [b"", b"no film at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
-def test_what_is_no_film_is_told(opened, tmp_path, content):
+def test_a_file_without_images_is_an_error(opened, tmp_path, content):
     broken = tmp_path / "broken.avi"
     broken.write_bytes(content)
-    with pytest.raises(SourceError, match=f"video:film: found no picture in .*broken.avi, {len(content)} bytes"):
+    with pytest.raises(SourceError, match=rf"video:film: found no image in .*broken.avi \({len(content)} bytes\)"):
         opened(broken)
 
 
-def test_a_film_that_was_cut_off_plays_as_far_as_it_goes(opened, film, tmp_path):
+def test_an_incomplete_video_plays_up_to_its_end(opened, film, tmp_path):
     half = tmp_path / "half.avi"
     whole = film.read_bytes()
     half.write_bytes(whole[: (whole.index(b"movi") + whole.index(b"idx1")) // 2])
@@ -131,12 +131,12 @@ def test_a_film_that_was_cut_off_plays_as_far_as_it_goes(opened, film, tmp_path)
         np.testing.assert_array_equal(before.color, after.color)
 
 
-def test_a_film_that_is_not_there_is_told_when_it_is_opened(camera, tmp_path):
+def test_a_missing_video_is_an_error_when_it_is_opened(camera, tmp_path):
     with pytest.raises(SourceError, match=r"video:none.mp4: found no file .*none.mp4"):
         open_video("video:none.mp4", "none.mp4", tmp_path)
 
 
-def test_a_looped_camera_is_told():
+def test_a_looped_camera_is_an_error():
     with pytest.raises(SourceError, match="found the option 'loop'; expected height and fov"):
         open_camera("camera:0?loop", "0?loop")
 
@@ -148,7 +148,7 @@ def test_a_looped_camera_is_told():
         ("mediapipe.python.solutions", partial(open_camera, "camera:0", "0")),
     ],
 )
-def test_without_a_library_it_is_said_how_to_install_it(monkeypatch, module, open_it):
+def test_a_missing_library_is_an_error_with_the_package(monkeypatch, module, open_it):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
         open_it()
@@ -158,13 +158,13 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="devices are files on
 
 
 @linux
-def test_a_camera_that_is_not_there_is_told(camera):
-    with pytest.raises(SourceError, match="camera:98: found no /dev/video98; expected a camera that is there: "):
+def test_a_missing_camera_is_an_error(camera):
+    with pytest.raises(SourceError, match=r"camera:98: found no /dev/video98; expected an existing camera \("):
         Camera("camera:98", parse("camera:98", "98"))
 
 
 @linux
-def test_a_source_tells_what_is_wrong_with_its_camera_and_closes(camera):
+def test_the_source_raises_the_error_of_its_camera(camera):
     source = open_camera("camera:98", "98")
     assert select([source.fileno()], [], [], 10)[0]
     with pytest.raises(SourceError, match="camera:98: found no /dev/video98"):
@@ -173,7 +173,7 @@ def test_a_source_tells_what_is_wrong_with_its_camera_and_closes(camera):
 
 
 @linux
-def test_a_camera_that_this_user_may_not_use_names_the_group_that_may(camera, tmp_path, monkeypatch):
+def test_missing_permission_is_an_error_with_the_devices_group(camera, tmp_path, monkeypatch):
     device = tmp_path / "video0"
     device.touch()
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root, who may everything
@@ -182,20 +182,20 @@ def test_a_camera_that_this_user_may_not_use_names_the_group_that_may(camera, tm
 
 
 @linux
-def test_a_device_that_is_no_camera_is_told(camera):
-    with pytest.raises(SourceError, match="found that camera /dev/null cannot be opened as one"):
+def test_a_device_that_is_not_a_camera_is_an_error(camera):
+    with pytest.raises(SourceError, match=r"found a device that cannot be opened as a camera \(/dev/null\)"):
         Camera("camera:/dev/null", Options("/dev/null"))
 
 
 @linux
-def test_a_camera_that_stops_is_told(film, monkeypatch):
+def test_a_camera_that_stops_is_an_error(film, monkeypatch):
     """A film stands in for the camera, as no machine of tests has one: it ends as a camera does that is pulled out."""
     cv2 = load_opencv()
     monkeypatch.setattr(cv2, "CAP_V4L2", cv2.CAP_FFMPEG)
     device = Camera("camera:film", Options(str(film)))
     times = [device.read(1.0).time for _ in range(COUNT)]
     assert times == sorted(times)
-    with pytest.raises(SourceError, match=r"camera:film: found that camera .*film.avi gives no picture"):
+    with pytest.raises(SourceError, match=r"camera:film: found no image from camera .*film.avi"):
         device.read(1.0)
     device.close()
     device.close()

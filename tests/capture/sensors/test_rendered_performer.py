@@ -35,7 +35,7 @@ from capture.skeleton import SkeletonFrame
 from capture.source import wait
 from capture.sources.registry import open_source
 
-source.OLDEST = 10.0  # no picture is too old, however busy the machine is
+source.MAX_AGE_SECONDS = 10.0  # no picture is too old, however busy the machine is
 frames = []
 
 class Patient(freenect.FreenectDevice):
@@ -103,7 +103,7 @@ def sensor(virtual_sensors, tmp_path, monkeypatch):
     return virtual_sensors[0]
 
 
-def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_pictures(sensor, shown, rendered_body):
+def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(sensor, shown, rendered_body):
     frames, moments = [], []
     with closing(open_source("openni:")) as source:
         watched = Watched(source)
@@ -122,9 +122,7 @@ def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_p
     check_joints(rendered_body, positions, shown)
 
 
-def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_recorded(
-    sensor, shown, record, tmp_path, rendered_body
-):
+def test_joints_of_a_recording_are_those_of_the_recorded_images(sensor, shown, record, tmp_path, rendered_body):
     record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
     with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
         events = Watched(source).events(len(shown) + 1)
@@ -137,12 +135,12 @@ def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_re
     check_joints(rendered_body, positions, shown)
 
 
-def test_through_libfreenect_the_joints_are_those_that_the_tracker_finds_in_what_the_kinect_sees(
+def test_joints_through_libfreenect_are_those_of_the_rendered_images(
     shots, write_dump, run_with_kinect, tmp_path, rendered_body
 ):
     shown = shots(freenect.LENS)
     pictures = [
-        (each, round(shot.picture.time * freenect.TICKS))
+        (each, round(shot.picture.time * freenect.TICKS_PER_SECOND))
         for shot in shown
         for each in (shot.picture.depth, shot.picture.color)
     ]

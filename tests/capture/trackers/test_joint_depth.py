@@ -55,14 +55,14 @@ def lifted(depth, joints, guessed=None, confidence=SURE):
     return measure_depths(depth, LENS.focal, LENS.project(joints), joints / joints[:, 2:], guessed, bones, confidence)
 
 
-def test_each_joint_is_its_skin_and_half_its_thickness_away(joints):
+def test_a_joint_is_half_its_thickness_behind_the_skin(joints):
     depths, known, scale = lifted(drawn(joints), joints)
     assert known.all()
     np.testing.assert_allclose(depths, joints[:, 2], atol=5e-4)
     assert scale == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_scale_is_the_sensors_metre_for_the_trackers(joints):
+def test_the_scale_is_metres_per_metre_of_the_tracker(joints):
     bones = np.zeros(20)
     bones[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
     rays = joints / joints[:, 2:]
@@ -75,7 +75,7 @@ def test_the_scale_is_the_sensors_metre_for_the_trackers(joints):
 
 
 @pytest.mark.parametrize("bent", [0.4, -0.4])
-def test_a_limb_that_the_tracker_takes_for_bent_is_found_by_the_length_of_its_bones(joints, bent):
+def test_a_limb_that_is_wrongly_estimated_as_bent_is_found_by_its_bone_lengths(joints, bent):
     guessed = joints[:, 2].copy()
     guessed[[ANKLE, FOOT]] += bent
     depths, known, _ = lifted(drawn(joints), joints, guessed)
@@ -84,7 +84,7 @@ def test_a_limb_that_the_tracker_takes_for_bent_is_found_by_the_length_of_its_bo
 
 
 @pytest.mark.parametrize(("length", "found"), [(1.38, True), (1.42, False)])
-def test_nothing_is_farther_from_its_neighbour_than_1_4_bones(joints, length, found):
+def test_no_joint_is_farther_from_its_parent_than_1_4_bone_lengths(joints, length, found):
     ray, knee = joints[ANKLE] / joints[ANKLE, 2], joints[KNEE]
     shin = np.linalg.norm(joints[ANKLE] - knee)
     _, z = sorted(np.roots([ray @ ray, -2 * ray @ knee, knee @ knee - (length * shin) ** 2]))
@@ -95,7 +95,7 @@ def test_nothing_is_farther_from_its_neighbour_than_1_4_bones(joints, length, fo
     assert depths[ANKLE] == pytest.approx(z if found else z - 0.2, abs=1e-3)
 
 
-def test_the_nearest_surface_that_can_be_the_joint_is_the_joint(joints):
+def test_a_joint_is_behind_the_nearest_plausible_surface(joints):
     depth = drawn(joints)
     patch(depth, joints[WRIST], 1.0, beside=PATCH)  # somebody else's hand, before half of the wrist
     depths, known, _ = lifted(depth, joints)
@@ -103,14 +103,14 @@ def test_the_nearest_surface_that_can_be_the_joint_is_the_joint(joints):
     assert depths[WRIST] == pytest.approx(joints[WRIST, 2], abs=5e-4)
 
 
-def test_a_surface_in_less_than_a_quarter_of_the_window_is_an_edge_of_something(joints):
+def test_a_surface_in_less_than_a_quarter_of_the_window_is_ignored(joints):
     depth = drawn(joints)
     patch(depth, joints[WRIST], 2.3, beside=PATCH + 4)  # a column at the window's edge, near enough to be the wrist
     depths, _, _ = lifted(depth, joints)
     assert depths[WRIST] == pytest.approx(joints[WRIST, 2], abs=5e-4)
 
 
-def test_what_depth_misses_is_before_or_behind_its_neighbour_as_the_tracker_guesses(joints):
+def test_a_joint_without_depth_keeps_its_estimated_offset_from_the_parent(joints):
     depth = drawn(joints)
     patch(depth, joints[HAND], 0.0)
     guessed = joints[:, 2].copy()
@@ -121,7 +121,7 @@ def test_what_depth_misses_is_before_or_behind_its_neighbour_as_the_tracker_gues
     assert depths[HAND] == pytest.approx(depths[WRIST] - 0.07 * scale, abs=1e-9)
 
 
-def test_a_joint_out_of_sight_or_beyond_the_picture_is_not_looked_for(joints):
+def test_hidden_joints_and_joints_outside_the_image_have_no_measured_depth(joints):
     hidden = SURE.copy()
     hidden[WRIST] = 0.49
     assert not lifted(drawn(joints), joints, confidence=hidden)[1][WRIST]
@@ -133,7 +133,7 @@ def test_a_joint_out_of_sight_or_beyond_the_picture_is_not_looked_for(joints):
     np.testing.assert_array_equal(np.flatnonzero(~known), [HAND])
 
 
-def test_too_few_joints_with_depth_tell_nothing(joints):
+def test_too_few_joints_with_depth_give_no_result(joints):
     depth = np.zeros((LENS.height, LENS.width), np.uint16)
     assert lifted(depth, joints) is None
     for joint in range(4):
@@ -142,7 +142,7 @@ def test_too_few_joints_with_depth_tell_nothing(joints):
     assert lifted(depth, joints, confidence=sure) is None
 
 
-def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_nothing_compiled_for_it(joints):
+def test_arrays_of_any_layout_give_the_same_without_compiling_again(joints):
     depth = drawn(joints)
     warm_up()
     compiled = list(joint_depth._measure.signatures)
@@ -155,6 +155,6 @@ def test_a_picture_that_may_not_be_written_or_is_turned_gives_the_same_with_noth
     assert joint_depth._measure.signatures == compiled
 
 
-def test_neighbours_stand_before_their_joints():
+def test_parents_are_in_front_of_their_joints():
     assert [JOINTS[near] for near in PARENT_INDICES[1:]] == [PARENTS[joint] for joint in JOINTS[1:]]
     assert (np.arange(20) > PARENT_INDICES).all()

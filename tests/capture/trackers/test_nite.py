@@ -156,7 +156,7 @@ def _wait_for(caplog, message):
         time.sleep(0.001)
 
 
-def test_a_calibrated_user_is_a_person_where_and_as_sure_as_the_library_says(stand_in, look, body, standing):
+def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(stand_in, look, body, standing):
     confidence = np.linspace(0.6, 1.0, 15)
     stand_in.show(4, NEW, CALIBRATED, body, confidence)
     assert look(1.0) == []  # nobody has asked for the skeleton before
@@ -175,7 +175,7 @@ def test_a_performers_right_hand_is_at_the_left_of_the_picture(stand_in, look, b
     np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_right"]], [0.5, 0.2, 2.0], atol=1e-6)
 
 
-def test_a_sensor_that_stays_mirrored_shows_a_mirrors_sides_which_are_the_performers_own(sensor, stand_in, show, body):
+def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, stand_in, show, body):
     sensor.unplug()
     sensor.plug(refuses=["mirror off"])
     body[6] = -500, 200, 2000
@@ -190,7 +190,7 @@ def test_a_sensor_that_stays_mirrored_shows_a_mirrors_sides_which_are_the_perfor
     np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_left"]], [-0.5, 0.2, 2.0], atol=1e-6)
 
 
-def test_joints_that_the_library_lacks_are_between_their_neighbours_and_inferred(stand_in, look, body):
+def test_joints_that_the_library_lacks_are_interpolated_and_inferred(stand_in, look, body):
     stand_in.show(1, NEW, CALIBRATED, body)
     look(1.0)
     [person] = look(1.1)
@@ -209,7 +209,7 @@ def test_joints_that_the_library_lacks_are_between_their_neighbours_and_inferred
 
 
 @pytest.mark.parametrize("bad", ["confidence 0", "no number"])
-def test_a_joint_that_is_not_known_is_lost_with_what_is_made_of_it(stand_in, look, body, bad):
+def test_a_lost_joint_also_loses_the_joint_interpolated_from_it(stand_in, look, body, bad):
     confidence = np.ones(15)
     if bad == "no number":
         body[6] = np.nan
@@ -222,7 +222,7 @@ def test_a_joint_that_is_not_known_is_lost_with_what_is_made_of_it(stand_in, loo
     assert lost == ["wrist_right", "hand_right"]
 
 
-def test_who_is_out_of_sight_has_every_joint_lost_until_the_library_gives_up(stand_in, look, body):
+def test_a_user_out_of_view_has_every_joint_lost_until_the_library_drops_them(stand_in, look, body):
     stand_in.show(1, NEW, CALIBRATED, body)
     look(1.0)
     stand_in.show(1, OUT_OF_SIGHT, CALIBRATED, body)
@@ -238,7 +238,7 @@ def test_who_is_out_of_sight_has_every_joint_lost_until_the_library_gives_up(sta
     assert len(look(1.5)) == 1
 
 
-def test_users_that_are_not_calibrated_give_no_joints_and_the_log_says_why_once(stand_in, look, body, caplog):
+def test_uncalibrated_users_have_no_joints_and_the_log_says_why_once(stand_in, look, body, caplog):
     caplog.set_level(logging.INFO, "capture.trackers.nite")
     stand_in.show(1, NEW, CALIBRATING, body)
     assert [look(moment) for moment in (1.0, 1.1, 1.2)] == [[], [], []]
@@ -250,7 +250,7 @@ def test_users_that_are_not_calibrated_give_no_joints_and_the_log_says_why_once(
     ]
 
 
-def test_several_users_are_several_people(stand_in, look, body):
+def test_several_users_are_several_performers(stand_in, look, body):
     stand_in.add(1, NEW, CALIBRATED, body)
     stand_in.add(2, NEW, CALIBRATED, body + np.array([800, 0, 0]))
     stand_in.add(3, NEW, CALIBRATING, body)
@@ -260,7 +260,7 @@ def test_several_users_are_several_people(stand_in, look, body):
     np.testing.assert_allclose(second.positions - first.positions, np.tile([-0.8, 0, 0], (20, 1)), atol=1e-6)
 
 
-def test_a_picture_that_the_library_does_not_come_to_is_an_error(stand_in, look, monkeypatch):
+def test_an_image_that_the_library_does_not_process_is_an_error(stand_in, look, monkeypatch):
     look(1.0)
     monkeypatch.setattr(nite, "TIMEOUT_SECONDS", 0.1)
     stand_in.refuse(ANSWERING)
@@ -268,10 +268,10 @@ def test_a_picture_that_the_library_does_not_come_to_is_an_error(stand_in, look,
         look(1.1)
 
 
-def test_people_are_found_and_lost_through_the_source(stand_in, opened, show, body, standing, caplog):
+def test_the_source_delivers_frames_and_losses(stand_in, opened, show, body, standing, caplog):
     caplog.set_level(logging.INFO, "capture")
     watched = opened()
-    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
+    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with NiTE2")
     moments = iter(np.arange(1.0, 100.0, 1 / 30))
 
     def events():
@@ -292,12 +292,10 @@ def test_people_are_found_and_lost_through_the_source(stand_in, opened, show, bo
     assert (type(found), found.user) == (Lost, 7)
 
 
-def test_a_library_that_fails_in_the_middle_is_an_error_and_lets_go_of_the_sensor(
-    stand_in, opened, sensor, show, caplog
-):
+def test_a_library_that_fails_later_is_an_error_and_the_sensor_is_released(stand_in, opened, sensor, show, caplog):
     caplog.set_level(logging.INFO, "capture")
     watched = opened()
-    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
+    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with NiTE2")
     stand_in.refuse(READING)
     show(1.0)
     assert watched.error().found == "the status 1 of niteReadUserTrackerFrame"
@@ -307,34 +305,32 @@ def test_a_library_that_fails_in_the_middle_is_an_error_and_lets_go_of_the_senso
 @pytest.mark.parametrize(
     ("refusal", "call"), [(STARTING, "niteInitialize"), (TRACKING, "niteInitializeUserTrackerByDevice")]
 )
-def test_a_library_that_does_not_start_leaves_it_to_mediapipe(
-    stand_in, opened, sensor, caplog, monkeypatch, refusal, call
-):
+def test_mediapipe_tracks_if_the_library_does_not_start(stand_in, opened, sensor, caplog, monkeypatch, refusal, call):
     caplog.set_level(logging.INFO, "capture")
     monkeypatch.setattr(nite, "_started", False)
     stand_in.refuse(refusal)
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
+    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place")
     [said] = [record for record in caplog.records if record.levelname == "WARNING"]
     assert "tracking with MediaPipe, because NiTE2 did not start" in said.getMessage()
     assert f"the status 1 of {call};" in said.getMessage()
     assert "s.dat" in said.getMessage()
 
 
-def test_without_a_library_it_is_mediapipe_and_the_log_says_so(opened, sensor, caplog, monkeypatch, tmp_path):
+def test_mediapipe_tracks_without_the_library(opened, sensor, caplog, monkeypatch, tmp_path):
     caplog.set_level(logging.INFO, "capture")
     monkeypatch.setenv("NITE2_REDIST", str(tmp_path))
     assert library_path() is None
     opened()
     sensor.wait_for_streams()
-    _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
+    _wait_for(caplog, "openni: tracking images of Puppetline virtual sensor 0 with MediaPipe's place")
     said = "Puppetline virtual sensor 0: tracking with MediaPipe, because NiTE2 is not installed (or set NITE2_REDIST)"
     assert said in caplog.messages
 
 
 @pytest.mark.usefixtures("openni_folder")
-def test_a_file_that_is_no_library_is_an_error_that_says_which_is_wanted(tmp_path, monkeypatch):
+def test_a_file_that_is_not_a_library_is_an_error(tmp_path, monkeypatch):
     from openni import _nite2
 
     (tmp_path / "libNiTE2.so").write_bytes(b"no library")

@@ -63,27 +63,27 @@ def depth_of(joints, wall=4.5, without=()):
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 2.0), (0.8, -0.3, 3.5), (-1.5, 0.4, 1.2)])
-def test_the_distance_at_which_a_posture_looks_like_the_picture_is_exact(truth, place):
+def test_the_distance_of_a_posture_is_exact(truth, place):
     posture = truth - truth[0]
     joints = posture + place
     assert distance_of(posture, joints / joints[:, 2:], np.linspace(0.1, 1, 20)) == pytest.approx(place[2], abs=1e-6)
 
 
-def test_the_height_makes_metres_of_what_the_tracker_guesses(truth):
+def test_the_height_determines_the_scale_without_depth(truth):
     placing = BodyPlacer(body.height(truth))
     positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
     np.testing.assert_allclose(positions, truth, atol=1e-5)
     np.testing.assert_array_equal(confidence, SURE)
 
 
-def test_a_taller_performer_stands_farther_away_in_proportion(truth):
+def test_a_taller_performer_is_farther_away_in_proportion(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None
     small, tall = (BodyPlacer(height).place(*view)[0] for height in (1.4, 2.0))
     crown_and_soles = body.HEAD_TOP + body.ANKLE_HEIGHT
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
-def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_alike(truth):
+def test_the_height_is_exact_and_both_sides_are_equal_for_noisy_estimates(truth):
     rng = np.random.default_rng(1)
     placing = BodyPlacer(1.6)
     for k in range(60):
@@ -96,7 +96,7 @@ def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_ali
         np.testing.assert_allclose(lengths, lengths[OPPOSITE], atol=1e-9)
 
 
-def test_bones_keep_their_length_though_the_tracker_guesses_another_in_each_picture(truth):
+def test_bones_keep_their_lengths_for_noisy_estimates(truth):
     rng = np.random.default_rng(2)
     placing = BodyPlacer(1.7)
     guessed, placed = [], []
@@ -109,7 +109,7 @@ def test_bones_keep_their_length_though_the_tracker_guesses_another_in_each_pict
     assert spread[1].max() < 0.1
 
 
-def test_a_step_in_the_estimated_distance_comes_about_as_an_exponential_of_a_tenth_of_a_second(truth):
+def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s(truth):
     placing = BodyPlacer(body.height(truth))
     farther = truth + np.array([0, 0, 1.2])
     placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
@@ -118,14 +118,14 @@ def test_a_step_in_the_estimated_distance_comes_about_as_an_exponential_of_a_ten
     assert positions[0, 2] == pytest.approx(farther[0, 2] - 1.2 * np.exp(-3), abs=1e-3)
 
 
-def test_depth_puts_joints_where_they_are_whatever_the_height_is_said_to_be(truth):
+def test_depth_places_joints_exactly_whatever_the_height(truth):
     placing = BodyPlacer(1.2)
     positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
     np.testing.assert_array_equal(confidence, SURE)
     np.testing.assert_allclose(positions, truth, atol=1e-3)
 
 
-def test_a_joint_that_depth_misses_is_inferred_where_the_tracker_guesses_it(truth):
+def test_a_joint_without_depth_is_inferred_at_its_estimate(truth):
     depth = depth_of(truth, without=[HAND])
     column, row = LENS.project(truth[HEAD]).astype(int)
     depth[row - 60 : row + 20, column - 40 : column + 40] = 1000  # something before the face
@@ -136,7 +136,7 @@ def test_a_joint_that_depth_misses_is_inferred_where_the_tracker_guesses_it(trut
     np.testing.assert_allclose(positions, truth, atol=0.01)
 
 
-def test_a_wall_beside_a_thin_limb_is_not_taken_for_it(truth):
+def test_a_wall_beside_a_thin_limb_is_ignored(truth):
     depth = depth_of(truth)
     column, row = LENS.project(truth[KNEE]).astype(int)
     depth[row - 20 : row + 20, column + 1 : column + 20] = 4500
@@ -145,7 +145,7 @@ def test_a_wall_beside_a_thin_limb_is_not_taken_for_it(truth):
     np.testing.assert_allclose(positions[KNEE], truth[KNEE], atol=1e-3)
 
 
-def test_a_hidden_joint_is_not_looked_for_in_the_depth(truth):
+def test_depth_does_not_move_a_hidden_joint(truth):
     hidden = SURE.copy()
     hidden[HAND] = 0.3
     moved = depth_of(truth)
@@ -156,21 +156,21 @@ def test_a_hidden_joint_is_not_looked_for_in_the_depth(truth):
     np.testing.assert_allclose(positions[HAND], truth[HAND], atol=0.01)
 
 
-def test_an_empty_depth_picture_is_as_good_as_none(truth):
+def test_an_empty_depth_image_is_like_none(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE
     empty = np.zeros((LENS.height, LENS.width), np.uint16)
     for with_it, without in zip(BodyPlacer(1.7).place(*view, empty), BodyPlacer(1.7).place(*view, None), strict=True):
         np.testing.assert_array_equal(with_it, without)
 
 
-def test_what_depth_has_told_of_the_size_outlasts_the_depth(truth):
+def test_the_scale_from_depth_outlasts_the_depth(truth):
     placing = BodyPlacer(1.2)
     placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
     positions, _ = placing.place(0.1, LENS, LENS.project(truth), posture_of(truth), SURE, None)
     np.testing.assert_allclose(positions, truth, atol=0.01)
 
 
-def test_a_picture_that_no_body_gives_places_nothing(truth):
+def test_pixels_that_no_body_can_have_give_no_result(truth):
     upside_down = LENS.project(truth) * -1
     assert BodyPlacer(1.7).place(0.0, LENS, upside_down, posture_of(truth), SURE, None) is None
     heap = np.full((20, 2), 100.0)

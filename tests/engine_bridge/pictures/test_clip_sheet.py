@@ -49,7 +49,7 @@ def solved_pose():
     return pose
 
 
-def test_it_shows_twelve_moments_from_the_first_to_the_last_with_their_seconds(
+def test_it_shows_twelve_frames_from_the_first_to_the_last_with_their_times(
     clip_of, blob_puppet, drawn, solved_pose, tmp_path
 ):
     clip = clip_of(blob_puppet)
@@ -60,7 +60,7 @@ def test_it_shows_twelve_moments_from_the_first_to_the_last_with_their_seconds(
         np.testing.assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
 
 
-def test_the_camera_goes_along_with_the_root(clip_of, blob_puppet, drawn, tmp_path):
+def test_the_camera_follows_the_root(clip_of, blob_puppet, drawn, tmp_path):
     clip = clip_of(blob_puppet)
     clip_sheet.draw(clip, tmp_path / "a.png", "title")
     roots = clip.root[[0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]]
@@ -82,7 +82,7 @@ def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
         np.testing.assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
 
 
-def test_a_character_that_lies_in_its_file_is_shown_upright(
+def test_a_character_with_another_up_axis_is_shown_upright(
     clip_of, blob_file, write_puppet, drawn, solved_pose, tmp_path
 ):
     puppet = write_puppet(blob_file.with_name("lying.toml"), blob_file.name, character='up = "z"\nfront = "-y"\n')
@@ -103,7 +103,7 @@ def test_vertex_colours_are_those_of_the_file(clip_of, blob, new_glb, write_pupp
     assert len(drawn["poses"][0]) == len(corners)
 
 
-def test_the_performer_is_drawn_from_the_same_side_as_the_character_and_as_the_puppet_mirrors(
+def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
     clip_of, blob_puppet, blob_file, write_puppet, drawn, monkeypatch, tmp_path
 ):
     figures = []
@@ -126,7 +126,7 @@ def test_the_performer_is_drawn_from_the_same_side_as_the_character_and_as_the_p
     assert {(view.azimuth, view.elevation) for _, view in figures} == {(25.0, 12.0)}
 
 
-def test_the_picture_is_written_whole_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
+def test_the_image_is_written_completely_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
     monkeypatch.setattr(clip_sheet, "CHARACTER_SIZE", (50, 40))
     monkeypatch.setattr(clip_sheet, "PERFORMER_SIZE", (20, 40))
     clip = clip_of(blob_puppet)

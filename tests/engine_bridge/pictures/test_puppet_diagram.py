@@ -43,7 +43,7 @@ def hue(index, count):
 
 
 @pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y")])
-def test_each_handle_is_a_dot_of_its_colour_where_it_is(blob, puppet, pictures, tmp_path, up, front):
+def test_each_handle_is_a_disc_of_its_colour_at_its_position(blob, puppet, pictures, tmp_path, up, front):
     basis = CharacterTable(mesh="blob", up=up, front=front).basis
     placed = [(name, tuple((np.array(place) @ basis).tolist()), joint) for name, place, joint in HANDLES]
     vertices = blob.vertices.astype(float)
@@ -60,7 +60,7 @@ def test_each_handle_is_a_dot_of_its_colour_where_it_is(blob, puppet, pictures, 
             assert np.abs(picture[round(y), round(x)] - hue(index, 3)).max() <= 3
 
 
-def test_labels_stand_apart_and_inside():
+def test_labels_do_not_overlap_and_are_inside():
     heights = np.array([100.0, 101, 102, 103, 540, 545, 550])
     placed = np.array(puppet_diagram._apart(heights))
     assert (np.diff(placed) >= puppet_diagram.LABEL_HEIGHT - 1e-9).all()
@@ -69,7 +69,7 @@ def test_labels_stand_apart_and_inside():
     np.testing.assert_array_equal(puppet_diagram._apart(np.array([100.0, 300.0])), [100, 300])
 
 
-def test_the_picture_is_written_whole_or_not_at_all(blob, puppet, tmp_path):
+def test_the_image_is_written_completely_or_not_at_all(blob, puppet, tmp_path):
     character = make_character("blob", blob.vertices.astype(float), blob.faces)
     puppet_diagram.draw(puppet(HANDLES), character, tmp_path / "a.png", "blob")
     with Image.open(tmp_path / "a.png") as image:

@@ -51,7 +51,7 @@ def coverage(vertices, faces, view, size):
 
 
 @pytest.mark.parametrize("angles", [(0, 0), (70, 35), (-130, 90), (10, -40)])
-def test_a_sphere_covers_its_area_around_the_middle_from_everywhere(angles):
+def test_a_sphere_covers_its_area_around_the_centre_from_all_sides(angles):
     center = (3.0, -1.0, 2.0)
     covered = coverage(*sphere(center), View(*angles, center, radius=1.25), (240, 200))
     scale = 200 / 2.5
@@ -107,7 +107,7 @@ def test_either_winding_is_lit_alike():
     )
 
 
-def test_a_common_edge_through_pixel_middles_leaves_no_gap():
+def test_a_common_edge_through_pixel_centres_leaves_no_gap():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     covered = coverage(vertices, faces, FRONT, (60, 60))
     np.testing.assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
@@ -119,7 +119,7 @@ def test_a_sphere_is_brighter_towards_the_key_light():
     assert image[40, 40] > 1.5 * image[80, 80]  # upper left and lower right
 
 
-def test_a_sphere_throws_the_key_lights_shadow_on_the_floor():
+def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
     view = View(0, 20, (0, 0, 0), 3.0, ground=-1.0)
     image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
     light = (image / bare)[..., 1]
@@ -143,7 +143,7 @@ def test_colors_are_interpolated_between_vertices():
     np.testing.assert_allclose(share, expected, rtol=0.05)
 
 
-def test_the_same_input_gives_the_same_picture():
+def test_the_same_input_gives_the_same_image():
     vertices, faces = sphere()
     view = View.around(vertices)
     np.testing.assert_array_equal(
@@ -168,7 +168,7 @@ def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
 
 
 @pytest.mark.slow
-def test_a_scanned_figure_fills_the_picture(real_data):
+def test_a_scanned_figure_fills_the_image(real_data):
     vertices, faces = igl.read_triangle_mesh(str(real_data / "mesh" / "armadillo.obj"))[:2]
     view = View.around(vertices, azimuth=0)
     covered = coverage(vertices, faces, View(0, view.elevation, view.center, view.radius), (160, 160))
@@ -176,7 +176,7 @@ def test_a_scanned_figure_fills_the_picture(real_data):
     assert max(np.ptp(rows), np.ptp(columns)) == pytest.approx(160 / 1.12, abs=3)
 
 
-def test_seams_of_texture_are_none_of_the_surface():
+def test_texture_seams_do_not_show():
     """A sphere whose triangles share no vertices looks as the one whose triangles do."""
     vertices, faces = sphere()
     view = View.around(vertices)
@@ -187,7 +187,7 @@ def test_seams_of_texture_are_none_of_the_surface():
 
 
 @pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])
-def test_turned_and_doubled_triangles_do_not_darken_a_surface(kind):
+def test_flipped_and_doubled_triangles_do_not_darken_a_surface(kind):
     vertices, faces = sphere()
     view = View.around(vertices)
     whole = render(vertices, faces, view, (90, 90)).astype(int)
@@ -210,6 +210,6 @@ def test_points_are_shown_where_project_says():
     assert (columns + 0.5).mean() == pytest.approx(x, abs=0.5)
 
 
-def test_what_is_behind_is_deeper():
+def test_a_point_behind_another_is_deeper():
     depths = project(np.array([[0, 0, 1.0], [0, 0, -1.0]]), FRONT, (60, 60))[:, 2]
     assert depths[1] - depths[0] == pytest.approx(2 * 60 / (2 * FRONT.radius))

@@ -20,7 +20,7 @@ def of_color(picture, color):
     return (np.abs(picture.astype(int) - color) < 3).all(axis=-1)
 
 
-def test_a_bone_alone_is_a_line_between_its_joints_in_the_colour_of_its_side():
+def test_a_single_bone_is_a_line_between_its_joints_in_the_colour_of_its_side():
     for joint, color in (("elbow_left", stick_figure.LEFT), ("elbow_right", stick_figure.RIGHT)):
         alone = np.full((20, 3), np.nan)
         alone[JOINT_INDEX[joint]], alone[JOINT_INDEX[PARENTS[joint]]] = [0.5, 1.0, 0], [-0.5, -1.0, 0]
@@ -43,7 +43,7 @@ def test_the_nearer_arm_covers_the_other():
         assert of_color(stick_figure.draw(crossed, VIEW, SIZE)[160, 90], color)
 
 
-def test_joints_that_are_not_known_leave_out_their_bones_and_nothing_else(joints):
+def test_a_lost_joint_removes_its_bones_only(joints):
     whole = stick_figure.draw(joints, VIEW, SIZE)
     lost = joints.copy()
     lost[JOINT_INDEX["hand_left"]] = np.nan
@@ -55,6 +55,6 @@ def test_joints_that_are_not_known_leave_out_their_bones_and_nothing_else(joints
     assert ((np.column_stack([column, row]) >= low) & (np.column_stack([column, row]) <= high)).all()
 
 
-def test_without_any_joint_it_is_the_backdrop():
+def test_without_joints_the_image_is_the_background():
     picture = stick_figure.draw(np.full((20, 3), np.nan), VIEW, SIZE)
     np.testing.assert_allclose(picture.astype(int), backdrop(SIZE), atol=1)

@@ -149,13 +149,7 @@ class Camera:
         self.name = f"camera {options.name}"
 
     def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (the timeout is that of `load_opencv`)
-        """Wait for the next image.
-
-        Raises
-        ------
-        SourceError
-            No image arrives: the camera was unplugged, or another program uses it.
-        """
+        """Return the next image; raise SourceError if the camera was unplugged or another program uses it."""
         good, frame = self._capture.read()
         if not good:
             raise SourceError(
@@ -208,13 +202,7 @@ class Video:
         self.name = f"the video {path.name}"
 
     def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (a file needs no waiting)
-        """Return the next image.
-
-        Raises
-        ------
-        SourceError
-            The video has ended.
-        """
+        """Return the next image; raise SourceError at the end of the video."""
         picture = self._next
         if picture is None and self._loop:
             self._start = self._last + self._period

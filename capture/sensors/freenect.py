@@ -41,20 +41,9 @@ log = logging.getLogger(__name__)
 
 
 class _Mode(ctypes.Structure):
-    """The C structure freenect_frame_mode."""
+    """The C structure freenect_frame_mode, of which only the size matters here."""
 
-    _fields_ = (
-        ("reserved", ctypes.c_uint32),
-        ("resolution", ctypes.c_int),
-        ("format", ctypes.c_int),
-        ("bytes", ctypes.c_int32),
-        ("width", ctypes.c_int16),
-        ("height", ctypes.c_int16),
-        ("data_bits_per_pixel", ctypes.c_int8),
-        ("padding_bits_per_pixel", ctypes.c_int8),
-        ("framerate", ctypes.c_int8),
-        ("is_valid", ctypes.c_int8),
-    )
+    _fields_ = (("words", ctypes.c_uint32 * 6),)
 
 
 class _Interval(ctypes.Structure):
@@ -142,15 +131,9 @@ class FreenectDevice:
             raise
 
     def read(self, timeout: float) -> Picture | None:
-        """Return the next image; None if none arrives within `timeout` seconds.
+        """Return the next image, with the time of its depth; raise SourceError if the sensor was unplugged.
 
-        Depth is registered to colour. The time is that of depth on the sensor's clock. The library receives USB packets
-        only during calls, and loses them between calls that are too far apart.
-
-        Raises
-        ------
-        SourceError
-            The sensor was unplugged.
+        The library receives USB packets only during calls, and loses them between calls that are too far apart.
         """
         end = time.monotonic() + timeout
         while self._picture is None and (left := end - time.monotonic()) > 0:
@@ -277,19 +260,16 @@ class _Pairs:
 
 
 def _load(name: str) -> Any:
-    """Return the installed library, with its functions declared.
-
-    Raises
-    ------
-    SourceError
-        The library is not installed, or does not load.
-    """
+    """Return the installed library; raise SourceError if it is not installed or does not load."""
     reasons = []
     for candidate in LIBRARIES:
         try:
-            return _declared(ctypes.CDLL(candidate))
+            library = ctypes.CDLL(candidate)
         except OSError as error:
             reasons.append(str(error))
+        else:
+            library.freenect_find_depth_mode.restype = library.freenect_find_video_mode.restype = _Mode
+            return library
     kind, found = load_error("freenect"), "no libfreenect on this machine"
     if kind is not NotInstalledError:
         found = f"a libfreenect that does not load ({'; '.join(reasons)})"
@@ -299,35 +279,6 @@ def _load(name: str) -> Any:
         expected="libfreenect, which a Kinect v1 requires",
         fix="Install it: apt install libfreenect0.5 on Debian and Ubuntu, brew install libfreenect on macOS.",
     )
-
-
-def _declared(library: ctypes.CDLL) -> ctypes.CDLL:
-    pointer, integer, reference = ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(ctypes.c_void_p)
-    arguments: dict[str, list[Any]] = {
-        "init": [reference, pointer],
-        "set_log_level": [pointer, integer],
-        "set_log_callback": [pointer, _LOG],
-        "select_subdevices": [pointer, integer],
-        "num_devices": [pointer],
-        "open_device": [pointer, reference, integer],
-        "find_depth_mode": [integer, integer],
-        "find_video_mode": [integer, integer],
-        "set_depth_mode": [pointer, _Mode],
-        "set_video_mode": [pointer, _Mode],
-        "set_depth_callback": [pointer, _FRAME],
-        "set_video_callback": [pointer, _FRAME],
-        "start_depth": [pointer],
-        "start_video": [pointer],
-        "process_events_timeout": [pointer, ctypes.POINTER(_Interval)],
-        "stop_depth": [pointer],
-        "stop_video": [pointer],
-        "close_device": [pointer],
-        "shutdown": [pointer],
-    }
-    for function, types in arguments.items():
-        getattr(library, f"freenect_{function}").argtypes = types
-    library.freenect_find_depth_mode.restype = library.freenect_find_video_mode.restype = _Mode
-    return library
 
 
 def _not_plugged_in(name: str, index: int, count: int) -> SourceError:

@@ -41,7 +41,7 @@ from puppetline.errors import SourceError, heading
 MAX_SKEW_SECONDS = 0.02
 """Largest difference between the times of depth and colour in one image, in seconds."""
 MIN_CLOCK_OFFSET_SECONDS = 1.0
-"""Difference between the times of depth and colour from which they come from two clocks, in seconds."""
+"""Smallest difference between the times of depth and colour that shows that each has its own clock, in seconds."""
 
 _SYNCHRONISED_SECONDS = 0.001  # difference between the times of depth and colour that is not worth a warning
 _LOOP_STEP_SECONDS = 1 / 30  # time between the end of a recording and its beginning in a loop
@@ -161,13 +161,7 @@ class OpenNIDevice:
                 raise
 
     def read(self, timeout: float) -> Picture | None:
-        """Return the next image; None if none arrives within `timeout` seconds.
-
-        Raises
-        ------
-        SourceError
-            The sensor was unplugged, or the recording has ended.
-        """
+        """Return the next image; raise SourceError if the sensor was unplugged or the recording has ended."""
         until = time.monotonic() + timeout
         while True:
             if self._left and not any(self._left.values()):
@@ -184,13 +178,7 @@ class OpenNIDevice:
                 return picture
 
     def nite(self) -> NiTE:
-        """Return NiTE2 as a tracker for this sensor, to be closed before the sensor.
-
-        Raises
-        ------
-        SourceError
-            NiTE2 does not start.
-        """
+        """Return NiTE2 as a tracker, to be closed before the sensor; raise SourceError if it does not start."""
         with exclusive(self._uri):
             return NiTE(self._device._handle, self._mirrored.get(self._depth, False))
 

@@ -89,8 +89,8 @@ class SensorSource:
         self.tracked_picture: Picture | None = None
         self._open_device, self._open_tracker = open_device, open_tracker
         self.recorded, self._fast = recorded, fast
-        self._given = 0.0 if recorded else time.monotonic() - MAX_AGE_SECONDS  # time of the last event
-        self._behind = MAX_AGE_SECONDS  # delay of ticks, in seconds
+        self._last_time = 0.0 if recorded else time.monotonic() - MAX_AGE_SECONDS  # time of the last event
+        self._tick_delay = MAX_AGE_SECONDS  # delay of ticks, in seconds
         self._late = 0  # number of late results minus those in time, 0 to MAX_LATE_COUNT
         self._slow = self._slow_logged = False  # whether late results are delivered, and whether that was logged
         self._waker, self._waiter = socket.socketpair()
@@ -117,11 +117,11 @@ class SensorSource:
         """Return when a tick is due, or when a silent device counts as failed."""
         if self._closed:
             return time.monotonic()
-        return self._deadline if self.recorded else min(self._deadline, self._given + TICK + self._behind)
+        return self._deadline if self.recorded else min(self._deadline, self._last_time + TICK + self._tick_delay)
 
     def now(self) -> float:
         """Return the time on the clock of the events, in seconds."""
-        return self._given if self.recorded else time.monotonic()
+        return self._last_time if self.recorded else time.monotonic()
 
     def receive(self) -> list[Event]:
         """Return the results since the last call, or a tick if one is due, without waiting.
@@ -142,8 +142,8 @@ class SensorSource:
             raise failure
         if not results and silent:
             raise self._silence_error()
-        tick = time.monotonic() - self._behind
-        if not (results or self.recorded) and tick - self._given >= TICK:
+        tick = time.monotonic() - self._tick_delay
+        if not (results or self.recorded) and tick - self._last_time >= TICK:
             results.append(Tick(tick))
         return [self._in_order(event) for event in results]
 
@@ -167,7 +167,7 @@ class SensorSource:
         age = now - max(event.time for event in results)
         self._late = min(self._late + 1, MAX_LATE_COUNT) if age > MAX_AGE_SECONDS else max(self._late - 1, 0)
         self._slow = self._late > (0 if self._slow else MAX_LATE_COUNT - 1)
-        self._behind = max(age, MAX_AGE_SECONDS) if self._slow else MAX_AGE_SECONDS
+        self._tick_delay = max(age, MAX_AGE_SECONDS) if self._slow else MAX_AGE_SECONDS
         if self._slow:
             if not self._slow_logged:
                 message = "%s tracking is too slow on this machine: performers are %.2f s late"
@@ -180,9 +180,9 @@ class SensorSource:
 
     def _in_order(self, event: _Result) -> _Result:
         """Return an event with a time not before the last one; a slow tracker's results may be before a tick."""
-        if event.time < self._given:
-            event = replace(event, time=math.nextafter(self._given, math.inf))
-        self._given = event.time
+        if event.time < self._last_time:
+            event = replace(event, time=math.nextafter(self._last_time, math.inf))
+        self._last_time = event.time
         return event
 
     def _run(self) -> None:

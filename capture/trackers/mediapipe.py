@@ -84,12 +84,8 @@ class MediaPipePose:
     def track(self, picture: Picture) -> list[Person]:
         """Return the performer in an image, or an empty list.
 
-        A performer who was found up to `LOST_SECONDS` ago is returned with every joint lost.
-
-        Raises
-        ------
-        SourceError
-            The image has no colours.
+        A performer who was found up to `LOST_SECONDS` ago is returned with every joint lost. An image without colours
+        is a SourceError.
         """
         if picture.color is None:
             raise SourceError(

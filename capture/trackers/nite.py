@@ -91,12 +91,8 @@ class NiTE:
     def track(self, picture: Picture) -> list[Person]:
         """Return the performers in an image of the sensor, or in a later one if NiTE2 is ahead.
 
-        A performer who is out of view, but whom NiTE2 still follows, has every joint lost.
-
-        Raises
-        ------
-        SourceError
-            NiTE2 fails, or does not process this image in time.
+        A performer who is out of view, but whom NiTE2 still follows, has every joint lost. It is a SourceError if NiTE2
+        fails, or does not process the image in time.
         """
         until = time.monotonic() + TIMEOUT_SECONDS
         while self._time < picture.time:

@@ -86,7 +86,7 @@ class Device(Protocol):
     name: str
 
     def read(self, timeout: float) -> Picture | None:
-        """Return the next image; None if none arrives within `timeout` seconds.
+        """Return the next image, or None if none arrives within `timeout` seconds.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class Tracker(Protocol):
     name: str
 
     def track(self, picture: Picture) -> list[Person]:
-        """Return the performers in an image."""
+        """Return the performers in an image; raise SourceError if that is impossible."""
 
     def close(self) -> None:
         """Release the tracker's resources; closing again does nothing."""

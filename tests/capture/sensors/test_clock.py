@@ -1,4 +1,4 @@
-"""Devices' clocks are simulated; ours is exact, 32 pictures a second, where nothing else is said."""
+"""Devices' clocks are simulated; images arrive exactly 32 times per second unless a test says otherwise."""
 
 import math
 
@@ -12,7 +12,7 @@ from capture.sensors.clock import SPAN_SECONDS, DeviceClock
 STEP = 1 / 32
 START = 1000.0
 PROVED = round(2 * SPAN_SECONDS / STEP)
-"""Pictures after which a good clock is trusted."""
+"""Number of images after which a good clock is trusted."""
 
 
 def arrivals(seconds=20.0):
@@ -24,7 +24,7 @@ def moments(clock, taken, now):
 
 
 def proved():
-    """Return a clock that has gone as ours does, from 0 on, for so long that it is trusted."""
+    """Return a trusted clock whose device started at 0, four seconds ago."""
     clock = DeviceClock()
     now = arrivals(4.0)
     moments(clock, now - START, now)
@@ -114,7 +114,7 @@ def test_a_clock_that_is_reset_is_still_used(device):
 
 
 def test_an_hour_of_even_images_stays_even():
-    """Its clock is 100 parts in a million slow, as a bad crystal is."""
+    """The device's clock is 100 parts per million slow, like a bad crystal."""
     now = arrivals(3600.0)
     found = moments(DeviceClock(), (now - START) * (1 - 1e-4), now)
     assert np.abs(np.diff(found) - STEP).max() < 0.001

@@ -1,4 +1,4 @@
-"""Debian's libfreenect, and its fakenect with pictures that are made here, in processes of their own."""
+"""Debian's libfreenect, and its fakenect with images from the tests, in processes of their own."""
 
 import ctypes.util
 from pathlib import Path
@@ -16,7 +16,7 @@ from ...conftest import missing
 
 INSTALLED = sorted(Path("/usr/lib").glob("*/libfreenect.so.0.5"))
 FRAME = 2_002_000
-"""Ticks from one picture to the next."""
+"""Ticks from one image to the next."""
 
 READ = """
 import sys
@@ -73,7 +73,7 @@ source.close()
 
 @pytest.fixture
 def read(run_with_kinect, tmp_path):
-    """Read so many pictures of a dump in another process; returns its process and what it read."""
+    """Read images of a dump in another process: `run(dump, count)` returns the process and the images."""
 
     def run(dump, count, fault=""):
         process = run_with_kinect(dump, READ, tmp_path / "read.npz", count, fault=fault)
@@ -83,7 +83,7 @@ def read(run_with_kinect, tmp_path):
 
 
 def depth_of(number):
-    """A slope in millimetres from left to right and from above, with a hole, another one for each number."""
+    """Return a slope with a hole, in millimetres, that differs for each number."""
     rows, columns = np.mgrid[:480, :640]
     depth = (1000 + 100 * number + 3 * columns + rows).astype(np.uint16)
     depth[100:110, 200:230] = 0
@@ -91,13 +91,13 @@ def depth_of(number):
 
 
 def color_of(number):
-    """Red grows to the right, green downwards, blue says the number."""
+    """Return an image whose red grows to the right and green downwards; blue encodes the number."""
     rows, columns = np.mgrid[:480, :640]
     return np.dstack([columns * 255 // 639, rows * 255 // 479, np.full((480, 640), 40 * number)]).astype(np.uint8)
 
 
 def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(read, write_dump):
-    start = 2**32 - 2 * FRAME  # the sensor's clock starts again on the way, and colour comes half a frame later
+    start = 2**32 - 2 * FRAME  # the sensor's clock overflows, and colour is half a frame later
     dump = write_dump(
         [
             each

@@ -128,19 +128,11 @@ def test_waiting_for_an_image_ends_with_the_timeout(sensor, opened):
     assert time.monotonic() - start >= 0.19
 
 
-def test_the_error_of_a_sensor_that_does_not_open_has_the_librarys_reason(sensor):
-    sensor.unplug()
-    sensor.plug(refuses=["opening"])
-    with pytest.raises(SourceError, match="the virtual sensor refuses") as caught:
-        OpenNIDevice(NAME, Selection())
-    assert "other programs" in caught.value.fix
-
-
 def test_a_sensor_that_did_not_open_often_opens_once_it_can(sensor, opened, noise):
     """Another program may release it; closing a device that did not open would crash the library."""
     sensor.refuse("opening")
     for _ in range(20):
-        with pytest.raises(SourceError, match="the virtual sensor refuses"):
+        with pytest.raises(SourceError, match=r"the virtual sensor refuses.* Close other programs"):
             OpenNIDevice(NAME, Selection())
         assert list_sensors(NAME)[0].error is not None
         gc.collect()
@@ -309,7 +301,7 @@ def test_only_another_process_crashes_on_a_damaged_recording(recording, tmp_path
     monkeypatch.setattr(module, "load_mediapipe", lambda: None)
     damaged = tmp_path / "damaged.oni"
     content = bytearray(recording[0].read_bytes())
-    content[23] = 127  # there are billions of nodes
+    content[23] = 127  # billions of nodes
     damaged.write_bytes(content)
     with pytest.raises(SourceError) as caught:
         open_openni("openni:file=damaged.oni", "file=damaged.oni", tmp_path)

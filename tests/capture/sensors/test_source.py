@@ -28,7 +28,7 @@ def _told(events):
 
 
 class Halting:
-    """A tracker that begins with a picture and goes on when it is told to."""
+    """A tracker that waits with each image until a test lets it continue."""
 
     name = "a halting tracker"
 
@@ -140,7 +140,7 @@ def test_a_newer_frame_replaces_one_that_was_not_received(watch, scripted_device
 
 @pytest.fixture
 def strict(monkeypatch):
-    """Pictures can be too old, and how old they are is known: the device's clock is ours."""
+    """Images can be too old, and their age is known: the device uses this computer's clock."""
     monkeypatch.setattr(module, "MAX_AGE_SECONDS", 0.1)
 
     class Ours(DeviceClock):
@@ -151,7 +151,7 @@ def strict(monkeypatch):
 
 
 def _show_until_somebody_comes(watched, device):
-    """Show fresh pictures, of which a busy machine may leave out some; return the time of the one that came."""
+    """Show fresh images, of which a busy machine may drop some; return the time of the first frame."""
     shown = []
 
     def came(found):
@@ -228,7 +228,7 @@ def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scrip
 
 
 class Slow:
-    """A tracker that takes longer than a picture may be old, or not."""
+    """A tracker that takes `takes` seconds, at first longer than the maximum age of an image."""
 
     name = "a slow tracker"
 
@@ -254,7 +254,7 @@ def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
     events = []
 
     def perform(count):
-        """Show picture after picture until so many more were tracked; return when they were shown."""
+        """Show images until `count` more were tracked; return the times at which they were shown."""
         shown = []
         for tracked in range(len(scripted_tracker.seen), len(scripted_tracker.seen) + count):
             while len(scripted_tracker.seen) == tracked:
@@ -272,7 +272,7 @@ def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
     assert not given()
     shown += perform(6)
     assert len(given()) >= 4
-    assert set(given()[1:]) <= set(shown), "at the moments of their pictures"
+    assert set(given()[1:]) <= set(shown), "frames have the times of their images"
     assert [event.time for event in events] == sorted({event.time for event in events})
     [said] = caplog.messages
     assert said.startswith("test: tracking is too slow on this machine: performers are 0.")
@@ -282,12 +282,12 @@ def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
     late = perform(1)
     slow.takes = 0.0
     perform(3)
-    assert not set(late) & set(given()), "in time again, it is strict again"
+    assert not set(late) & set(given()), "late frames are dropped again after frames in time"
     assert caplog.messages == [said]
 
 
 def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_device, scripted_tracker, monkeypatch):
-    """Frames have the times of their pictures, which are earlier than those at which nothing came."""
+    """Frames have the times of their images, which are earlier than ticks without a delay would be."""
     monkeypatch.setattr(module, "MAX_AGE_SECONDS", 0.1)
     watched = watch(scripted_device, scripted_tracker)
     start = watched.source.now()

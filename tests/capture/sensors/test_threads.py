@@ -6,11 +6,11 @@ from capture.sensors.threads import start
 
 
 def _let():
-    """Let it be done to the end."""
+    """Do not ask the work to stop."""
 
 
 def _work():
-    """Return what tells which thread did something, and that."""
+    """Return a list, and work that appends its thread and the thread's name to it."""
     seen = []
     return seen, lambda: seen.append((threading.current_thread(), threading.current_thread().name))
 

@@ -15,7 +15,7 @@ from capture.trackers.picture import Lens, Picture
 from ..sensors.rooms import LENS, room
 
 STANDS = [*product((5, 12, 20, 30, 40), (0, 5), (0.6, 1.0, 1.6)), *product((-8,), (0, 5), (0.6,)), (0, -6, 1.0)]
-"""Tilt, roll, height: sensors that see some of the floor."""
+"""Tilt, roll and height of sensors that see some of the floor."""
 
 
 @pytest.mark.parametrize("stands", STANDS)
@@ -73,30 +73,30 @@ def test_a_strip_of_floor_gives_no_result():
     assert find_floor(depth, LENS) is None
 
 
-def told(pictures):
-    """Return what a watch says of pictures, ten a second, with their times."""
+def reports(depths):
+    """Return the results of a tracker for ten images per second, with their times."""
     tracker = FloorTracker()
-    said = [(k / 10, tracker.update(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
+    said = [(k / 10, tracker.update(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(depths)]
     return [(time, floor) for time, floor in said if floor is not None]
 
 
 def test_the_tilt_is_reported_once_when_it_is_certain():
-    [(time, floor)] = told([room(10, 0, 1.2)] * 50)
+    [(time, floor)] = reports([room(10, 0, 1.2)] * 50)
     assert time == pytest.approx(0.8, abs=0.11)  # five measurements, a fifth of a second apart
     assert floor.near(Level(10, 1.2), 0.1, 0.004)
 
 
 def test_a_moved_sensor_is_reported_again_and_a_shaken_one_is_not():
     before, shaken, after = room(10, 0, 1.2), room(11, 0, 1.22), room(16, 0, 1.2)
-    first, second = told([before] * 30 + [shaken] * 60 + [after] * 60)
+    first, second = reports([before] * 30 + [shaken] * 60 + [after] * 60)
     assert first[1].near(Level(10, 1.2), 0.1, 0.004)
     assert 9.0 <= second[0] <= 15.0
     assert second[1].near(Level(16, 1.2), 0.1, 0.004)
 
 
 def test_a_swinging_sensor_is_not_reported():
-    assert told([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
+    assert reports([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
 
 
 def test_images_without_depth_give_no_result():
-    assert told([None] * 30) == []
+    assert reports([None] * 30) == []

@@ -1,8 +1,7 @@
-"""MediaPipe itself on real pictures, whose landmarks a reference has found too."""
+"""MediaPipe on real images, with landmarks of a reference."""
 
 import json
 import logging
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,17 +11,17 @@ from numpy.typing import NDArray
 from capture import body
 from capture.sensors.camera import Options, Video
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
-from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipePose, load_mediapipe
+from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipePose
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
 HEIGHT = 1.65
-RATE = 5  # pictures a second of the clip
+RATE = 5  # images per second of the clip
 
 
 @dataclass(frozen=True)
 class Squats:
-    """A clip of squats with what was found in it, and the joints that reference landmarks make: pixels, metres."""
+    """A clip of squats, the joints found in it, and joints of the reference landmarks in pixels and in metres."""
 
     pictures: list[Picture]
     positions: NDArray[np.float32]
@@ -105,7 +104,7 @@ def test_the_performer_faces_the_camera_upright_with_the_right_side_at_positive_
 
 
 def test_knees_bend_as_in_the_reference(squats):
-    """The angle at the knees; the reference's metres are not ours, but angles are the same in both."""
+    """Compare the angle at the knees, because the reference has another scale."""
 
     def bend(joints):
         hip, knee, ankle = (joints[:, JOINT_INDEX[f"{name}_left"]] for name in ("hip", "knee", "ankle"))
@@ -127,7 +126,7 @@ def test_the_hips_sink_in_a_squat_while_the_feet_stay(squats):
 
 
 def test_depth_determines_the_scale(squats, clip):
-    """The very picture, cut out of cardboard and put up twice as far away, is of somebody twice as tall."""
+    """The same image with a flat depth of twice the distance shows a performer of twice the height."""
     picture = clip[0][0]
     distance = float(squats.positions[0, 0, 2]) * 2
     board = np.full(picture.color.shape[:2], round(distance * 1000), np.uint16)
@@ -170,9 +169,3 @@ def test_absence_is_logged_once(tracker, caplog):
 def test_an_image_without_colours_is_an_error(tracker):
     with pytest.raises(SourceError, match="an image without colours"):
         tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.uint16)))
-
-
-def test_missing_mediapipe_is_an_error_with_the_package(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mediapipe.python.solutions", None)
-    with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
-        load_mediapipe()

@@ -1,6 +1,6 @@
-"""NiTE2 as a tracker, with a stand-in for the library: nothing here says that NiTE2 itself was run.
+"""NiTE2 as a tracker, with a stand-in for the library: these tests do not run NiTE2 itself.
 
-The sensor is a virtual one, the OpenNI2 library between them is real; see nite_stand_in.cpp and virtual_sensor.cpp.
+The sensor is virtual, and the OpenNI2 library is real; see nite_stand_in.cpp and virtual_sensor.cpp.
 """
 
 import ctypes
@@ -30,17 +30,17 @@ CALIBRATING, CALIBRATED, NO_LEGS = 1, 2, 6
 STARTING, TRACKING, READING, ANSWERING = 1, 2, 4, 8
 
 PARTS = ["head", "shoulder_center", "shoulder_?", "elbow_?", "hand_?", "spine", "hip_?", "knee_?", "foot_?"]
-AT_THE_LEFT_OF_THE_PICTURE = "right"  # is a performer's own side, who faces the sensor
+LEFT_IN_THE_IMAGE = "right"  # side of a performer who faces the sensor
 OURS = [
     JOINT_INDEX[part.replace("?", side)]
     for part in PARTS
-    for side in ([AT_THE_LEFT_OF_THE_PICTURE, "left"] if "?" in part else [""])
+    for side in ([LEFT_IN_THE_IMAGE, "left"] if "?" in part else [""])
 ]
-"""The joints of NiTE2, in its order: it calls left what is at the left of the picture."""
+"""Indices of NiTE2's joints, in its order; its left is the left of the image."""
 
 
 class StandIn:
-    """The stand-in's own functions."""
+    """The stand-in's functions."""
 
     def __init__(self, path):
         self._library = ctypes.CDLL(str(path))
@@ -48,19 +48,19 @@ class StandIn:
         self.clear = self._library.stand_in_clear
 
     def show(self, user, state, skeleton, joints, confidence=1.0):
-        """Have this user be there, and no other; see `add`."""
+        """Replace all users by this one; see `add`."""
         self.clear()
         self.add(user, state, skeleton, joints, confidence)
 
     def add(self, user, state, skeleton, joints, confidence=1.0):
-        """Put in a user, of the (15, 3) millimetres that NiTE2 would give and their confidence."""
+        """Add a user with NiTE2's joints, (15, 3) millimetres, and their confidence."""
         rows = np.empty((15, 4), np.float32)
         rows[:, :3], rows[:, 3] = joints, confidence
         self._library.stand_in_show(user, state, skeleton, rows.ctypes.data_as(ctypes.c_void_p))
 
     @property
     def held(self):
-        """How many trackers and frames are not given back."""
+        """Numbers of trackers and frames that are not released."""
         return self._library.stand_in_trackers(), self._library.stand_in_frames()
 
 
@@ -75,8 +75,8 @@ def _stand_in(openni_folder, tmp_path_factory):
 
 
 @pytest.fixture
-def stand_in(virtual_sensors, _stand_in, monkeypatch):  # in that order, or it has an OpenNI2 library of its own
-    """The stand-in, where Puppetline looks for NiTE2, with nobody in it."""
+def stand_in(virtual_sensors, _stand_in, monkeypatch):  # in this order; otherwise it loads a second OpenNI2 library
+    """The stand-in in NiTE2's place, without users."""
     monkeypatch.setenv("NITE2_REDIST", str(_stand_in.parent))
     found = StandIn(_stand_in)
     found.refuse(0)
@@ -93,7 +93,7 @@ def sensor(virtual_sensors):
 
 @pytest.fixture
 def show(sensor):
-    """Have the sensor show a black picture at a moment."""
+    """Let the sensor show a black image: `show(time)`."""
 
     def shown(moment):
         sensor.show(np.zeros((480, 640), np.uint16), np.zeros((480, 640, 3), np.uint8), moment)
@@ -103,7 +103,7 @@ def show(sensor):
 
 @pytest.fixture
 def look(stand_in, show):
-    """Open the sensor and NiTE2 on it; `look(moment)` returns who is in the picture of that moment."""
+    """Open the sensor with NiTE2; `look(time)` returns the performers in an image of that time."""
     with closing(OpenNIDevice(NAME, Selection())) as device, closing(device.nite()) as tracker:
 
         def looked(moment):
@@ -118,7 +118,7 @@ def look(stand_in, show):
 
 @pytest.fixture
 def body(standing):
-    """(15, 3) joints of `standing` as NiTE2 has them: millimetres, x to the right of the picture."""
+    """(15, 3) joints of `standing` in NiTE2's coordinates: millimetres, x to the right of the image."""
     return standing[OURS] * [-1000, 1000, 1000]
 
 
@@ -134,7 +134,7 @@ class FoundNobody:
 
 @pytest.fixture
 def opened(sensor, monkeypatch):
-    """Open `openni:`, in which something that finds nobody is in MediaPipe's place."""
+    """Open `openni:` with a stand-in for MediaPipe that finds nobody."""
     monkeypatch.setattr(openni, "load_mediapipe", lambda: None)
     monkeypatch.setattr(openni, "MediaPipePose", FoundNobody)
     sources = []
@@ -159,7 +159,7 @@ def _wait_for(caplog, message):
 def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(stand_in, look, body, standing):
     confidence = np.linspace(0.6, 1.0, 15)
     stand_in.show(4, NEW, CALIBRATED, body, confidence)
-    assert look(1.0) == []  # nobody has asked for the skeleton before
+    assert look(1.0) == []  # calibration has only started
     [person] = look(1.1)
     assert person.user == 4
     np.testing.assert_allclose(person.positions[OURS], standing[OURS], atol=1e-6)
@@ -167,8 +167,8 @@ def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confid
 
 
 def test_a_performers_right_hand_is_at_the_left_of_the_picture(stand_in, look, body):
-    left_of_the_picture = 6  # of NiTE2's joints: what it calls the left hand
-    body[left_of_the_picture] = -500, 200, 2000
+    left_hand = 6  # in NiTE2's order
+    body[left_hand] = -500, 200, 2000
     stand_in.show(1, NEW, CALIBRATED, body)
     look(1.0)
     [person] = look(1.1)
@@ -234,7 +234,7 @@ def test_a_user_out_of_view_has_every_joint_lost_until_the_library_drops_them(st
     stand_in.show(1, GONE, CALIBRATED, body)
     assert look(1.3) == []
     stand_in.show(1, NEW, CALIBRATED, body)
-    assert look(1.4) == []  # somebody new, who is to be calibrated
+    assert look(1.4) == []  # a new user, not calibrated yet
     assert len(look(1.5)) == 1
 
 
@@ -287,7 +287,7 @@ def test_the_source_delivers_frames_and_losses(stand_in, opened, show, body, sta
     assert (type(frame), frame.user) == (SkeletonFrame, 7)
     np.testing.assert_allclose(frame.positions[OURS], standing[OURS], atol=1e-6)
     stand_in.show(7, GONE, CALIBRATED, body)
-    while type(found := events()[0]) is SkeletonFrame:  # of pictures before
+    while type(found := events()[0]) is SkeletonFrame:  # of earlier images
         pass
     assert (type(found), found.user) == (Lost, 7)
 

@@ -24,7 +24,7 @@ def clip_of(take, record, tmp_path_factory):
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """What the sheet gives to the renderer: the poses, views and colours, and the labels."""
+    """What is passed to the renderer (poses, views and colours), and the labels."""
     seen = {"poses": [], "views": [], "colors": []}
 
     def render(vertices, faces, view, size, colors):
@@ -40,7 +40,7 @@ def drawn(monkeypatch):
 
 @pytest.fixture
 def solved_pose():
-    """The rendered vertices in one frame, without the root's motion."""
+    """Return the rendered vertices of a frame, without root motion: `solved_pose(clip, index)`."""
 
     def pose(clip, index):
         binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)

@@ -24,7 +24,7 @@ def puppet():
 
 @pytest.fixture
 def pictures(monkeypatch):
-    """Small pictures, and those that go onto the sheet."""
+    """The views that are drawn, at a small size."""
     seen = []
     monkeypatch.setattr(puppet_diagram, "SIZE", SIZE)
     monkeypatch.setattr(puppet_diagram, "write_contact_sheet", lambda images, *_rest: seen.extend(images))

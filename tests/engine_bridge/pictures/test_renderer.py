@@ -44,7 +44,7 @@ def linear(image):
 
 
 def coverage(vertices, faces, view, size):
-    """How much of each pixel a mesh hides: a black one darkens the background by just that."""
+    """Return the share of each pixel that a mesh covers: a black one darkens the background by it."""
     black = render(vertices, faces, view, size, colors=np.zeros_like(vertices))
     away = View(view.azimuth, view.elevation, (1000.0, 0.0, 0.0), view.radius)
     return 1 - linear(black)[..., 1] / linear(render(vertices, faces, away, size))[..., 1]
@@ -82,7 +82,7 @@ def test_up_is_up_and_the_characters_left_is_on_the_right_from_in_front():
     mesh = together(square((1, 0), 0.2, 0, (1, 0, 0)), square((0, 1), 0.2, 0, (0, 1, 0)))
     image = render(*mesh[:2], FRONT, (90, 90), mesh[2]).astype(int)
     red, green = ((image[..., c] - image.sum(axis=2) + image[..., c] > 0).nonzero() for c in (0, 1))
-    # 30 pixels a unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
+    # 30 pixels per unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
     assert [(a.min(), a.max()) for a in red] == [(39, 50), (69, 80)]
     assert [(a.min(), a.max()) for a in green] == [(9, 20), (39, 50)]
 
@@ -123,7 +123,7 @@ def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
     view = View(0, 20, (0, 0, 0), 3.0, ground=-1.0)
     image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
     light = (image / bare)[..., 1]
-    # The shadow is an ellipse of 1 by 1 / sin e; 0.8 behind its middle the floor is in it and not behind the sphere.
+    # The shadow is an ellipse of 1 by 1 / sin e. At 0.8 behind its centre, the floor is in it and not hidden.
     azimuth, elevation, tilt = np.radians([KEY_AZIMUTH, KEY_ELEVATION, 20])
     away = 1 / np.tan(elevation) + 0.8
     x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
@@ -177,7 +177,7 @@ def test_a_scanned_figure_fills_the_image(real_data):
 
 
 def test_texture_seams_do_not_show():
-    """A sphere whose triangles share no vertices looks as the one whose triangles do."""
+    """A sphere whose triangles share no vertices looks like one whose triangles do."""
     vertices, faces = sphere()
     view = View.around(vertices)
     whole = render(vertices, faces, view, (90, 90))
@@ -200,7 +200,7 @@ def test_flipped_and_doubled_triangles_do_not_darken_a_surface(kind):
 
 
 def test_points_are_shown_where_project_says():
-    """A small bright square covers the pixel around its projected middle and none far away."""
+    """A small bright square covers the pixels around its projected centre."""
     vertices, faces, _ = square((0.3, -0.4), 0.02, 0.2, (1, 1, 1))
     view = View(azimuth=20, elevation=10, center=(0, 0, 0), radius=1.2)
     covered = coverage(vertices, faces, view, (160, 120))

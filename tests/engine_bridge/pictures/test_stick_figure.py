@@ -11,7 +11,7 @@ VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)
 
 @pytest.fixture
 def joints():
-    """A performer whose every joint has a place of its own, none in front of another."""
+    """A performer whose joints are at distinct places, none in front of another."""
     random = np.random.default_rng(1)
     return np.column_stack([random.uniform(-0.8, 0.8, 20), random.uniform(-1.5, 1.5, 20), np.zeros(20)])
 
@@ -34,7 +34,7 @@ def test_a_single_bone_is_a_line_between_its_joints_in_the_colour_of_its_side():
 
 
 def test_the_nearer_arm_covers_the_other():
-    """The bones cross in the middle of the picture."""
+    """The bones cross in the centre of the image."""
     for front, color in ((1.0, stick_figure.LEFT), (-1.0, stick_figure.RIGHT)):
         crossed = np.full((20, 3), np.nan)
         for side, z, tilt in (("left", front, 0.5), ("right", -front, -0.5)):

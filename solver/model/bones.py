@@ -121,8 +121,8 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     1. Rays leave every bone at right angles; where they meet the surface, the distance to the bone is 0.
     2. Every vertex belongs to the bone that it is nearest to along edges and contacts between parts. The first bone of
        a limb has nothing that lies behind its head. A part that belongs to one limb for the most part does so wholly.
-    3. A bone holds those of its vertices that are around its `MIDDLE` and `NEAR`; the last bone of a limb holds all of
-       them that lie beyond its head.
+    3. A bone holds those of its vertices that are around its `MIDDLE` and `NEAR`. The last bone of a limb holds all of
+       them that lie beyond its head; its first bone those at its head and behind it, if they are of a part of the limb.
 
     Parameters
     ----------
@@ -151,6 +151,7 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     # a bone without a limb before it has a neck or the like at its head, which bends
     first = np.where(bones.roots, low, 0.0)[owner]
     held = known & np.where(bones.terminal[owner], place >= first, middle)
+    held |= known & bones.roots[owner] & (limb[:, 0] >= 0) & (place < low)  # a part of its own does not bend there
     coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # few vertices, all of them at joints
     held |= known & coarse[owner]
     return BoneRegions(owner, held)

@@ -23,6 +23,9 @@ SMOOTHEST = 3
 BLUR = 0.006
 """Length over which a field rises where a limb begins, as a fraction of the diagonal: about 1 cm on a person."""
 
+SEAM = 1e-3
+"""Greatest distance at which two parts are sewn together, as a fraction of the diagonal: 2 mm on a person."""
+
 WITHIN = 0.5
 """Part of a bone's share of its field that is left to the bone itself where a skin says where joints bend."""
 
@@ -82,23 +85,30 @@ def limb_fields(
     return smoothed(L, mass, vertices, np.column_stack([*alone, *both]), BLUR)
 
 
-def move_together(ties: Contacts, regions: BoneRegions, bones: Bones, *, skinned: bool) -> NDArray[np.bool_]:
+def move_together(
+    ties: Contacts, rest: NDArray[np.float64], regions: BoneRegions, bones: Bones, *, skinned: bool
+) -> NDArray[np.bool_]:
     """Say which contacts between parts (k,) hold while bones move.
 
     Parameters
     ----------
     ties : Contacts
+    rest : (n, 3) float64
+        In model units.
     regions : BoneRegions
     bones : Bones
     skinned : bool
         The regions are those of a skin: whoever made it decided which part follows which bone, and between two parts
-        on different bones there is a joint. Otherwise parts on neighbouring bones hold together.
+        on different bones there is a joint. Otherwise parts on neighbouring bones of a limb hold together, and those
+        of a limb and the trunk do where they have a seam: an arm that is stuck into a body turns in it.
     """
     one, other = regions.owner[ties.links].T
     together = (one == other) | (one < 0) | (other < 0)
     if not skinned and len(bones):
         parents = bones.parents
-        together |= (parents[one] == other) | (parents[other] == one) | (parents[one] == parents[other])
+        neighbours = (parents[one] == other) | (parents[other] == one) | (parents[one] == parents[other])
+        seam = np.linalg.norm(ties.difference(len(rest)) @ rest, axis=1) < SEAM
+        together |= neighbours & (seam | (bones.limbs[one] == bones.limbs[other]))
     return together
 
 

@@ -207,7 +207,7 @@ def build(
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
-    holds = limb_fields.move_together(ties, regions, bones, skinned=shares is not None)
+    holds = limb_fields.move_together(ties, rest, regions, bones, skinned=shares is not None)
     try:
         tied = propagation.for_fields(surface, ties, unit.diagonal, holds)
         modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)

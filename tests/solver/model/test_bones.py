@@ -217,12 +217,14 @@ def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well()
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     mesh = weld(np.concatenate([6 * ball, arm]), np.concatenate([triangles, faces + len(ball)]))
     bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
-    owner = bone_regions(mesh, bones).owner
+    regions = bone_regions(mesh, bones)
+    owner = regions.owner
     of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
     x = mesh.vertices[of_arm, 0]
     np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
     assert (x < 6).any()
+    assert np.all(regions.held[of_arm][x < 0.8 * 7 + 6])  # nothing bends inside the ball, nor just outside
 
 
 def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():

@@ -6,10 +6,10 @@ of rows of R. These are gathered once a cell, frames side by side, and then ever
 product.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
@@ -125,8 +125,8 @@ class BatchBinding:
         return lines.astype(np.float32), slopes.astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
-def _gather(below, lines, slopes, cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _gather(below, lines, slopes, cell):
     """Collect what a cell blends into cell (4 + 4 n_e, columns): T, then each D_i."""
     cell[:4] = 0
     for i in range(len(below)):
@@ -135,8 +135,8 @@ def _gather(below, lines, slopes, cell):  # type: ignore[no-untyped-def]  # noqa
             cell[c] += lines[below[i], c]
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _place(rest, between, cell, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(fastmath=True)
+def _place(rest, between, cell, out):
     """Blend one vertex into out (columns,)."""
     x, y, z, one = rest[0], rest[1], rest[2], rest[3]
     for s in range(len(out)):
@@ -149,8 +149,8 @@ def _place(rest, between, cell, out):  # type: ignore[no-untyped-def]  # noqa: A
             out[s] += a * cell[k, s] + b * cell[k + 1, s] + c * cell[k + 2, s] + u * cell[k + 3, s]
 
 
-@numba.njit(cache=True, nogil=True)
-def _blend(rest, between, cells, below, lines, slopes, order, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _blend(rest, between, cells, below, lines, slopes, order, out):
     """Blend all vertices into out (n, columns), in the order in which they came."""
     cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
     for number in range(len(below)):
@@ -159,8 +159,8 @@ def _blend(rest, between, cells, below, lines, slopes, order, out):  # type: ign
             _place(rest[v], between[v], cell, out[order[v]])
 
 
-@numba.njit(cache=True, nogil=True)
-def _farthest(rest, between, cells, below, lines, slopes, square, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _farthest(rest, between, cells, below, lines, slopes, square, place):
     """Keep each frame's largest squared length and whose it is."""
     frames = len(square)
     cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)

@@ -8,11 +8,11 @@ import heapq
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
@@ -245,8 +245,8 @@ def _leaves(mesh: SolverMesh, face: NDArray[np.int64], ray: NDArray[np.float64])
     return met & outward if (met & outward).any() else met
 
 
-@numba.njit(cache=True, nogil=True)
-def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _cast(faces, along, flat, places):
     """Cut triangles at some places along a bone, and keep for each direction round it the nearest cut.
 
     Parameters
@@ -303,8 +303,8 @@ def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: 
     return length, face, point
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest(starts, neighbours, lengths, start, forbidden):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _nearest(starts, neighbours, lengths, start, forbidden):
     """Return the bone that each vertex is nearest to along a graph, and how far away: Dijkstra's algorithm.
 
     Parameters

@@ -7,10 +7,10 @@ Skinning Transformations*, 2012): such vertices blend nearly the same transforms
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.energy_matrices import Products
 from solver.model.fields import blends
 
@@ -62,8 +62,8 @@ def rotation_clusters(
     return np.unique(_nearest_mean(points, means), return_inverse=True)[1].astype(np.int32)
 
 
-@numba.njit(cache=True, nogil=True)
-def _far_apart(points, start, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _far_apart(points, start, count):
     """Choose up to count of (d, n) points: the farthest from a start, then always the farthest from those chosen."""
     means = np.zeros((count, len(points)), dtype=np.float32)
     square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
@@ -79,8 +79,8 @@ def _far_apart(points, start, count):  # type: ignore[no-untyped-def]  # noqa: A
     return means
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest_mean(points, means):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _nearest_mean(points, means):
     """Return the number of the mean that each of (d, n) points is nearest to; of several the first."""
     square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
     for c in range(len(means)):
@@ -88,8 +88,8 @@ def _nearest_mean(points, means):  # type: ignore[no-untyped-def]  # noqa: ANN00
     return nearest
 
 
-@numba.njit(cache=True, nogil=True)
-def _take_over(points, mean, cluster, square, nearest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _take_over(points, mean, cluster, square, nearest):
     """Give a cluster the points that are nearer to its mean than to the one they have."""
     d, block = len(points), 1024
     now = np.empty(block, dtype=np.float32)
@@ -167,8 +167,8 @@ def covariance_map(
     return C
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):
     """Collect the edge vectors that each vertex counts with in a cluster, and then multiply by its row of W once."""
     share, h = np.zeros((len(rest), 3)), np.ones(4)
     for c in range(len(starts) - 1):

@@ -7,10 +7,10 @@ then not zero in a chunk: these are made dense and multiplied by BLAS, and memor
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
@@ -103,8 +103,8 @@ def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:
     return (each * isolines[:, None] + np.arange(each)).ravel()
 
 
-@numba.njit(cache=True, nogil=True)
-def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _span(rows, starts, neighbours, below):
     """Return the lowest and highest isoline of each field that bounds a vertex of some rows of L."""
     count = below.shape[1]
     lowest, highest = below[rows[0]].copy(), below[rows[0]] + 1
@@ -117,8 +117,8 @@ def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # n
     return lowest, highest
 
 
-@numba.njit(cache=True, nogil=True)
-def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):
     """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside a field's span."""
     count = len(weights)
     first = np.cumsum(width) - width - lowest

@@ -4,16 +4,16 @@ X = W R without W: a vertex blends the transforms of two isolines a field and ap
 Each transform is a row of a table, field weights multiplied in; a vertex sums 16 of them (`row`).
 """
 
-import numba
 import numpy as np
 
+from puppetline.compiled import compiled
 from solver.model.row import item, load, plus_scaled, zeros
 
 ZERO, ONE = np.float32(0), np.float32(1)
 
 
-@numba.njit(cache=True, nogil=True)
-def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _fill(rows, controls, weights):
     """Write each transform as a row, the field weights multiplied in."""
     isolines = len(controls) // len(weights)
     for j in range(len(controls)):
@@ -23,8 +23,8 @@ def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN
                 rows[j, 4 * row + column] = weight * controls[j, row, column]
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(fastmath=True, error_model="numpy")
+def blend_positions(rest, ladder, controls, weights, rows, out):
     """Write the positions of vertices.
 
     Parameters
@@ -51,8 +51,8 @@ def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore
         out[v, 0], out[v, 1], out[v, 2] = x, y, z
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(fastmath=True, error_model="numpy")
+def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):
     """Write the positions and the unit normals of vertices.
 
     x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so that the derivative along a tangent a is
@@ -95,8 +95,8 @@ def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, 
         normals[v, 0], normals[v, 1], normals[v, 2] = nx * scale, ny * scale, nz * scale
 
 
-@numba.njit(inline="always")
-def _moved(transform, x, y, z, w):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _moved(transform, x, y, z, w):
     """Apply a row's transform to (x, y, z, w)."""
     return (
         item(transform, 0) * x + item(transform, 1) * y + item(transform, 2) * z + item(transform, 3) * w,

@@ -5,9 +5,10 @@ sixteen matrices side by side: entry (row, column) of matrix 16 b + lane is at 1
 last block is filled up with zeros. A stack of three columns that is not made of matrices has 48 rows a block.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puppetline.compiled import compiled
 
 LANES = 16
 """Matrices side by side: a whole number of the registers of every processor in use."""
@@ -67,20 +68,20 @@ def matrix(M: NDArray[np.float64], row: NDArray[np.int64], column: NDArray[np.in
     return np.ascontiguousarray(filled.reshape(-1, ROWS, filled.shape[1]).swapaxes(1, 2)).ravel()
 
 
-@numba.njit(inline="always")
-def place_of_matrix(k):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True, inline="always")
+def place_of_matrix(k):
     """Return where the first entry of matrix k is."""
     return k // LANES * BLOCK + k % LANES
 
 
-@numba.njit(inline="always")
-def place_of_row(row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True, inline="always")
+def place_of_row(row):
     """Return where the first entry of a plain row is; the next two are `ROWS` after each other."""
     return row // ROWS * BLOCK + row % ROWS
 
 
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def add_product(M, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(fastmath=True)
+def add_product(M, x, y):
     """Add M x to y.
 
     Parameters
@@ -107,8 +108,8 @@ def add_product(M, x, y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
                 out[2 * ROWS + i] += a * a2 + b * b2 + c * c2 + d * d2
 
 
-@numba.njit(cache=True, nogil=True)
-def turn_on(turns, before, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def turn_on(turns, before, now):
     """Multiply each rotation by what turns another one on: T becomes T Bᵀ N.
 
     Parameters
@@ -129,7 +130,7 @@ def turn_on(turns, before, now):  # type: ignore[no-untyped-def]  # noqa: ANN001
                 )
 
 
-@numba.njit(inline="always")
-def _dot(t, matrices, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _dot(t, matrices, place):
     """Return the product of a row with that row of a matrix which begins at a place."""
     return t[0] * matrices[place] + t[1] * matrices[place + ROWS] + t[2] * matrices[place + 2 * ROWS]

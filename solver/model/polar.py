@@ -8,10 +8,10 @@ Nothing here branches, and 16 matrices lie side by side in memory, so that the c
 the processor's registers hold: that is worth a factor of eight. See `lanes` for the layout.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model import lanes
 from solver.model.lanes import BLOCK, LANES
 
@@ -22,8 +22,8 @@ TINY = 1e-300
 """Keeps quotients of zeros finite."""
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always", error_model="numpy")
+def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):
     """Make a symmetric matrix's entry pq zero by a rotation of axes p and q, and turn the columns p and q of V."""
     difference = aqq - app
     t = 2 * apq / (abs(difference) + np.sqrt(difference * difference + 4 * apq * apq) + TINY)
@@ -38,8 +38,8 @@ def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):  # type: ignor
     )
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _sweep(a, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always", error_model="numpy")
+def _sweep(a, v):
     """Turn each pair of axes once; a is the upper triangle (00, 11, 22, 01, 02, 12), v is V by rows."""
     a00, a11, a22, a01, a02, a12 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
@@ -49,8 +49,8 @@ def _sweep(a, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return (a00, a11, a22, a01, a02, 0.0), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
 
 
-@numba.njit(inline="always")
-def _larger_first(x, y, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _larger_first(x, y, a, b):
     """Exchange two eigenvalues and their vectors where the second is larger."""
     later = x < y
     first = (b[0] if later else a[0], b[1] if later else a[1], b[2] if later else a[2])
@@ -58,8 +58,8 @@ def _larger_first(x, y, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
     return max(x, y), min(x, y), first, second
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _across(wanted, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always", error_model="numpy")
+def _across(wanted, other):
     """Return the part of a vector across a unit vector, of unit length, and how long it was."""
     along = wanted[0] * other[0] + wanted[1] * other[1] + wanted[2] * other[2]
     x, y, z = wanted[0] - along * other[0], wanted[1] - along * other[1], wanted[2] - along * other[2]
@@ -68,18 +68,18 @@ def _across(wanted, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
     return (x * scale, y * scale, z * scale), length
 
 
-@numba.njit(inline="always")
-def _either(condition, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _either(condition, a, b):
     return (a[0] if condition else b[0], a[1] if condition else b[1], a[2] if condition else b[2])
 
 
-@numba.njit(inline="always")
-def _cross(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@numba.njit(inline="always")
-def _image(s, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _image(s, v):
     return (
         s[0] * v[0] + s[1] * v[1] + s[2] * v[2],
         s[3] * v[0] + s[4] * v[1] + s[5] * v[2],
@@ -87,8 +87,8 @@ def _image(s, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(error_model="numpy")
+def nearest_rotations(S, out):
     """Write the rotation nearest to each matrix.
 
     Parameters
@@ -147,8 +147,8 @@ def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
             out[o + 8 * LANES + lane] = _dot(for_row_2, z)
 
 
-@numba.njit(inline="always")
-def _dot(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 

@@ -6,10 +6,10 @@ control variables R, so that the iteration never touches a vertex. Rotations are
 
 from typing import TYPE_CHECKING, Literal
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model import polar
 from solver.model.fields import blends
 from solver.surface.mesh import SolverMesh
@@ -51,16 +51,16 @@ def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], iso
     return crossed
 
 
-@numba.njit(cache=True, nogil=True)
-def _levels(ladder, face, field):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _levels(ladder, face, field):
     """Return the first level of a field that a face reaches, and the one after the last."""
     a, b, c = ladder[face[0], field], ladder[face[1], field], ladder[face[2], field]
     low, high = min(a, b, c), max(a, b, c)
     return (int(np.ceil(low)), int(np.floor(high)) + 1) if low < high else (0, 0)
 
 
-@numba.njit(cache=True, nogil=True)
-def _count_crossed(ladder, faces, isolines, m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _count_crossed(ladder, faces, isolines, m):
     counts = np.zeros(m, dtype=np.int64)
     for f in range(len(faces)):
         for field in range(ladder.shape[1]):
@@ -70,8 +70,8 @@ def _count_crossed(ladder, faces, isolines, m):  # type: ignore[no-untyped-def] 
     return counts
 
 
-@numba.njit(cache=True, nogil=True)
-def _crossed(ladder, faces, isolines, starts, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _crossed(ladder, faces, isolines, starts, total):
     """Return the faces that each isoline crosses, those of isoline j from starts[j] on."""
     crossed, place = np.empty(total, dtype=np.int64), starts.copy()
     for f in range(len(faces)):
@@ -108,8 +108,8 @@ def covariance_map(
     return Q
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_covariance(rest, faces, below, upper, weights, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _add_covariance(rest, faces, below, upper, weights, rows):
     """Add the covariances of faces: a corner is in two edges, and counts twice against the sum of the other corners."""
     isolines = rows.shape[1] // (4 * len(weights))
     edge, h = np.empty(3), np.ones(4)
@@ -150,8 +150,8 @@ def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _far_apart(points, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _far_apart(points, count):
     """Choose points: the farthest from the middle of all, then always the farthest from those chosen."""
     n = len(points)
     away, target = np.full(n, np.inf), np.zeros(3)
@@ -223,14 +223,14 @@ def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
     return frames
 
 
-@numba.njit(cache=True, nogil=True)
-def _write_frames(edges, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _write_frames(edges, frames):
     for k in range(len(frames)):
         _write_frame(edges[2 * k], edges[2 * k + 1], frames[k])
 
 
-@numba.njit(cache=True, nogil=True)
-def _write_frame(first, second, frame):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _write_frame(first, second, frame):
     along, across, normal = frame
     _unit_cross(first, second, normal)
     length = max(np.sqrt(first[0] ** 2 + first[1] ** 2 + first[2] ** 2), 1e-300)
@@ -239,15 +239,15 @@ def _write_frame(first, second, frame):  # type: ignore[no-untyped-def]  # noqa:
     _unit_cross(normal, along, across)
 
 
-@numba.njit(cache=True, nogil=True)
-def _unit_cross(a, b, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _unit_cross(a, b, out):
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     length = max(np.sqrt(x * x + y * y + z * z), 1e-300)
     out[0], out[1], out[2] = x / length, y / length, z / length
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_turns(edges, rest_frames, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _add_turns(edges, rest_frames, total):
     """Add what takes each sampled triangle's rest frame to its frame now, isoline by isoline."""
     frame = np.empty((3, 3))
     triangle = 0

@@ -41,14 +41,14 @@ def _spread(builder: Any, number: Any) -> Any:
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(_INDEX, WIDTH), [0] * WIDTH))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def zeros(_context: Any) -> Any:
+@intrinsic
+def zeros(_context):
     """Return a row of zeros."""
     return _row(), lambda _context, _builder, _signature, _arguments: ir.Constant(_VECTOR, [0.0] * WIDTH)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def load(_context: Any, table: Any, _index: Any) -> Any:
+@intrinsic
+def load(_context, table, _index):
     """Return a row of a (rows, 16) float32 table."""
     if not (isinstance(table, types.Array) and (table.dtype, table.ndim, table.layout) == (types.float32, 2, "C")):
         raise TypingError(f"a table of rows is a contiguous 2-d float32 array, not {table}")
@@ -62,8 +62,8 @@ def load(_context: Any, table: Any, _index: Any) -> Any:
     return _row(table, types.intp), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def item(_context: Any, row: Any, _index: Any) -> Any:
+@intrinsic
+def item(_context, row, _index):
     """Return one number of a row."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -72,8 +72,8 @@ def item(_context: Any, row: Any, _index: Any) -> Any:
     return types.float32(row, types.intp), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def plus_scaled(_context: Any, total: Any, _factor: Any, row: Any) -> Any:
+@intrinsic
+def plus_scaled(_context, total, _factor, row):
     """Return total + factor · row."""
 
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:

@@ -1,9 +1,9 @@
 """How much the edges of a character are stretched over a clip, in memory that does not grow with it."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.mesh import SolverMesh
 
 BIN_WIDTH = 0.0005
@@ -40,8 +40,8 @@ class EdgeStretch:
         return tuple(BIN_WIDTH * (place + 0.5) for place in places)
 
 
-@numba.njit(cache=True, nogil=True)
-def _count(positions, edges, bins_a_unit, tables):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _count(positions, edges, bins_a_unit, tables):
     """Count edge lengths into bins; what is beyond the last or no number falls into it."""
     frames, last = positions.shape[2], np.float32(tables.shape[1] - 1)
     stretch = np.empty(frames, dtype=np.int32)

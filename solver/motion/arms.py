@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 from solver.motion.retarget import FARTHEST
@@ -138,8 +138,8 @@ class Arms:
         _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
 
 
-@numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, motions, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _step(plan, state, time, positions, confidence, motions, heading):
     """Bring the state up to a frame, and change its motions."""
     clock = state.clock
     elapsed = max(0.0, time - clock[0]) if math.isfinite(clock[0]) else math.inf
@@ -157,8 +157,8 @@ def _step(plan, state, time, positions, confidence, motions, heading):  # type: 
             _draw_together(plan, clock[1], gap, motions)
 
 
-@numba.njit
-def _hold_away(plan, arm, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _hold_away(plan, arm, motions):
     """Turn an arm about the forward axis of what it hangs on, the more the more it hangs down."""
     upper = plan.arms[arm, 0]
     shoulder = moved(motions[upper], plan.heads[upper])
@@ -176,8 +176,8 @@ def _hold_away(plan, arm, motions):  # type: ignore[no-untyped-def]  # noqa: ANN
     carry_along(motions, before, plan.parents, changed)
 
 
-@numba.njit
-def _gap(plan, positions, confidence, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _gap(plan, positions, confidence, heading):
     """Return the way from the performer's right hand to the left one, metres, mesh file's axes; NaN where unknown."""
     left, right = plan.joints
     if not (confidence[left] > 0 and confidence[right] > 0):
@@ -195,8 +195,8 @@ def _gap(plan, positions, confidence, heading):  # type: ignore[no-untyped-def] 
     )
 
 
-@numba.njit
-def _draw_together(plan, share, gap, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _draw_together(plan, share, gap, motions):
     """Move both hands by half of what is missing, so that they are as far apart as the performer's."""
     left, right = plan.arms[0, 2], plan.arms[1, 2]
     now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))

@@ -3,11 +3,11 @@
 from copy import copy
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from puppetline.errors import MeshError
 from solver.model import lanes, rotations
 from solver.model.lanes import ROWS, add_product, place_of_row, turn_on
@@ -277,8 +277,8 @@ def _line_through(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return directions[0] if spread[0] > 1e-12 * np.abs(points).max() else np.zeros(3)
 
 
-@numba.njit(cache=True, nogil=True)
-def _pack_inputs(targets, motions, center, diagonal, packed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _pack_inputs(targets, motions, center, diagonal, packed):
     """Lay (h, 3) targets and (b, 4, 3) motions out in blocks, in model units; say whether all are finite."""
     finite = True
     for h in range(len(targets)):
@@ -297,15 +297,15 @@ def _pack_inputs(targets, motions, center, diagonal, packed):  # type: ignore[no
     return finite
 
 
-@numba.njit(cache=True, nogil=True)
-def _fix(of_inputs, constant, inputs, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _fix(of_inputs, constant, inputs, out):
     """Write what does not depend on the turns."""
     out[:] = constant
     add_product(of_inputs, inputs, out)
 
 
-@numba.njit(cache=True, nogil=True)
-def _carry(near_bones, inputs, near, carried, now, turns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _carry(near_bones, inputs, near, carried, now, turns):
     """Turn everything on by as much as the bones nearby have turned since the last frame."""
     near[:] = 0
     add_product(near_bones, inputs, near)
@@ -314,8 +314,8 @@ def _carry(near_bones, inputs, near, carried, now, turns):  # type: ignore[no-un
     carried[:] = now
 
 
-@numba.njit(cache=True, nogil=True)
-def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):
     """Look at the surface and turn with it, again and again."""
     _fix(of_inputs, constant, inputs, fixed)
     for _ in range(iterations):
@@ -324,8 +324,8 @@ def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):
         nearest_rotations(now, turns)
 
 
-@numba.njit(cache=True, nogil=True)
-def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):
     """Write the (4m, 3) control variables for these turns."""
     _fix(of_inputs, constant, inputs, packed)
     add_product(of_turns, turns, packed)
@@ -363,8 +363,8 @@ def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | 
     return out
 
 
-@numba.njit(cache=True, nogil=True)
-def _transforms(R, center, diagonal, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _transforms(R, center, diagonal, out):
     """Write (k, 4, 3) control variables, which act on rows of model units, as (k, 3, 4) maps of the file's columns."""
     for k in range(len(R)):
         for row in range(3):

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 from solver.motion.retarget import FARTHEST, RETURN_TIME
@@ -223,8 +223,8 @@ class Feet:
         self._state.votes[held], self._state.flat[held], self._state.stands[held] = 1.0, 1.0, 1.0
 
 
-@numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _step(plan, state, time, positions, confidence, motions, root):
     """Bring the state up to a frame, and change its motions and the root."""
     clock = state.clock
     began = math.isfinite(clock[TIME])
@@ -242,22 +242,22 @@ def _step(plan, state, time, positions, confidence, motions, root):  # type: ign
     carry_along(motions, before, plan.parents, changed)
 
 
-@numba.njit
-def _fade(seconds, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _fade(seconds, elapsed):
     """Return the share of a distance that is left after a time."""
     return math.exp(-elapsed / seconds)
 
 
-@numba.njit
-def _ease(shares, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _ease(shares, wanted, elapsed):
     """Bring shares nearer to 1 where something is wanted, and to 0 elsewhere."""
     for leg in range(len(shares)):
         goal = 1.0 if wanted[leg] else 0.0
         shares[leg] = goal + _fade(SETTLE_SECONDS, elapsed) * (shares[leg] - goal)
 
 
-@numba.njit
-def _performers_feet(plan, state, positions, confidence, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _performers_feet(plan, state, positions, confidence, elapsed, began):
     """Return which of the performer's feet rest and which are low; bring their velocities and the floor up to date."""
     _follow(plan, state, positions, confidence, elapsed)
     lowest, still = np.inf, 0.0
@@ -286,8 +286,8 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):  # typ
     return rests, low
 
 
-@numba.njit
-def _follow(plan, state, positions, confidence, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _follow(plan, state, positions, confidence, elapsed):
     """Bring the velocities of the performer's feet up to date; a lost foot stays where it was."""
     fading = _fade(VELOCITY_SECONDS, elapsed)
     for leg in range(len(plan.joints)):
@@ -309,15 +309,15 @@ def _follow(plan, state, positions, confidence, elapsed):  # type: ignore[no-unt
             state.noise[leg] = away + _fade(NOISE_SECONDS, elapsed) * (state.noise[leg] - away)
 
 
-@numba.njit
-def _speed(state, leg):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _speed(state, leg):
     """Return how fast a performer's foot is; 0 before that is known."""
     speed = length(state.velocity[leg])
     return speed if math.isfinite(speed) else 0.0
 
 
-@numba.njit
-def _find_floor(plan, clock, lowest, still, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _find_floor(plan, clock, lowest, still, elapsed):
     """Bring the height of the performer's floor up to date, and how far both feet are over it."""
     if not math.isfinite(clock[FLOOR]):
         clock[FLOOR] = lowest
@@ -327,8 +327,8 @@ def _find_floor(plan, clock, lowest, still, elapsed):  # type: ignore[no-untyped
     clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - JUMP)
 
 
-@numba.njit
-def _set_height(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _set_height(plan, state, motions, root, elapsed):
     """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
 
     That is the height of the lower foot, and of both if both rest but for `SLACK`: the leg that reaches less far must
@@ -355,8 +355,8 @@ def _set_height(plan, state, motions, root, elapsed):  # type: ignore[no-untyped
         root[axis] += rise * up[axis]
 
 
-@numba.njit
-def _shift(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _shift(plan, state, motions, root, elapsed):
     """Shift the root along the floor so that legs with held feet turn least.
 
     The shift s minimises Σ ‖t − s‖² + `STAY` ‖s‖² over the ways t from where those legs point to where the feet are.
@@ -375,16 +375,16 @@ def _shift(plan, state, motions, root, elapsed):  # type: ignore[no-untyped-def]
         root[axis] += state.shift[axis]
 
 
-@numba.njit
-def _way(plan, state, leg, motions, root):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _way(plan, state, leg, motions, root):
     """Return the way from where a leg points to where its foot is held."""
     shin = plan.legs[leg, 1]
     points = plus(moved(motions[shin], plan.tails[shin]), root, 1.0)
     return minus((state.place[leg, 0], state.place[leg, 1], state.place[leg, 2]), points)
 
 
-@numba.njit
-def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _hold(plan, state, leg, rests, motions, root, elapsed, began):
     """Decide whether a foot is held, and where it is shown against where its leg points."""
     thigh, shin, up = plan.legs[leg, 0], plan.legs[leg, 1], (plan.up[0], plan.up[1], plan.up[2])
     floor = quat.dot((plan.tails[shin, 0], plan.tails[shin, 1], plan.tails[shin, 2]), up)
@@ -418,8 +418,8 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):  # type: igno
     state.offset[leg] = plus(offset, up, max(0.0, sunk))
 
 
-@numba.njit
-def _bend(plan, state, leg, motions, changed, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _bend(plan, state, leg, motions, changed, elapsed):
     """Bend a leg so that its ankle is where it is shown, and lay its foot flat as far as it rests."""
     thigh, shin, foot = plan.legs[leg]
     ankle = moved(motions[shin], plan.tails[shin])
@@ -437,15 +437,15 @@ def _bend(plan, state, leg, motions, changed, elapsed):  # type: ignore[no-untyp
             changed[foot] = True
 
 
-@numba.njit
-def _follow_heading(state, leg, heading, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _follow_heading(state, leg, heading, elapsed):
     """Bring the heading of a foot up to date: slowly while it is held."""
     away = (state.heading[leg] - heading + math.pi) % (2 * math.pi) - math.pi
     fading = _fade(HEADING_SECONDS, elapsed) if state.held[leg] > 0 else 0.0
     state.heading[leg] = heading + fading * away
 
 
-@numba.njit
-def _twist_about(q, axis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _twist_about(q, axis):
     """Return the angle of the part of a rotation that is about a unit axis."""
     return 2 * math.atan2(q[1] * axis[0] + q[2] * axis[1] + q[3] * axis[2], q[0])

@@ -15,10 +15,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.motion import quaternions as quat
 from solver.motion.limb_plan import BENT, HINGE, SIDES, plan_of
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
@@ -183,8 +183,8 @@ class LimbMotion:
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
 
 
-@numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, orientations, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _step(plan, state, time, positions, confidence, orientations, out):
     """Bring the state up to a frame, and write the motions of the bones."""
     began = math.isfinite(state.clock[TIME])
     elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # a clock that is set back stands still here
@@ -208,35 +208,35 @@ def _step(plan, state, time, positions, confidence, orientations, out):  # type:
     _write_motions(plan, state, out)
 
 
-@numba.njit(inline="always")
-def _quaternion(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _quaternion(values, row):
     return (values[row, 0], values[row, 1], values[row, 2], values[row, 3])
 
 
-@numba.njit(inline="always")
-def _vector(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _vector(values, row):
     return (values[row, 0], values[row, 1], values[row, 2])
 
 
-@numba.njit
-def _blend(a, b, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _blend(a, b, share):
     return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
 
 
-@numba.njit
-def _rise(value, limits):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _rise(value, limits):
     """Return 0 below the first limit, 1 above the second, and a smooth step between."""
     share = min(max((value - limits[0]) / (limits[1] - limits[0]), 0.0), 1.0)
     return share * share * (3 - 2 * share)
 
 
-@numba.njit
-def _between(seen, tail, head):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _between(seen, tail, head):
     return (seen[head, 0] - seen[tail, 0], seen[head, 1] - seen[tail, 1], seen[head, 2] - seen[tail, 2])
 
 
-@numba.njit
-def _torso(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _torso(pairs, seen):
     """Return the vector from the middle of the hips to that of the shoulders."""
     up = np.empty(3)
     for axis in range(3):
@@ -245,8 +245,8 @@ def _torso(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return (up[0], up[1], up[2])
 
 
-@numba.njit
-def _pair(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _pair(pairs, seen):
     """Return the directions from right to left of hips and shoulders; zero where they cannot be told."""
     trunk = length(_torso(pairs, seen))
     hips = _between(seen, pairs[0, 1], pairs[0, 0])
@@ -259,8 +259,8 @@ def _pair(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return quat.unit(hips), quat.unit(shoulders)
 
 
-@numba.njit
-def _seen(plan, state, time, positions, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _seen(plan, state, time, positions, confidence):
     """Return the joints as they should be: NaN where lost, left and right where they belong."""
     seen = np.full(positions.shape, np.nan)
     for j in range(len(positions)):
@@ -294,8 +294,8 @@ def _seen(plan, state, time, positions, confidence):  # type: ignore[no-untyped-
     return seen[plan.opposite] if clock[EXCHANGED] > 0 else seen
 
 
-@numba.njit
-def _take_heading_off(plan, state, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _take_heading_off(plan, state, seen):
     """Turn the joints about the upright axis until the body faces +z, if the character does not turn."""
     if plan.turns:
         return
@@ -304,8 +304,8 @@ def _take_heading_off(plan, state, seen):  # type: ignore[no-untyped-def]  # noq
         seen[j, 0], seen[j, 2] = c * seen[j, 0] - s * seen[j, 2], s * seen[j, 0] + c * seen[j, 2]
 
 
-@numba.njit
-def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _directions(plan, seen, rows):
     """Return where the bones point (rows, 3), zero where unknown, and how much the trunk's inner joints count."""
     points = np.zeros((len(plan.joints), 3))
     for p in range(len(plan.joints)):
@@ -338,8 +338,8 @@ def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return directions, counts
 
 
-@numba.njit
-def _raised(direction, angle):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _raised(direction, angle):
     """Return a direction that points further up by an angle, not over the upright."""
     flat = math.sqrt(direction[0] * direction[0] + direction[2] * direction[2])
     if flat < quat.TINY:
@@ -349,14 +349,14 @@ def _raised(direction, angle):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
     return (scale * direction[0], math.sin(raised), scale * direction[2])
 
 
-@numba.njit
-def _known_unit(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _known_unit(v):
     """Return a direction; zero where there is none, or where it is not known."""
     return quat.unit(v) if math.isfinite(v[0] + v[1] + v[2]) else (0.0, 0.0, 0.0)
 
 
-@numba.njit
-def _sides_of(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _sides_of(plan, seen, rows):
     """Return the direction from right to left (rows, 3) that each bone's roll follows; zero where there is none."""
     across = np.zeros((rows, 3))
     hips, shoulders = _pair(plan.pairs, seen)
@@ -373,8 +373,8 @@ def _sides_of(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001
     return across
 
 
-@numba.njit
-def _turned(plan, state, orientations, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _turned(plan, state, orientations, rows):
     """Return the orientation of the performer's bone that tells each roll (rows, 4); NaN where none does."""
     turned = np.full((rows, 4), np.nan)
     if state.clock[EXCHANGED] > 0:
@@ -388,16 +388,16 @@ def _turned(plan, state, orientations, rows):  # type: ignore[no-untyped-def]  #
     return turned
 
 
-@numba.njit
-def _mount(state, turned, world):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _mount(state, turned, world):
     """Note where bones are in the axes of the performer's when their orientations are first known."""
     for row in range(len(world)):
         if math.isfinite(turned[row, 0]) and state.known[row] > 0 and not math.isfinite(state.mount[row, 0]):
             state.mount[row] = quat.product(quat.inverse(_quaternion(turned, row)), _quaternion(world, row))
 
 
-@numba.njit
-def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed, began):
     """Bring a bone's turn against its base up to date."""
     aim, direction = _vector(aims, row), _vector(directions, row)
     local = _quaternion(state.local, row)
@@ -418,23 +418,23 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
     return local
 
 
-@numba.njit
-def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _eased_foot(aim, now, wanted, elapsed):
     """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
     away = length(quat.to_vector(quat.least(aim, wanted)))
     wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
     return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
 
 
-@numba.njit
-def _on_the_way(start, end, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _on_the_way(start, end, share):
     """Return the direction a share of the least rotation from one to another."""
     way = quat.to_vector(quat.least(start, end))
     return quat.unit(quat.rotated(quat.from_vector(quat.scaled(way, share)), start))
 
 
-@numba.njit
-def _swing(state, row, local, aim, wanted, fading, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _swing(state, row, local, aim, wanted, fading, elapsed, began):
     """Turn a bone by the least rotation to where it should point, or as near as it may."""
     now = quat.rotated(local, aim)
     gap = (0.0, 0.0, 0.0)
@@ -451,8 +451,8 @@ def _swing(state, row, local, aim, wanted, fading, elapsed, began):  # type: ign
     return quat.product(quat.from_vector(turn), local)
 
 
-@numba.njit
-def _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began):
     """Roll a bone about itself towards what the pose says about its roll."""
     aim, side = _vector(aims, row), _vector(plan.sides, row)
     axis, now = quat.rotated(local, aim), quat.rotated(local, side)
@@ -488,8 +488,8 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 
 
-@numba.njit
-def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):
     """Roll a bone about itself as the performer's has rolled."""
     there = quat.product(from_base, quat.product(_quaternion(turned, row), _quaternion(state.mount, row)))
     axis, side = quat.rotated(local, aim), _vector(plan.sides, row)
@@ -500,8 +500,8 @@ def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):  # typ
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 
 
-@numba.njit
-def _write_motions(plan, state, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _write_motions(plan, state, out):
     """Write the motions of the bones, from the root to the tips, each with its own length."""
     rows = len(plan.roll)
     shown = np.empty((rows, 4))
@@ -519,8 +519,8 @@ def _write_motions(plan, state, out):  # type: ignore[no-untyped-def]  # noqa: A
         _write_motion(turn, plan.heads, plan.parents[bone], bone, out)
 
 
-@numba.njit
-def _in_file_axes(q, basis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _in_file_axes(q, basis):
     """Return a rotation in character axes as one in those of the mesh file."""
     x, y, z = q[1], q[2], q[3]
     return (
@@ -531,8 +531,8 @@ def _in_file_axes(q, basis):  # type: ignore[no-untyped-def]  # noqa: ANN001, AN
     )
 
 
-@numba.njit
-def _write_motion(turn, heads, parent, bone, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _write_motion(turn, heads, parent, bone, out):
     """Write the motion that turns a bone about its head, where the bone that it hangs on carries it."""
     quat.write_rows(turn, out[bone])
     for axis in range(3):

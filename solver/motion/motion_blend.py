@@ -1,9 +1,9 @@
 """Motions of bones between two others: bones turn on the shortest way against what they hang on, and stay joined."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 from solver.motion.two_bones import moved
@@ -52,14 +52,14 @@ def moved_by(
     return out
 
 
-@numba.njit
-def _place(motions, bone, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _place(motions, bone, point):
     """Return where a bone's motion takes a point; where the point is, for bone −1."""
     return moved(motions[bone], point) if bone >= 0 else (point[0], point[1], point[2])
 
 
-@numba.njit
-def _against_parent(motions, parents, bone):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _against_parent(motions, parents, bone):
     """Return a bone's rotation against that of the bone that it hangs on."""
     own = quat.of_rows(motions[bone])
     if parents[bone] < 0:
@@ -67,8 +67,8 @@ def _against_parent(motions, parents, bone):  # type: ignore[no-untyped-def]  # 
     return quat.product(quat.inverse(quat.of_rows(motions[parents[bone]])), own)
 
 
-@numba.njit(cache=True, nogil=True)
-def _difference(parents, heads, start, end, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _difference(parents, heads, start, end, out):
     for bone in range(len(parents)):
         before, after = _against_parent(start, parents, bone), _against_parent(end, parents, bone)
         turn = quat.to_vector(quat.product(after, quat.inverse(before)))
@@ -79,8 +79,8 @@ def _difference(parents, heads, start, end, out):  # type: ignore[no-untyped-def
             out[bone, 3 + axis] = (becomes[axis] - carried[1][axis]) - (was[axis] - carried[0][axis])
 
 
-@numba.njit(cache=True, nogil=True)
-def _move(parents, heads, motions, apart, share, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _move(parents, heads, motions, apart, share, out):
     turns = np.empty((len(parents), 4))
     for bone in range(len(parents)):
         parent = parents[bone]

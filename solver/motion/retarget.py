@@ -7,9 +7,10 @@ displacement from the first pose, which is what `Retargeter` uses: unlike the su
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puppetline.compiled import compiled
 
 LIMIT_KNEE = 0.7
 """Share of a handle's reach within which it follows its joint in proportion; beyond, it comes softly to a stop."""
@@ -161,8 +162,8 @@ class SmoothReturn:
         return self._last.copy()
 
 
-@numba.njit(cache=True, nogil=True)
-def _close(displacement, known, fading, began, last, offset, was_known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _close(displacement, known, fading, began, last, offset, was_known):
     """Bring each joint's displacement up to date, and the offset at which it came back."""
     for j in range(len(displacement)):
         now = known[j] and np.abs(displacement[j]).max() < FARTHEST  # which NaN is not
@@ -197,15 +198,15 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     return out
 
 
-@numba.njit(cache=True, nogil=True)
-def levelled_off(ratio):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def levelled_off(ratio):
     """Return a distance in units of the reach, 0 or more, after the soft limit: at most 1 (`soft_limit`)."""
     room = 1 - LIMIT_KNEE
     return ratio if ratio <= LIMIT_KNEE else LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)
 
 
-@numba.njit(cache=True, nogil=True)
-def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _limit(moved, reach, out):
     """Limit (k, h, 3) motions."""
     for k in range(len(moved)):
         for h in range(len(reach)):

@@ -4,15 +4,15 @@ Neither the deformation energy nor such handles hold a character against it. Lef
 every motion and never come back.
 """
 
-import numba
 import numpy as np
 
+from puppetline.compiled import compiled
 from solver.model.lanes import BLOCK, LANES, ROWS, place_of_matrix
 from solver.model.polar import nearest_rotations
 
 
-@numba.njit(cache=True, nogil=True)
-def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def rigid_fit(rest, now):
     """Return the (3, 3) rotation, for row vectors, nearest to the motion of some points; the least that fits.
 
     Parameters
@@ -36,8 +36,8 @@ def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
     return _nearest(S)
 
 
-@numba.njit(cache=True, nogil=True)
-def take_back(turns, count, start, line):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def take_back(turns, count, start, line):
     """Turn all isolines until their mean has no roll left against a rotation.
 
     Parameters
@@ -68,8 +68,8 @@ def take_back(turns, count, start, line):  # type: ignore[no-untyped-def]  # noq
                 turns[place + j * ROWS + i * LANES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest(S):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _nearest(S):
     packed, R = np.zeros(BLOCK), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -81,8 +81,8 @@ def _nearest(S):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return R
 
 
-@numba.njit(cache=True, nogil=True)
-def _product(A, B):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _product(A, B):
     C = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -91,8 +91,8 @@ def _product(A, B):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return C
 
 
-@numba.njit(cache=True, nogil=True)
-def _about(line, R):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _about(line, R):
     """Return the part of a rotation that is about a line: swing and twist, taken apart by its quaternion."""
     # four times the products of the components with each other; the row of the largest is the quaternion, to scale
     squares = np.array(

@@ -2,10 +2,10 @@
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 
@@ -39,14 +39,14 @@ def pole(bones: Bones, upper: int, lower: int, towards: NDArray[np.float64]) -> 
     return out
 
 
-@numba.njit
-def length(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def length(v):
     """Return the length of a vector."""
     return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
-@numba.njit
-def moved(T, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def moved(T, point):
     """Return where a motion takes a point."""
     x, y, z = point[0], point[1], point[2]
     return (
@@ -56,20 +56,20 @@ def moved(T, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     )
 
 
-@numba.njit
-def minus(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def minus(a, b):
     """Return the difference of two vectors."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@numba.njit
-def plus(a, b, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def plus(a, b, share):
     """Return a vector and a share of another."""
     return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
 
 
-@numba.njit
-def bend(motions, heads, tails, upper, lower, pole, shift):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def bend(motions, heads, tails, upper, lower, pole, shift):
     """Move the end of the second of two bones, as far as they reach, and return where it is now.
 
     The limb turns by the least rotation, and its joint stays on the side to which it is bent.
@@ -105,8 +105,8 @@ def bend(motions, heads, tails, upper, lower, pole, shift):  # type: ignore[no-u
     return now
 
 
-@numba.njit
-def _side(T, rest, joint, way):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _side(T, rest, joint, way):
     """Return where a limb's joint bends to, at a right angle to the way from its start to its end."""
     pole = (
         rest[0] * T[0, 0] + rest[1] * T[1, 0] + rest[2] * T[2, 0],
@@ -117,23 +117,23 @@ def _side(T, rest, joint, way):  # type: ignore[no-untyped-def]  # noqa: ANN001,
     return quat.unit(plus(bent, way, -quat.dot(bent, way)))
 
 
-@numba.njit
-def _aim(T, now, wanted, head, there):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _aim(T, now, wanted, head, there):
     """Turn a motion by the least rotation from one direction to another, and take the bone's head to a place."""
     turn = quat.product(quat.least(quat.unit(now), quat.unit(wanted)), quat.of_rows(T))
     place(T, turn, head, there)
 
 
-@numba.njit
-def place(T, turn, head, there):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def place(T, turn, head, there):
     """Write the motion that turns a bone and takes its head to a place."""
     quat.write_rows(turn, T)
     for axis in range(3):
         T[3, axis] = there[axis] - head[0] * T[0, axis] - head[1] * T[1, axis] - head[2] * T[2, axis]
 
 
-@numba.njit
-def carry_along(motions, before, parents, changed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def carry_along(motions, before, parents, changed):
     """Take along what hangs on bones that have changed.
 
     Parameters
@@ -151,8 +151,8 @@ def carry_along(motions, before, parents, changed):  # type: ignore[no-untyped-d
             changed[bone] = True
 
 
-@numba.njit
-def _carry(before, after, T):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True)
+def _carry(before, after, T):
     """Take a motion along with another one that has changed: T becomes T before⁻¹ after."""
     rows = np.empty((4, 3))
     for i in range(4):

@@ -5,8 +5,9 @@ along it come last, and both halves are parted likewise. On a million vertices o
 degree takes minutes and several times the memory.
 """
 
-import numba
 import numpy as np
+
+from puppetline.compiled import compiled
 
 LEAF = 16
 """Vertices that are not parted any more."""
@@ -21,8 +22,8 @@ LOW, HIGH, BETWEEN = 0, 1, 2
 """Where a vertex is when a region is cut."""
 
 
-@numba.njit(cache=True, nogil=True)
-def nested_dissection(starts, neighbours, places):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def nested_dissection(starts, neighbours, places):
     """Order vertices by nested dissection.
 
     Parameters
@@ -63,8 +64,8 @@ def nested_dissection(starts, neighbours, places):  # type: ignore[no-untyped-de
     return order
 
 
-@numba.njit(cache=True, nogil=True)
-def _cut(starts, neighbours, places, members, region, name, side, best):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _cut(starts, neighbours, places, members, region, name, side, best):
     """Cut a region across the axis that leaves the fewest vertices between, or anyhow if none does."""
     fewest = len(members)
     for axis in _longest_first(places, members):
@@ -83,8 +84,8 @@ def _cut(starts, neighbours, places, members, region, name, side, best):  # type
         _separate(starts, neighbours, members, region, name, best)
 
 
-@numba.njit(cache=True, nogil=True)
-def _longest_first(places, members):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _longest_first(places, members):
     """Return the three axes, first that along which a region reaches farthest."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in members:
@@ -94,8 +95,8 @@ def _longest_first(places, members):  # type: ignore[no-untyped-def]  # noqa: AN
     return np.argsort(low - high)
 
 
-@numba.njit(cache=True, nogil=True)
-def _separate(starts, neighbours, members, region, name, side):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _separate(starts, neighbours, members, region, name, side):
     """Take out between two sides those vertices of one that touch the other: of the side that has fewer of them.
 
     Returns how many these are, and how many are on the smaller of the sides that are left.
@@ -112,8 +113,8 @@ def _separate(starts, neighbours, members, region, name, side):  # type: ignore[
     return touching[fewer], counts.min()
 
 
-@numba.njit(cache=True, nogil=True)
-def _touches(starts, neighbours, v, region, name, side, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _touches(starts, neighbours, v, region, name, side, other):
     for entry in range(starts[v], starts[v + 1]):
         u = neighbours[entry]
         if region[u] == name and side[u] == other:

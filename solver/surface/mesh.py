@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import igl
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from puppetline.errors import MeshError
 from solver.surface.winding import edges_of, in_order, outwards, pieces
 
@@ -281,8 +281,8 @@ def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: st
     return used
 
 
-@numba.njit(cache=True, nogil=True)
-def _has_area(vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _has_area(vertices, faces):
     """Say which faces have three different corners that are not on a line."""
     result = np.empty(len(faces), dtype=np.bool_)
     for f in range(len(faces)):
@@ -375,8 +375,8 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
     return corners, np.column_stack([1 - weight_b - weight_c, weight_b, weight_c])
 
 
-@numba.njit(cache=True, nogil=True)
-def _near_any(points, vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _near_any(points, vertices, faces):
     """Say of each face whether its bounding box is as near to one of the points as the nearest vertex is."""
     near = np.zeros(len(faces), dtype=np.bool_)
     for point in points:

@@ -4,9 +4,10 @@ libigl answers that question for a whole mesh; asked once for each of thousands 
 tree holds all triangles, and a branch that bears the asking point's label throughout is passed by.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puppetline.compiled import compiled
 
 MIXED = -1
 """Label of a branch that holds several."""
@@ -102,8 +103,8 @@ def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     return code
 
 
-@numba.njit(cache=True, nogil=True)
-def _search(points, of_point, triangles, low, high, label, within):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _search(points, of_point, triangles, low, high, label, within):
     """Return each point's leaf or −1, the barycentric coordinates there, and the squared distance."""
     n, leaves = len(points), len(label) // 2
     found, blends, squares = np.full(n, -1), np.zeros((n, 3)), np.full(n, np.inf)
@@ -134,8 +135,8 @@ def _search(points, of_point, triangles, low, high, label, within):  # type: ign
     return found, blends, squares
 
 
-@numba.njit(cache=True, nogil=True)
-def _box_distance(p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _box_distance(p, low, high):
     """Return the squared distance of a point to a box."""
     square = 0.0
     for c in range(3):
@@ -144,8 +145,8 @@ def _box_distance(p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001
     return square
 
 
-@numba.njit(cache=True, nogil=True)
-def _closest(p, a, b, c, blend):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _closest(p, a, b, c, blend):
     """Write the barycentric coordinates of a triangle's point nearest to p, and return its squared distance.
 
     Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: which corner, edge or inside it is follows from the

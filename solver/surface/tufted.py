@@ -9,11 +9,11 @@ A *halfedge* 3 f + s is side s of face f of the cover, from its corner s to the 
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.winding import edges_of
 
 if TYPE_CHECKING:
@@ -88,8 +88,8 @@ def _round_edges(
     return np.lexsort((angle, of_side)) if len(crowded) else np.argsort(of_side, kind="stable")
 
 
-@numba.njit(cache=True, nogil=True)
-def _cover(faces, of_side, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _cover(faces, of_side, order):
     """Return the halfedge of the cover that each one is joined to; face t + f is the back of face f.
 
     Going round an edge, a face's halfedge along the edge's direction is joined to the next one's against it.
@@ -111,36 +111,36 @@ def _cover(faces, of_side, order):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return twin
 
 
-@numba.njit(cache=True, nogil=True)
-def _is_along(faces, side):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _is_along(faces, side):
     return faces[side // 3, side % 3] < faces[side // 3, (side + 1) % 3]
 
 
-@numba.njit(cache=True, nogil=True)
-def _back(side, sides):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _back(side, sides):
     return sides + side // 3 * 3 + 2 - side % 3
 
 
-@numba.njit(cache=True, nogil=True)
-def _next(halfedge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _next(halfedge):
     return halfedge - 2 if halfedge % 3 == 2 else halfedge + 1
 
 
-@numba.njit(cache=True, nogil=True)
-def _quadrupled_area(a, b, c):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _quadrupled_area(a, b, c):
     """Heron's formula."""
     return np.sqrt(max(0.0, (a + b + c) * (b + c - a) * (a - b + c) * (a + b - c)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _cotangent(length, halfedge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _cotangent(length, halfedge):
     """Return the cotangent of the angle opposite to a halfedge."""
     a, b, c = length[halfedge], length[_next(halfedge)], length[_next(_next(halfedge))]
     return (b * b + c * c - a * a) / _quadrupled_area(a, b, c)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _flip_to_delaunay(twin, tail, length):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _flip_to_delaunay(twin, tail, length):
     """Flip edges, in place, until no cotangent weight is negative. They wait in a ring; a flip wakes its neighbours."""
     count = len(twin)
     ring = np.empty(count + 1, dtype=np.int64)
@@ -164,8 +164,8 @@ def _flip_to_delaunay(twin, tail, length):  # type: ignore[no-untyped-def]  # no
                     end = end + 1 if end < count else 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _flip(twin, tail, length, h):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _flip(twin, tail, length, h):
     """Replace the edge a-b of the faces a b c and b a d by c-d, and say whether that can be done."""
     h1, g = _next(h), twin[h]
     h2, g1 = _next(h1), _next(g)
@@ -187,8 +187,8 @@ def _flip(twin, tail, length, h):  # type: ignore[no-untyped-def]  # noqa: ANN00
     return True
 
 
-@numba.njit(cache=True, nogil=True)
-def _moved(halfedge, h1, h2, g1, g2):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _moved(halfedge, h1, h2, g1, g2):
     """Return where a halfedge is after the flip."""
     if halfedge == h2:
         return h1
@@ -201,8 +201,8 @@ def _moved(halfedge, h1, h2, g1, g2):  # type: ignore[no-untyped-def]  # noqa: A
     return halfedge
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _weights(twin, tail, length, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _weights(twin, tail, length, n):
     """Return each edge's ends and its weight, halved, and the mass of each of n vertices, halved."""
     count = len(twin) // 2
     rows, columns, weights = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32), np.empty(count)

@@ -1,8 +1,9 @@
 """Edges of triangles, and patches: triangles that meet two by two at their edges, and can be wound alike."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puppetline.compiled import compiled
 
 FLAT = 1e-6
 """A patch that encloses less than this, against its area to the power of 3/2, has no inside."""
@@ -30,8 +31,8 @@ def in_order(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return order
 
 
-@numba.njit(cache=True, nogil=True)
-def _by_key(keys, items, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _by_key(keys, items, count):
     """Put items in the order of their keys by counting these."""
     place = np.zeros(count + 1, dtype=np.int64)
     for item in items:
@@ -65,8 +66,8 @@ def edges_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.in
     return _runs(sides, in_order(sides, int(faces.max(initial=-1)) + 1))
 
 
-@numba.njit(cache=True, nogil=True)
-def _sides(faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _sides(faces):
     """Return the two ends of each side, the smaller index first."""
     sides = np.empty((3 * len(faces), 2), dtype=np.int64)
     for side in range(len(sides)):
@@ -75,8 +76,8 @@ def _sides(faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return sides
 
 
-@numba.njit(cache=True, nogil=True)
-def _runs(rows, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _runs(rows, order):
     """Return pairs in some order, each once; which one each of them is; and how often each of them stands there."""
     distinct, number, times = np.empty_like(rows), np.empty_like(order), np.zeros_like(order)
     last = -1
@@ -89,8 +90,8 @@ def _runs(rows, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return distinct[: last + 1].copy(), number, times[: last + 1].copy()
 
 
-@numba.njit(cache=True, nogil=True)
-def pieces(of_side, edges):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def pieces(of_side, edges):
     """Tell the pieces of a surface that hang together at edges: each face is united with the first one at its edges.
 
     Parameters
@@ -124,8 +125,8 @@ def pieces(of_side, edges):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
     return piece
 
 
-@numba.njit(cache=True, nogil=True)
-def _leader(leader, face):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _leader(leader, face):
     while leader[face] != face:
         leader[face] = leader[leader[face]]
         face = leader[face]
@@ -162,8 +163,8 @@ def turned_over(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[
     return turned
 
 
-@numba.njit(cache=True, nogil=True)
-def _against(faces, of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _against(faces, of_side, faces_of_edge):
     """Say which faces are wound against the first one of their patch, walking from face to face."""
     t = len(faces)
     across = _across(of_side, faces_of_edge)
@@ -195,8 +196,8 @@ def _against(faces, of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # 
     return against, patch
 
 
-@numba.njit(cache=True, nogil=True)
-def _across(of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _across(of_side, faces_of_edge):
     """Return the other side at an edge of two faces for each side, −1 at the others."""
     across, first = np.full(len(of_side), -1), np.full(len(faces_of_edge), -1)
     for side in range(len(of_side)):
@@ -237,8 +238,8 @@ def outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray
     return turned_over(faces, against ^ inside_out[patch])
 
 
-@numba.njit(cache=True, nogil=True)
-def _measures(vertices, faces, patch, count, chosen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _measures(vertices, faces, patch, count, chosen):
     """Return the area of each patch, that of its chosen faces, and the volume that it encloses with its middle."""
     t = len(faces)
     middle, normal = np.empty((t, 3)), np.empty((t, 3))

@@ -1,12 +1,12 @@
-import numba
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from puppetline.compiled import compiled
 from solver.model.row import WIDTH, item, load, plus_scaled, zeros
 
 
-@numba.njit
+@compiled
 def combination(table, places, factors, out):
     total = zeros()
     for place, factor in zip(places, factors):  # noqa: B905 - not in Numba

@@ -26,7 +26,7 @@ from engine_bridge.performance.rig import Rig
 from puppetline.compiled import compiled
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
-from solver.motion.retarget import LIMIT_KNEE, levelled_off
+from solver.motion.retarget import LIMIT_KNEE_SHARE, levelled_off
 
 EXTRAS = "puppetline_morphs"
 """The name in the asset's extras."""
@@ -37,7 +37,7 @@ SAME = 1e-3
 UNLIMITED = 4.0
 """Coordinates up to this, as multiples of the baked motion's largest, are not limited: other motion goes farther."""
 
-REACH = UNLIMITED / LIMIT_KNEE
+REACH = UNLIMITED / LIMIT_KNEE_SHARE
 """The largest coordinate that weights of newly baked files cover."""
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

@@ -1,7 +1,7 @@
-"""One rotation an isoline from the current surface, in the two ways that the literature has.
+"""One rotation per isoline from the deformed surface: from the covariance of edges, or from sampled triangles.
 
-Both read the surface through *strips*, the triangles that an isoline crosses, and both begin with a linear map of the
-control variables R, so that the iteration never touches a vertex. Rotations are kept for row vectors: x' = x · Rot.
+Both use *strips*, the triangles that an isoline crosses, and begin with a linear map of the control variables R, so
+that the iteration does not compute vertices. Rotations are for row vectors: x' = x · Rot.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 RotationMode = Literal["clusters", "covariance", "triangles"]
 
-SAMPLED_TRIANGLES = 10
-"""Triangles an isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
+TRIANGLES_PER_ISOLINE = 10
+"""Number of triangles per isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
 
 
 def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], isolines: int) -> list[NDArray[np.int64]]:
     """List the triangles that each isoline crosses.
 
-    An isoline that falls into the gap between two separate parts crosses none and gets the nearest ones instead.
+    An isoline in the gap between two separate parts crosses none and has the nearest triangles instead.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], iso
     for isoline in np.flatnonzero(counts == 0):
         field, level = divmod(int(isoline), isolines)
         away = np.abs(ladder[:, field][faces].mean(axis=1) - level)
-        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:SAMPLED_TRIANGLES])
+        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:TRIANGLES_PER_ISOLINE])
     return crossed
 
 
@@ -110,7 +110,7 @@ def covariance_map(
 
 @compiled
 def _add_covariance(rest, faces, below, upper, weights, rows):
-    """Add the covariances of faces: a corner is in two edges, and counts twice against the sum of the other corners."""
+    """Add the covariances of faces: each corner is in two edges."""
     isolines = rows.shape[1] // (4 * len(weights))
     edge, h = np.empty(3), np.ones(4)
     for f in range(len(faces)):
@@ -135,24 +135,27 @@ def _add_covariance(rest, faces, below, upper, weights, rows):
 
 
 def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Take `SAMPLED_TRIANGLES` of each strip, each as far as possible from those already taken.
+    """Take a farthest-point sample of `TRIANGLES_PER_ISOLINE` triangles of each strip.
 
-    Spread round the isoline they stand for all of it; taken by number they may all lie on one side. A strip with fewer
-    triangles gives some of them more than once.
+    They are spread all round the isoline; triangles with evenly spaced indices may all be on one side. A strip with
+    fewer triangles repeats some of them.
 
     Returns
     -------
-    (isolines, SAMPLED_TRIANGLES) int64
+    (isolines, TRIANGLES_PER_ISOLINE) int64
         Indices of faces.
     """
     return np.stack(
-        [strip[_far_apart(mesh.vertices[mesh.faces[strip]].mean(axis=1), SAMPLED_TRIANGLES)] for strip in strips]
+        [
+            strip[_farthest_points(mesh.vertices[mesh.faces[strip]].mean(axis=1), TRIANGLES_PER_ISOLINE)]
+            for strip in strips
+        ]
     )
 
 
 @compiled
-def _far_apart(points, count):
-    """Choose points: the farthest from the middle of all, then always the farthest from those chosen."""
+def _farthest_points(points, count):
+    """Choose points: the farthest from the mean, then the farthest from those already chosen."""
     n = len(points)
     away, target = np.full(n, np.inf), np.zeros(3)
     for i in range(n):
@@ -177,25 +180,25 @@ def edge_map(corners: "csr_matrix") -> NDArray[np.float64]:
 
     Parameters
     ----------
-    corners : (isolines · SAMPLED_TRIANGLES · 3, 4 · isolines) sparse float64
+    corners : (isolines · TRIANGLES_PER_ISOLINE · 3, 4 · isolines) sparse float64
         Rows of W for the corners of each triangle.
 
     Returns
     -------
-    (2 · isolines · SAMPLED_TRIANGLES, 4 · isolines) float64
+    (2 · isolines · TRIANGLES_PER_ISOLINE, 4 · isolines) float64
     """
     rows = corners.toarray().reshape(-1, 3, corners.shape[1])
     return (rows[:, 1:] - rows[:, :1]).reshape(-1, corners.shape[1])
 
 
 def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compare sampled triangles with their rest frames, average over each isoline, and make orthogonal.
+    """Return the mean rotation of each isoline's sampled triangles from their rest frames.
 
     Parameters
     ----------
-    edges : (2 · m · SAMPLED_TRIANGLES, 3) float64
+    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
         T R.
-    rest_frames : (m, SAMPLED_TRIANGLES, 3, 3) float64
+    rest_frames : (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
         `triangle_frames` of the rest pose.
 
     Returns
@@ -208,17 +211,17 @@ def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> 
 
 
 def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return an orthonormal frame of each triangle, axes as rows: along its first edge, in its plane, its normal.
+    """Return an orthonormal frame of each triangle, axes as rows: its first edge, its normal × that edge, its normal.
 
     Parameters
     ----------
-    edges : (2 · m · SAMPLED_TRIANGLES, 3) float64
+    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
 
     Returns
     -------
-    (m, SAMPLED_TRIANGLES, 3, 3) float64
+    (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
     """
-    frames = np.empty((len(edges) // (2 * SAMPLED_TRIANGLES), SAMPLED_TRIANGLES, 3, 3))
+    frames = np.empty((len(edges) // (2 * TRIANGLES_PER_ISOLINE), TRIANGLES_PER_ISOLINE, 3, 3))
     _write_frames(np.ascontiguousarray(edges), frames.reshape(-1, 3, 3))
     return frames
 
@@ -248,7 +251,7 @@ def _unit_cross(a, b, out):
 
 @compiled
 def _add_turns(edges, rest_frames, total):
-    """Add what takes each sampled triangle's rest frame to its frame now, isoline by isoline."""
+    """Add up the rotations of each isoline's sampled triangles from their rest frames to their current frames."""
     frame = np.empty((3, 3))
     triangle = 0
     for isoline in range(len(rest_frames)):

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.retarget import FARTHEST
+from solver.motion.retarget import MAX_JOINT_METRES
 from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, pole
 
-TOGETHER, APART = 0.15, 0.4
+MEET_ARM_LENGTHS, APART_ARM_LENGTHS = 0.15, 0.4
 """Distance between a performer's hands, in lengths of their arm, up to which the character's hands are drawn together
 in full, and from which they are left alone."""
 
 MEET_SECONDS = 0.1
 """Time constant with which the pull comes and goes, in seconds."""
 
-MOST = 0.75
+MAX_SHIFT_ARM_LENGTHS = 0.75
 """Greatest distance that a hand is drawn, in lengths of the character's arm."""
 
 
@@ -149,7 +149,7 @@ def _step(plan, state, time, positions, confidence, motions, heading):
             _hold_away(plan, arm, motions)
     gap = _gap(plan, positions, confidence, heading)
     if plan.meet and math.isfinite(gap[0]):
-        near = (APART - length(gap) / plan.performers) / (APART - TOGETHER)
+        near = (APART_ARM_LENGTHS - length(gap) / plan.performers) / (APART_ARM_LENGTHS - MEET_ARM_LENGTHS)
         near = min(max(near, 0.0), 1.0)
         near *= near * (3 - 2 * near)
         clock[1] = near + math.exp(-elapsed / MEET_SECONDS) * (clock[1] - near)
@@ -183,7 +183,7 @@ def _gap(plan, positions, confidence, heading):
     if not (confidence[left] > 0 and confidence[right] > 0):
         return (np.nan, np.nan, np.nan)
     gap = minus(positions[left], positions[right])
-    if not max(abs(gap[0]), abs(gap[1]), abs(gap[2])) < FARTHEST:
+    if not max(abs(gap[0]), abs(gap[1]), abs(gap[2])) < MAX_JOINT_METRES:
         return (np.nan, np.nan, np.nan)
     c, s = math.cos(heading), math.sin(heading)
     x, y, z = c * gap[0] - s * gap[2], gap[1], s * gap[0] + c * gap[2]
@@ -202,7 +202,7 @@ def _draw_together(plan, share, gap, motions):
     now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))
     scale = plan.own / plan.performers
     missing = minus(quat.scaled(gap, scale), now)
-    share *= 0.5 * min(1.0, 2 * MOST * plan.own / max(length(missing), 1e-300))
+    share *= 0.5 * min(1.0, 2 * MAX_SHIFT_ARM_LENGTHS * plan.own / max(length(missing), 1e-300))
     before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
     for arm in range(2):
         upper, lower = plan.arms[arm, 0], plan.arms[arm, 1]

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 BONE_STIFFNESS = 40.0
 """λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b): limbs of a cartoon body are then off by 2 to 6°, at 10 by 8°."""
 
-PRIOR = 1.0
+PRIOR_WEIGHT = 1.0
 """μ: what a bone's rotation counts against the surface's covariance; at 4 the result is the same."""
 
-ELSEWHERE = 1e-3
+DISTANT_BONE_WEIGHT = 1e-3
 """What the mean rotation of all bones counts beside that of the bones nearby."""
 
 
@@ -136,7 +136,7 @@ def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.
     -------
     (3r, 4b) float64
     """
-    return _of_linear_parts(PRIOR * shares * size[:, None])
+    return _of_linear_parts(PRIOR_WEIGHT * shares * size[:, None])
 
 
 def turns_nearby(shares: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -156,7 +156,7 @@ def turns_nearby(shares: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _with_the_rest(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     """Add a little of what all bones do on average: some surface has no bone."""
-    return shares + ELSEWHERE * shares.mean(axis=0)
+    return shares + DISTANT_BONE_WEIGHT * shares.mean(axis=0)
 
 
 def _of_linear_parts(weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from puppetline.errors import MeshError
-from solver.model import lanes, rotations
-from solver.model.lanes import ROWS, add_product, place_of_row, turn_on
+from solver.model import matrix_blocks, rotations
+from solver.model.matrix_blocks import ROWS, add_product, apply_change, place_of_row
 from solver.model.polar import nearest_rotations
 from solver.model.reduced_model import Controls, ReducedModel
 from solver.model.rotations import RotationMode
@@ -22,16 +22,16 @@ HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1
 """λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): the Armadillo's handles are met to 3e-5 of its diagonal. The energy of
 clusters withstands them more."""
 
-ON_A_LINE = 0.02
+MIN_HANDLE_SPREAD_DIAGONALS = 0.02
 """Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
 
-NEAR_BONES = 3e-5
+NEARBY_BONE_WEIGHT = 3e-5
 """What a transform's distance from the mean motion of the bones nearby counts, in units of trace(A) / 4m: directions
 that hardly move a vertex do not run away, and no limb turns by 0.5° less."""
 
 
 class _Affine(NamedTuple):
-    """Something that depends on the rotations, the handles' targets and the bones' motions, laid out by `lanes`."""
+    """An affine function of the rotations and the inputs (targets and motions), in the layout of `matrix_blocks`."""
 
     turns: NDArray[np.float64]
     inputs: NDArray[np.float64]
@@ -41,10 +41,10 @@ class _Affine(NamedTuple):
 class Deformer:
     """Moves a reduced model by its handles and bones, each frame starting where the last one ended.
 
-    The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + the null-space projector is factored once. W always has
-    directions that move no vertex, and Eq. 8 says nothing about them; the projector pins just these, so that N is
-    positive definite and no deformation is biased: to the rest pose, or where there are bones to the mean motion of
-    those nearby, to which `NEAR_BONES` draws all directions a little. G_b = λ W_bᵀ M_b W_b holds the surface around
+    The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + the null-space projector is factored once. W always has directions
+    that move no vertex, and Eq. 8 says nothing about them; the projector pins just these, so that N is positive
+    definite and no deformation is biased: to the rest pose, or where there are bones to the mean motion of those
+    nearby, to which `NEARBY_BONE_WEIGHT` draws all directions a little. G_b = λ W_bᵀ M_b W_b holds the surface around
     bone b to its motion T_b. Since all of W R is an affine map of the rest pose where every transform is that map, its
     right-hand side W_bᵀ M_b [X_b 1] T_b is G_b times a stack of T_b.
 
@@ -117,7 +117,7 @@ class Deformer:
         stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
         pinned = scale / len(A) * model.null_space
         if len(self.bones):
-            pinned[np.diag_indices_from(pinned)] += NEAR_BONES * scale / len(A)
+            pinned[np.diag_indices_from(pinned)] += NEARBY_BONE_WEIGHT * scale / len(A)
         try:
             factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pinned)
         except np.linalg.LinAlgError as error:
@@ -131,9 +131,11 @@ class Deformer:
         anchor = blended(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull + pinned @ anchor]))
         constant = np.zeros_like(rest) if len(self.bones) else scipy.linalg.cho_solve(factor, pinned @ rest)
-        self._place_of_turns = lanes.of_matrices(B.shape[1] // 3)
-        self._place_of_seen = lanes.of_rows(len(reader)) if self._mode == "triangles" else self._place_of_turns
-        place_of_inputs = lanes.of_rows(from_inputs.shape[1])
+        self._place_of_turns = matrix_blocks.matrix_row_places(B.shape[1] // 3)
+        self._place_of_seen = (
+            matrix_blocks.row_places(len(reader)) if self._mode == "triangles" else self._place_of_turns
+        )
+        place_of_inputs = matrix_blocks.row_places(from_inputs.shape[1])
 
         def laid_out(
             reader: NDArray[np.float64], row: NDArray[np.int64], prior: NDArray[np.float64] | float
@@ -141,16 +143,16 @@ class Deformer:
             from_all = reader @ from_inputs
             from_all[:, len(rows) :] += prior
             return _Affine(
-                lanes.matrix(reader @ from_turns, row, self._place_of_turns),
-                lanes.matrix(from_all, row, place_of_inputs),
-                lanes.pack(reader @ constant, row),
+                matrix_blocks.pack_matrix(reader @ from_turns, row, self._place_of_turns),
+                matrix_blocks.pack_matrix(from_all, row, place_of_inputs),
+                matrix_blocks.pack_rows(reader @ constant, row),
             )
 
         together = turned_together(model, self._mode)
         area, count = mesh.vertex_areas, len(self.bones)
         held_shares = bone_shares(together, area, np.where(regions.held, regions.owner, -1), count)
         near = turns_nearby(bone_shares(together, area, regions.owner, count))
-        self._near_bones = lanes.matrix(
+        self._near_bones = matrix_blocks.pack_matrix(
             np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )
         drawn: NDArray[np.float64] | float = 0.0
@@ -158,16 +160,16 @@ class Deformer:
             size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
             drawn = prior(held_shares, size)
         self._surface = laid_out(reader, self._place_of_seen, drawn)
-        self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)), 0.0)
-        self._inputs = lanes.pack(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
+        self._controls = laid_out(np.eye(len(rest)), matrix_blocks.row_places(len(rest)), 0.0)
+        self._inputs = matrix_blocks.pack_rows(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
         self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))
         self._rest_frames = rotations.triangle_frames(model.edges @ rest)
         spread = (
             np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False) if len(handles) else np.zeros(3)
         )
-        on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
+        on_a_line = len(handles) < 3 or spread[1] < MIN_HANDLE_SPREAD_DIAGONALS * float(model.diagonal)
         self._rolls = on_a_line and not len(self.bones)
-        self._unturned = lanes.pack(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
+        self._unturned = matrix_blocks.pack_rows(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
         self._turns, self._near, self._carried, self._now_carried = (self._unturned.copy() for _ in range(4))
         self._started = False
         self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
@@ -176,7 +178,7 @@ class Deformer:
     @property
     def turns(self) -> NDArray[np.float64]:
         """(3r, 3) float64: the rotations in the last frame, for row vectors: of the clusters, or of the isolines."""
-        return lanes.unpack(self._turns, self._place_of_turns)
+        return matrix_blocks.unpack_rows(self._turns, self._place_of_turns)
 
     def another(self, iterations: int) -> "Deformer":
         """Return one of the same character, handles and bones, with a state of its own."""
@@ -232,7 +234,9 @@ class Deformer:
             _carry(self._near_bones, self._inputs, self._near, self._carried, self._now_carried, self._turns)
         elif not self._started:
             start = twist.rigid_fit(self.handles, targets)
-            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
+            self._turns[:] = matrix_blocks.pack_rows(
+                np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns
+            )
         self._started = True
         if self._mode == "triangles":
             self._compare_triangles()
@@ -250,8 +254,8 @@ class Deformer:
         for _ in range(self.iterations):
             self._now[:] = self._fixed
             add_product(self._surface.turns, self._turns, self._now)
-            found = rotations.from_edges(lanes.unpack(self._now, self._place_of_seen), self._rest_frames)
-            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._place_of_turns)
+            found = rotations.from_edges(matrix_blocks.unpack_rows(self._now, self._place_of_seen), self._rest_frames)
+            self._turns[:] = matrix_blocks.pack_rows(found.reshape(-1, 3), self._place_of_turns)
 
     def step(self, targets: NDArray[np.float64], motions: NDArray[np.float64] | None = None) -> Controls:
         """Solve for the next frame, warm-started from the previous call.
@@ -310,7 +314,7 @@ def _carry(near_bones, inputs, near, carried, now, turns):
     near[:] = 0
     add_product(near_bones, inputs, near)
     nearest_rotations(near, now)  # into another array: in place, several could not be done at once
-    turn_on(turns, carried, now)
+    apply_change(turns, carried, now)
     carried[:] = now
 
 

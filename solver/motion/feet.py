@@ -18,32 +18,32 @@ from numpy.typing import NDArray
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.retarget import FARTHEST, RETURN_TIME
+from solver.motion.retarget import MAX_JOINT_METRES, RETURN_SECONDS
 from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, plus, pole
 
-SLOW, FAST = 0.15, 0.4
+REST_SPEED, RELEASE_SPEED = 0.15, 0.4
 """Metres per second of a performer's foot below which it comes to rest, and above which it no longer rests."""
 
-LOW, HIGH = 0.04, 0.06
+REST_HEIGHT_METRES, RELEASE_HEIGHT_METRES = 0.04, 0.06
 """Metres over the floor below which a performer's foot comes to rest, and above which it no longer rests."""
 
 STILL_SECONDS = 0.2
 """How long the lower foot is slow until the floor is where it is, in seconds; longer than the top of a jump."""
 
-FAR = 0.15
+MAX_HOLD_METRES = 0.15
 """Metres of the performer's that a foot is held at most from where the leg points."""
 
-NEAR = 0.03
+HOLD_AGAIN_METRES = 0.03
 """Metres of the performer's to which a foot that was let go comes near where the leg points before it is held again."""
 
-JUMP = 0.05
+MIN_JUMP_METRES = 0.05
 """Metres that both of a performer's feet leave the floor before the character leaves its own."""
 
-SLACK = 0.01
+SLACK_METRES = 0.01
 """Metres of the performer's that a foot at rest may be over the floor, so that no leg bends for it: a straight leg that
 is shortened by one centimetre turns by 6° at hip and knee."""
 
-STAY = 0.25
+STAY_WEIGHT = 0.25
 """Weight with which the character stays where the performer is, against that of one held foot that shifts it."""
 
 SHIFT_SECONDS = 0.1
@@ -73,13 +73,13 @@ SETTLE_SECONDS = 0.08
 HEADING_SECONDS = 1.0
 """The same with which the heading of a foot that is held follows the performer's: sensors see that of feet badly."""
 
-SEEN = 0.6
+MIN_CONFIDENCE = 0.6
 """Confidence from which a performer's foot counts; sensors guess where feet out of sight are."""
 
-FALL = 3.0
+MAX_VERTICAL_SPEED = 3.0
 """Metres per second of the performer's by which the character rises or sinks at most."""
 
-VOTES = 3
+VOTE_FRAMES = 3
 """Frames of which most must say that a foot rests."""
 
 
@@ -127,7 +127,7 @@ class _State(NamedTuple):
     velocity: NDArray[np.float64]  # (l, 3); NaN before it was seen twice
     noise: NDArray[np.float64]  # (l,): mean distance from that velocity, metres per second
     still: NDArray[np.float64]  # (l,): seconds for which each foot has been slow
-    votes: NDArray[np.float64]  # (l, VOTES)
+    votes: NDArray[np.float64]  # (l, VOTE_FRAMES)
     shift: NDArray[np.float64]  # (3,): of the whole character, level
     clock: NDArray[np.float64]  # (4,): time; height of the performer's floor; of the character over its own; its root's
 
@@ -176,7 +176,7 @@ class Feet:
             velocity=np.full((count, 3), np.nan),
             noise=np.zeros(count),
             still=np.zeros(count),
-            votes=np.zeros((count, VOTES)),
+            votes=np.zeros((count, VOTE_FRAMES)),
             shift=np.zeros(3),
             clock=np.array([-np.inf, np.nan, 0.0, 0.0]),
         )
@@ -262,7 +262,7 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):
     _follow(plan, state, positions, confidence, elapsed)
     lowest, still = np.inf, 0.0
     for leg in range(len(plan.joints)):
-        quick = _speed(state, leg) > SLOW + NOISE_SHARE * state.noise[leg]
+        quick = _speed(state, leg) > REST_SPEED + NOISE_SHARE * state.noise[leg]
         state.still[leg] = 0.0 if quick or not began else state.still[leg] + elapsed
         if state.last[leg, 1] < lowest:  # which NaN is not
             lowest, still = state.last[leg, 1], state.still[leg]
@@ -275,14 +275,14 @@ def _performers_feet(plan, state, positions, confidence, elapsed, began):
         height = state.last[leg, 1] - state.clock[FLOOR]
         if state.still[leg] > STILL_SECONDS:
             height = min(height, state.last[leg, 1] - lowest)
-        slow = _speed(state, leg) < (FAST if held else SLOW) + NOISE_SHARE * state.noise[leg]
-        vote = 1.0 if slow and height < (HIGH if held else LOW) else 0.0
+        slow = _speed(state, leg) < (RELEASE_SPEED if held else REST_SPEED) + NOISE_SHARE * state.noise[leg]
+        vote = 1.0 if slow and height < (RELEASE_HEIGHT_METRES if held else REST_HEIGHT_METRES) else 0.0
         if not began:
             state.votes[leg] = vote
         state.votes[leg, :-1] = state.votes[leg, 1:]
         state.votes[leg, -1] = vote
-        rests[leg] = 2 * state.votes[leg].sum() > VOTES
-        low[leg] = height < LOW
+        rests[leg] = 2 * state.votes[leg].sum() > VOTE_FRAMES
+        low[leg] = height < REST_HEIGHT_METRES
     return rests, low
 
 
@@ -293,7 +293,7 @@ def _follow(plan, state, positions, confidence, elapsed):
     for leg in range(len(plan.joints)):
         j = plan.joints[leg]
         farthest = max(abs(positions[j, 0]), abs(positions[j, 1]), abs(positions[j, 2]))
-        if not (confidence[j] > SEEN and farthest < FARTHEST):
+        if not (confidence[j] > MIN_CONFIDENCE and farthest < MAX_JOINT_METRES):
             continue
         away = 0.0
         for axis in range(3):
@@ -304,7 +304,7 @@ def _follow(plan, state, positions, confidence, elapsed):
                 away += (velocity - mean) ** 2
                 state.velocity[leg, axis] = velocity + fading * (mean - velocity)
             state.last[leg, axis] = positions[j, axis]
-        if _speed(state, leg) < FAST and elapsed < np.inf:
+        if _speed(state, leg) < RELEASE_SPEED and elapsed < np.inf:
             away = math.sqrt(away)
             state.noise[leg] = away + _fade(NOISE_SECONDS, elapsed) * (state.noise[leg] - away)
 
@@ -321,18 +321,18 @@ def _find_floor(plan, clock, lowest, still, elapsed):
     """Bring the height of the performer's floor up to date, and how far both feet are over it."""
     if not math.isfinite(clock[FLOOR]):
         clock[FLOOR] = lowest
-    stands = still > STILL_SECONDS or (still > 0 and lowest < clock[FLOOR] + HIGH)
+    stands = still > STILL_SECONDS or (still > 0 and lowest < clock[FLOOR] + RELEASE_HEIGHT_METRES)
     seconds = FLOOR_SECONDS if stands or lowest < clock[FLOOR] else DRIFT_SECONDS
     clock[FLOOR] = lowest + _fade(seconds, elapsed) * (clock[FLOOR] - lowest)
-    clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - JUMP)
+    clock[LIFT] = plan.metre * max(0.0, lowest - clock[FLOOR] - MIN_JUMP_METRES)
 
 
 @compiled(inner=True)
 def _set_height(plan, state, motions, root, elapsed):
     """Write the root's height at which the feet are on the floor, or over it by what the performer jumps.
 
-    That is the height of the lower foot, and of both if both rest but for `SLACK`: the leg that reaches less far must
-    reach.
+    That is the height of the lower foot, and of both if both rest but for `SLACK_METRES`: the leg that reaches less far
+    must reach.
     """
     up, heights = (plan.up[0], plan.up[1], plan.up[2]), np.empty(len(plan.legs))
     for leg in range(len(plan.legs)):
@@ -346,8 +346,8 @@ def _set_height(plan, state, motions, root, elapsed):
         heights[leg] = height
     lowest = heights.min()
     apart = (state.stands * (heights - lowest)).max()
-    wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK)
-    farthest = plan.metre * FALL * elapsed
+    wanted = state.clock[LIFT] - lowest - max(0.0, apart - plan.metre * SLACK_METRES)
+    farthest = plan.metre * MAX_VERTICAL_SPEED * elapsed
     last = state.clock[HEIGHT]
     state.clock[HEIGHT] = min(max(wanted, last - farthest), last + farthest)
     rise = state.clock[HEIGHT] - quat.dot((root[0], root[1], root[2]), up)
@@ -359,7 +359,8 @@ def _set_height(plan, state, motions, root, elapsed):
 def _shift(plan, state, motions, root, elapsed):
     """Shift the root along the floor so that legs with held feet turn least.
 
-    The shift s minimises Σ ‖t − s‖² + `STAY` ‖s‖² over the ways t from where those legs point to where the feet are.
+    The shift s minimises Σ ‖t − s‖² + `STAY_WEIGHT` ‖s‖² over the ways t from where those legs point to where the feet
+    are.
     """
     up = (plan.up[0], plan.up[1], plan.up[2])
     wanted, count = (0.0, 0.0, 0.0), 0
@@ -370,7 +371,7 @@ def _shift(plan, state, motions, root, elapsed):
     fading = _fade(SHIFT_SECONDS if count else SHIFT_BACK_SECONDS, elapsed)
     level = plus(wanted, up, -quat.dot(wanted, up))
     for axis in range(3):
-        wanted_shift = level[axis] / (count + STAY)
+        wanted_shift = level[axis] / (count + STAY_WEIGHT)
         state.shift[axis] = wanted_shift + fading * (state.shift[axis] - wanted_shift)
         root[axis] += state.shift[axis]
 
@@ -392,15 +393,18 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):
     hip = plus(moved(motions[thigh], plan.heads[thigh]), root, 1.0)
     offset = (state.offset[leg, 0], state.offset[leg, 1], state.offset[leg, 2])
     if state.held[leg] == 0:
-        fading = _fade(RETURN_TIME, elapsed) if began else 0.0
+        fading = _fade(RETURN_SECONDS, elapsed) if began else 0.0
         offset = quat.scaled(offset, fading)
-        if rests and length(offset) < NEAR * plan.metre:
+        if rests and length(offset) < HOLD_AGAIN_METRES * plan.metre:
             state.held[leg] = 1.0
             state.place[leg] = plus(points, offset, 1.0)
     if state.held[leg] > 0:
         offset = _way(plan, state, leg, motions, root)
         level = plus(offset, up, -quat.dot(offset, up))
-        if not rests or length(plus(level, (state.shift[0], state.shift[1], state.shift[2]), 1.0)) > FAR * plan.metre:
+        if (
+            not rests
+            or length(plus(level, (state.shift[0], state.shift[1], state.shift[2]), 1.0)) > MAX_HOLD_METRES * plan.metre
+        ):
             state.held[leg] = 0.0
         # as high as the leg reaches without bending, if that is near the floor
         there = plus(points, level, 1.0)
@@ -408,7 +412,7 @@ def _hold(plan, state, leg, rests, motions, root, elapsed, began):
         high = quat.dot(away, up)
         straight = length(minus(points, hip)) ** 2 - (quat.dot(away, away) - high * high)
         high = quat.dot(hip, up) - math.sqrt(max(0.0, straight))
-        wanted = min(max(high, floor), floor + plan.metre * SLACK)
+        wanted = min(max(high, floor), floor + plan.metre * SLACK_METRES)
         last = quat.dot((state.place[leg, 0], state.place[leg, 1], state.place[leg, 2]), up)
         high = wanted + _fade(SETTLE_SECONDS, elapsed) * (last - wanted)
         there = plus(there, up, high - quat.dot(there, up))

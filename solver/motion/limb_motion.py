@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.motion import quaternions as quat
-from solver.motion.limb_plan import BENT, HINGE, SIDES, plan_of
+from solver.motion.limb_plan import BENT_SINES, HINGE, SIDES, plan_of
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
-from solver.motion.retarget import FARTHEST, RETURN_TIME
+from solver.motion.retarget import MAX_JOINT_METRES, RETURN_SECONDS
 from solver.motion.two_bones import length
 
-FASTEST = 25.0
+MAX_TURN_RATE = 25.0
 """Radians per second that a limb turns at most against what it hangs on; a thrower's forearm reaches about 40."""
 
-FOOT_MOST = 0.9
+MAX_FOOT_RADIANS = 0.9
 """Radians that a foot turns at most from how the shin carries it; the joint of a foot is a sensor's noisiest."""
 
 FOOT_SECONDS = 0.05
@@ -37,10 +37,10 @@ FOOT_SECONDS = 0.05
 HINGE_RATE = 20.0
 """Per second, how fast the roll of an upper arm or thigh closes in on the plane of a limb that is bent."""
 
-TURNED_RATE = 30.0
+ORIENTATION_RATE = 30.0
 """Per second, how fast a roll closes in on that of the performer's bone, where its orientation is known."""
 
-TURNED_COSINE = 0.5, 0.8
+ORIENTATION_COSINES = 0.5, 0.8
 """Cosine of the angle between where a bone points and where its orientation has it, from which the orientation counts,
 and from which it counts in full."""
 
@@ -50,11 +50,11 @@ SWING_RATE = 20.0
 STRAIGHT_RATE = 0.5
 """The same for an upper arm or thigh, whose roll stays nearly as it was while the limb is straight."""
 
-INNER_JOINT = 0.15, 0.35
+INNER_JOINT_SHARES = 0.15, 0.35
 """How far a joint within the trunk is from the trunk's ends, as a share of its length, to count, and to count in full.
 Kinect v1's spine is 7 cm above the hips and a few behind: the direction between them says nothing about the back."""
 
-NARROWEST = 0.12, 0.25
+MIN_WIDTH_SHARES = 0.12, 0.25
 """Width of hips and of shoulders, as a share of the trunk's length, below which left and right cannot be told."""
 
 EXCHANGED_COSINE = -0.5
@@ -63,10 +63,10 @@ EXCHANGED_COSINE = -0.5
 STEADY_SECONDS = 0.1
 """Time constant of the mean direction that the sides of a body are compared with, in seconds."""
 
-STEADY = 0.75
+MIN_STEADY_LENGTH = 0.75
 """Length of that mean from which it is a body's heading and not noise; a turn at 8 rad/s has 0.78."""
 
-EXCHANGED_PAUSE = 0.25
+MAX_EXCHANGE_SECONDS = 0.25
 """Seconds between two frames above which a body may have turned that far."""
 
 EXCHANGED_SECONDS = 1.5
@@ -153,7 +153,7 @@ class LimbMotion:
         time : float
             Seconds, increasing from call to call.
         positions : (j, 3) float64
-            Metres, character axes. NaN, and more than `FARTHEST`, is a lost joint.
+            Metres, character axes. NaN, and more than `MAX_JOINT_METRES`, is a lost joint.
         confidence : (j,) float32
             0 where a joint is lost.
         out : (b, 4, 3) float64, optional
@@ -252,9 +252,9 @@ def _pair(pairs, seen):
     hips = _between(seen, pairs[0, 1], pairs[0, 0])
     shoulders = _between(seen, pairs[1, 1], pairs[1, 0])
     # comparisons with NaN are false: what is not known is too narrow
-    if not (length(hips) > quat.TINY and not length(hips) < NARROWEST[0] * trunk):
+    if not (length(hips) > quat.MIN_LENGTH and not length(hips) < MIN_WIDTH_SHARES[0] * trunk):
         hips = (0.0, 0.0, 0.0)
-    if not (length(shoulders) > quat.TINY and not length(shoulders) < NARROWEST[1] * trunk):
+    if not (length(shoulders) > quat.MIN_LENGTH and not length(shoulders) < MIN_WIDTH_SHARES[1] * trunk):
         shoulders = (0.0, 0.0, 0.0)
     return quat.unit(hips), quat.unit(shoulders)
 
@@ -265,7 +265,7 @@ def _seen(plan, state, time, positions, confidence):
     seen = np.full(positions.shape, np.nan)
     for j in range(len(positions)):
         farthest = max(abs(positions[j, 0]), abs(positions[j, 1]), abs(positions[j, 2]))
-        if confidence[j] > 0 and farthest < FARTHEST:
+        if confidence[j] > 0 and farthest < MAX_JOINT_METRES:
             seen[j] = positions[j]
     clock = state.clock
     hips, shoulders = _pair(plan.pairs, seen)
@@ -279,7 +279,7 @@ def _seen(plan, state, time, positions, confidence):
     if quat.dot(side, side) > 0:
         mean = (state.side[0], state.side[1], state.side[2])
         pause = time - clock[SIDE_TIME]
-        if length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
+        if length(mean) > MIN_STEADY_LENGTH and pause <= MAX_EXCHANGE_SECONDS:
             turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * length(mean)
             # hips and shoulders alike: one alone is noise
             if turned and sign * quat.dot(hips, mean) <= 0 and sign * quat.dot(shoulders, mean) <= 0:
@@ -327,7 +327,7 @@ def _directions(plan, seen, rows):
         for k in range(1, len(plan.trunk) - 1):
             near = length(_between(points, first, plan.trunk[k]))
             near = min(near, length(_between(points, plan.trunk[k], last)))
-            share = _rise(near / max(length(chord), quat.TINY), INNER_JOINT)
+            share = _rise(near / max(length(chord), quat.MIN_LENGTH), INNER_JOINT_SHARES)
             counts = min(counts, share) if share == share else 0.0
         chord = _known_unit(chord)
         if counts < 1 and quat.dot(chord, chord) > 0:
@@ -342,7 +342,7 @@ def _directions(plan, seen, rows):
 def _raised(direction, angle):
     """Return a direction that points further up by an angle, not over the upright."""
     flat = math.sqrt(direction[0] * direction[0] + direction[2] * direction[2])
-    if flat < quat.TINY:
+    if flat < quat.MIN_LENGTH:
         return direction
     raised = min(max(math.atan2(direction[1], flat) + angle, -math.pi / 2), math.pi / 2)
     scale = math.cos(raised) / flat
@@ -402,7 +402,7 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
     aim, direction = _vector(aims, row), _vector(directions, row)
     local = _quaternion(state.local, row)
     known = quat.dot(aim, aim) > 0.5 and quat.dot(direction, direction) > 0.5
-    fading = math.exp(-elapsed / RETURN_TIME)
+    fading = math.exp(-elapsed / RETURN_SECONDS)
     if known:
         wanted = quat.rotated(from_base, direction)
         if plan.foot[row]:
@@ -422,7 +422,7 @@ def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed
 def _eased_foot(aim, now, wanted, elapsed):
     """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
     away = length(quat.to_vector(quat.least(aim, wanted)))
-    wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
+    wanted = _on_the_way(aim, wanted, min(1.0, MAX_FOOT_RADIANS / max(away, quat.MIN_LENGTH)))
     return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
 
 
@@ -446,8 +446,8 @@ def _swing(state, row, local, aim, wanted, fading, elapsed, began):
     state.gap[row] = gap
     turn = quat.to_vector(quat.least(now, wanted))
     angle = length(turn)
-    if angle > FASTEST * elapsed:
-        turn = quat.scaled(turn, FASTEST * elapsed / angle)
+    if angle > MAX_TURN_RATE * elapsed:
+        turn = quat.scaled(turn, MAX_TURN_RATE * elapsed / angle)
     return quat.product(quat.from_vector(turn), local)
 
 
@@ -476,7 +476,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
         x, y = weight * math.cos(error), weight * math.sin(error)
         if plan.roll[row] == HINGE:
             hinge = quat.cross(_vector(directions, row), _vector(directions, row + 1))
-            bent = HINGE_RATE * _rise(length(hinge), BENT)
+            bent = HINGE_RATE * _rise(length(hinge), BENT_SINES)
             if bent > 0:
                 error = quat.twist(now, quat.rotated(from_base, hinge), axis)
                 if began:
@@ -484,7 +484,7 @@ def _rolled(plan, state, row, local, from_base, aims, directions, across, fading
                 x, y, weight = x + bent * math.cos(error), y + bent * math.sin(error), weight + bent
         share = 1 - math.exp(-weight * elapsed) if began else 1.0
         angle = share * math.atan2(y, x) if weight > 0 else 0.0
-    fastest = FASTEST * elapsed
+    fastest = MAX_TURN_RATE * elapsed
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 
 
@@ -493,10 +493,10 @@ def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):
     """Roll a bone about itself as the performer's has rolled."""
     there = quat.product(from_base, quat.product(_quaternion(turned, row), _quaternion(state.mount, row)))
     axis, side = quat.rotated(local, aim), _vector(plan.sides, row)
-    weight = TURNED_RATE * _rise(quat.dot(axis, quat.rotated(there, aim)), TURNED_COSINE)
+    weight = ORIENTATION_RATE * _rise(quat.dot(axis, quat.rotated(there, aim)), ORIENTATION_COSINES)
     angle = quat.twist(quat.rotated(local, side), quat.rotated(there, side), axis)
     angle *= 1 - math.exp(-weight * elapsed)
-    fastest = FASTEST * elapsed
+    fastest = MAX_TURN_RATE * elapsed
     return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
 
 

@@ -11,7 +11,7 @@ from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 from solver.motion.limbs import TRUNK, Limb, Performer
 
-BENT = 0.25, 0.6
+BENT_SINES = 0.25, 0.6
 """Sine of the angle at elbow or knee from which its plane counts, and from which it counts in full."""
 
 SWING, SIDES, HINGE = 0, 1, 2
@@ -274,7 +274,7 @@ def _hinge(upper: NDArray[np.float64], lower: NDArray[np.float64], forward: floa
     """
     upper, lower = _units(np.array([upper, lower]))
     axis: NDArray[np.float64] = np.cross(upper, lower)
-    if np.linalg.norm(axis) > BENT[0]:
+    if np.linalg.norm(axis) > BENT_SINES[0]:
         return axis
     bends_to = np.array([0, 0, forward])
     return np.cross(upper, bends_to if abs(upper[2]) < 0.9 else np.array([0, forward * np.sign(upper[2]), 0]))

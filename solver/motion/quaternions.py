@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 
-TINY = 1e-12
+MIN_LENGTH = 1e-12
 """Smallest length that has a direction, in the unit of the vector."""
 
 
@@ -63,7 +63,7 @@ def rotated(q, v):
 def unit(v):
     """Return a vector's direction; zero for one that is too short to have one."""
     length = math.sqrt(dot(v, v))
-    if not length > TINY:
+    if not length > MIN_LENGTH:
         return (0.0, 0.0, 0.0)
     return (v[0] / length, v[1] / length, v[2] / length)
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 
-LIMIT_KNEE = 0.7
+LIMIT_KNEE_SHARE = 0.7
 """Share of a handle's reach within which it follows its joint in proportion; beyond, it comes softly to a stop."""
 
-FARTHEST = 1e6
+MAX_JOINT_METRES = 1e6
 """Metres from the calibration pose, and more: no place of a joint."""
 
-RETURN_TIME = 0.15
+RETURN_SECONDS = 0.15
 """Seconds in which a joint that was lost closes 63 % of the way from where it was held to where it is."""
 
 
@@ -148,14 +148,14 @@ class SmoothReturn:
             Seconds, increasing from call to call.
         displacement : (j, 3) float64
         known : (j,) bool
-            A displacement that is not finite, or farther than `FARTHEST`, is not known either.
+            A displacement that is not finite, or farther than `MAX_JOINT_METRES`, is not known either.
 
         Returns
         -------
         (j, 3) float64
             Zero for a joint that was never known.
         """
-        fading = math.exp(-max(0.0, time - self._time) / RETURN_TIME)  # a clock that is set back stands still here
+        fading = math.exp(-max(0.0, time - self._time) / RETURN_SECONDS)  # a clock that is set back stands still here
         began = math.isfinite(self._time)
         self._time = time
         _close(displacement, known, fading, began, self._last, self._offset, self._known)
@@ -166,7 +166,7 @@ class SmoothReturn:
 def _close(displacement, known, fading, began, last, offset, was_known):
     """Bring each joint's displacement up to date, and the offset at which it came back."""
     for j in range(len(displacement)):
-        now = known[j] and np.abs(displacement[j]).max() < FARTHEST  # which NaN is not
+        now = known[j] and np.abs(displacement[j]).max() < MAX_JOINT_METRES  # which NaN is not
         for axis in range(3):
             offset[j, axis] *= fading
             if now and began and not was_known[j]:
@@ -201,8 +201,8 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
 @compiled
 def levelled_off(ratio):
     """Return a distance in units of the reach, 0 or more, after the soft limit: at most 1 (`soft_limit`)."""
-    room = 1 - LIMIT_KNEE
-    return ratio if ratio <= LIMIT_KNEE else LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)
+    room = 1 - LIMIT_KNEE_SHARE
+    return ratio if ratio <= LIMIT_KNEE_SHARE else LIMIT_KNEE_SHARE + room * np.tanh((ratio - LIMIT_KNEE_SHARE) / room)
 
 
 @compiled
@@ -214,6 +214,6 @@ def _limit(moved, reach, out):
             for axis in range(3):
                 square += (moved[k, h, axis] / reach[h, axis, 0 if moved[k, h, axis] < 0 else 1]) ** 2
             ratio = np.sqrt(square)
-            scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE else 1.0
+            scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE_SHARE else 1.0
             for axis in range(3):
                 out[k, h, axis] = moved[k, h, axis] * scale

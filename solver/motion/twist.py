@@ -7,7 +7,7 @@ every motion and never come back.
 import numpy as np
 
 from puppetline.compiled import compiled
-from solver.model.lanes import BLOCK, LANES, ROWS, place_of_matrix
+from solver.model.matrix_blocks import MATRICES, NUMBERS, ROWS, place_of_matrix
 from solver.model.polar import nearest_rotations
 
 
@@ -42,8 +42,8 @@ def take_back(turns, count, start, line):
 
     Parameters
     ----------
-    turns : (blocks · BLOCK,) float64
-        The isolines' rotations in the layout of `lanes`, for row vectors; written to.
+    turns : (blocks · NUMBERS,) float64
+        The isolines' rotations in the layout of `matrix_blocks`, for row vectors; written to.
     count : int
         How many there are.
     start : (3, 3) float64
@@ -56,28 +56,28 @@ def take_back(turns, count, start, line):
         place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
-                total[i, j] += turns[place + j * ROWS + i * LANES]
+                total[i, j] += turns[place + j * ROWS + i * MATRICES]
     roll = _about(line, _product(_nearest(total).T, start))
     row = np.empty(3)
     for k in range(count):
         place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
-                row[j] = turns[place + j * ROWS + i * LANES]
+                row[j] = turns[place + j * ROWS + i * MATRICES]
             for j in range(3):
-                turns[place + j * ROWS + i * LANES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
+                turns[place + j * ROWS + i * MATRICES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
 
 
 @compiled
 def _nearest(S):
-    packed, R = np.zeros(BLOCK), np.empty((3, 3))
+    packed, R = np.zeros(NUMBERS), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
-            packed[j * ROWS + i * LANES] = S[i, j]
+            packed[j * ROWS + i * MATRICES] = S[i, j]
     nearest_rotations(packed, packed)
     for i in range(3):
         for j in range(3):
-            R[i, j] = packed[j * ROWS + i * LANES]
+            R[i, j] = packed[j * ROWS + i * MATRICES]
     return R
 
 

@@ -9,10 +9,10 @@ from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 
-STRAIGHT = 0.9995
+MAX_REACH_SHARE = 0.9995
 """Share of a limb's length to which it is straightened at most."""
 
-POLE = 0.03
+POLE_SHARE = 0.03
 """How much a straight limb leans to the side it bends to, as a share of its first bone's length."""
 
 
@@ -33,7 +33,7 @@ def pole(bones: Bones, upper: int, lower: int, towards: NDArray[np.float64]) -> 
     start, joint, end = bones.heads[upper], bones.tails[upper], bones.tails[lower]
     along = (end - start) / np.linalg.norm(end - start)
     bent = (joint - start) - ((joint - start) @ along) * along
-    if np.linalg.norm(bent) < POLE * np.linalg.norm(joint - start):
+    if np.linalg.norm(bent) < POLE_SHARE * np.linalg.norm(joint - start):
         bent = towards - (towards @ along) * along
     out: NDArray[np.float64] = bent / max(np.linalg.norm(bent), 1e-300)
     return out
@@ -93,7 +93,7 @@ def bend(motions, heads, tails, upper, lower, pole, shift):
     was, there = minus(end, start), minus(plus(end, shift, 1.0), start)
     way = quat.unit(there)
     # no farther than it reaches, nor than it did: a straight limb that is where it should be stays straight
-    farthest = max(STRAIGHT * (first + second), length(was))
+    farthest = max(MAX_REACH_SHARE * (first + second), length(was))
     reach = min(max(length(there), 1.001 * abs(first - second)), farthest)
     side = _side(motions[upper], pole, minus(joint, start), quat.unit(was))
     side = quat.rotated(quat.least(quat.unit(was), way), side)
@@ -113,7 +113,7 @@ def _side(T, rest, joint, way):
         rest[0] * T[0, 1] + rest[1] * T[1, 1] + rest[2] * T[2, 1],
         rest[0] * T[0, 2] + rest[1] * T[1, 2] + rest[2] * T[2, 2],
     )
-    bent = plus(joint, pole, POLE * length(joint))
+    bent = plus(joint, pole, POLE_SHARE * length(joint))
     return quat.unit(plus(bent, way, -quat.dot(bent, way)))
 
 

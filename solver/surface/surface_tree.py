@@ -1,7 +1,7 @@
-"""Nearest surface points, where each point asks only for surface that bears another label than its own.
+"""Nearest surface points with a different label than the query point.
 
-libigl answers that question for a whole mesh; asked once for each of thousands of parts it would take minutes. Here one
-tree holds all triangles, and a branch that bears the asking point's label throughout is passed by.
+libigl finds nearest points on a whole mesh; a search for each of thousands of parts would take minutes. Here one tree
+holds all triangles, and a search skips branches whose triangles all have the label of the query point.
 """
 
 import numpy as np
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 
-MIXED = -1
-"""Label of a branch that holds several."""
+MIXED_LABELS = -1
+"""Label of a branch whose triangles have several labels."""
 
 MORTON_BITS = 20
-"""Bits of each coordinate in the order in which triangles are laid out."""
+"""Bits per coordinate in the Morton code by which triangles are sorted."""
 
 
 class SurfaceTree:
     """A binary tree of bounding boxes over triangles, laid out as a heap: node k has the children 2k and 2k + 1.
 
-    Triangles are put in the order of a space-filling curve, so that neighbours in the tree are neighbours in space.
+    Triangles are sorted along a space-filling curve, so that neighbours in the tree are neighbours in space.
 
     Parameters
     ----------
@@ -61,24 +61,24 @@ class SurfaceTree:
             Labels, from 0.
         of_triangle : (t,) int
         within : (n,) float64
-            How far to look.
+            Search radius of each point.
 
         Returns
         -------
         triangle : (n,) int64
-            −1 where there is none that near.
+            −1 if there is none within the radius.
         blend : (n, 3) float64
             Barycentric coordinates of the surface point.
         distance : (n,) float64
-            Infinite where there is none.
+            Infinite if there is none.
         """
-        label = np.full(2 * self._leaves, MIXED)
-        # what fills the last level up takes the last triangle's label, lest it mix those above
+        label = np.full(2 * self._leaves, MIXED_LABELS)
+        # unused leaves take the last triangle's label, so that they do not mix the labels above them
         label[self._leaves :] = of_triangle[self._order[-1]]
         label[self._leaves : self._leaves + len(self._order)] = of_triangle[self._order]
         for level in self._levels():
             left, right = label[2 * level.start : 2 * level.stop].reshape(-1, 2).T
-            label[level] = np.where(left == right, left, MIXED)
+            label[level] = np.where(left == right, left, MIXED_LABELS)
         slot, blend, square = _search(
             np.ascontiguousarray(points, dtype=np.float64),
             np.asarray(of_point, dtype=np.int64),
@@ -92,7 +92,7 @@ class SurfaceTree:
 
 
 def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Return each point's place along a space-filling curve: the bits of its three coordinates, interleaved."""
+    """Return each point's Morton code: the interleaved bits of its three coordinates."""
     low = points.min(axis=0)
     extent = max(float((points - low).max()), np.finfo(float).tiny)
     cells = ((points - low) / extent * (2**MORTON_BITS - 1)).astype(np.uint64)
@@ -147,10 +147,10 @@ def _box_distance(p, low, high):
 
 @compiled
 def _closest(p, a, b, c, blend):
-    """Write the barycentric coordinates of a triangle's point nearest to p, and return its squared distance.
+    """Write the barycentric coordinates of the triangle's point nearest to p, and return its squared distance.
 
-    Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: which corner, edge or inside it is follows from the
-    signs of a few products.
+    Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: the signs of a few products tell whether that point
+    is a corner, on an edge, or inside.
     """
     d1, d2, d3, d4, d5, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for x in range(3):

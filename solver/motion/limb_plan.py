@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.bones import Bones
-from solver.motion import quaternions as quat
 from solver.motion.limbs import TRUNK, Limb, Performer
+from solver.motion.vectors import perpendicular, unit
 
 BENT_SINES = 0.25, 0.6
 """Sine of the angle at elbow or knee from which its plane counts, and from which it counts in full."""
@@ -91,7 +91,7 @@ def plan_of(
         roll[row], sides[row] = HINGE, _hinge(aims[row], aims[row + 1], forward)
     aims = _units(aims)
     for swinging in np.flatnonzero(roll == SWING):
-        sides[swinging] = quat.across(tuple(aims[swinging]))
+        sides[swinging] = perpendicular(tuple(aims[swinging]))
     base, shown_base = _bases(places, bones)
     none = np.zeros(0, dtype=np.int64)
     return Plan(
@@ -226,7 +226,7 @@ def _bases(places: Sequence[_Place], bones: Bones) -> tuple[NDArray[np.int64], N
 
 def _units(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the directions of (n, 3) vectors; zero for those that are not known or have none."""
-    return np.array([quat.unit(tuple(vector)) for vector in np.nan_to_num(vectors)]).reshape(-1, 3)
+    return np.array([unit(tuple(vector)) for vector in np.nan_to_num(vectors)]).reshape(-1, 3)
 
 
 def _ancestors(bone: int, parents: NDArray[np.int64]) -> list[int]:
@@ -250,7 +250,7 @@ def _sides_at_rest(limbs: Sequence[Limb], performer: Performer, basis: NDArray[n
     found = np.tile([1.0, 0.0, 0.0], (2, 1))
     for row, (left, right) in zip(found, (performer.hips, performer.shoulders), strict=True):
         if (left,) in roots and (right,) in roots:
-            row[:] = quat.unit(tuple(roots[(left,)] - roots[(right,)]))
+            row[:] = unit(tuple(roots[(left,)] - roots[(right,)]))
     return found
 
 

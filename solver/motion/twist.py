@@ -1,7 +1,7 @@
-"""The turn that handles leave open: all of it with one handle, and with several on a line that about the line.
+"""Removal of rotations that handles do not determine: with one handle any, with several on a line those about it.
 
-Neither the deformation energy nor such handles hold a character against it. Left alone, it would roll a little with
-every motion and never come back.
+Neither the deformation energy nor such handles prevent this rotation. The character would roll a little with every
+motion and never roll back.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from solver.model.polar import nearest_rotations
 
 @compiled
 def rigid_fit(rest, now):
-    """Return the (3, 3) rotation, for row vectors, nearest to the motion of some points; the least that fits.
+    """Return the least rotation that best fits the motion of points, (3, 3) for row vectors.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def rigid_fit(rest, now):
         for i in range(3):
             for j in range(3):
                 S[i, j] += (rest[h, i] - middle[i]) * (now[h, j] - moved[j])
-    # handles at one point differ by rounding, which has no direction
+    # differences between handles at one point are rounding errors without a direction
     size = np.abs(rest).max() * np.abs(now).max()
     least = 1e-9 * np.sqrt((S * S).sum()) + 1e-24 * len(rest) * size + 1e-300
     for i in range(3):
@@ -37,19 +37,19 @@ def rigid_fit(rest, now):
 
 
 @compiled
-def take_back(turns, count, start, line):
-    """Turn all isolines until their mean has no roll left against a rotation.
+def remove_roll(turns, count, start, line):
+    """Rotate all isolines so that their mean has no roll relative to a rotation.
 
     Parameters
     ----------
     turns : (blocks · NUMBERS,) float64
         The isolines' rotations in the layout of `matrix_blocks`, for row vectors; written to.
     count : int
-        How many there are.
+        Number of isolines.
     start : (3, 3) float64
-        What the mean is measured against, from `rigid_fit`.
+        Reference rotation, from `rigid_fit`.
     line : (3,) float64
-        Direction of the line through the handles, of unit length; zero for a single handle, which leaves all open.
+        Unit direction of the line through the handles; zero for a single handle, where any rotation is undetermined.
     """
     total = np.zeros((3, 3))
     for k in range(count):
@@ -93,8 +93,8 @@ def _product(A, B):
 
 @compiled
 def _about(line, R):
-    """Return the part of a rotation that is about a line: swing and twist, taken apart by its quaternion."""
-    # four times the products of the components with each other; the row of the largest is the quaternion, to scale
+    """Return the twist of a rotation about a line, from the swing-twist decomposition of its quaternion."""
+    # four times the products of the components; the row of the largest square is the quaternion, up to scale
     squares = np.array(
         [
             1 + R[0, 0] + R[1, 1] + R[2, 2],

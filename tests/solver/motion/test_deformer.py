@@ -159,7 +159,7 @@ def test_handles_stand_on_the_surface(bound, creature, creature_handles):
 
 
 def test_without_handles_and_bones_there_is_nothing_to_bind(creature, creature_model):
-    with pytest.raises(ValueError, match="at least one handle or bone"):
+    with pytest.raises(ValueError, match="no handle and no bone"):
         Deformer(creature_model, creature, np.zeros((0, 3)))
 
 

@@ -15,7 +15,7 @@ def rng():
 
 def taken_back(turns, start, line):
     packed = matrix_blocks.pack_rows(turns.reshape(-1, 3), matrix_blocks.matrix_row_places(COUNT))
-    twist.take_back(packed, COUNT, start, line)
+    twist.remove_roll(packed, COUNT, start, line)
     return matrix_blocks.unpack_rows(packed, matrix_blocks.matrix_row_places(COUNT)).reshape(-1, 3, 3)
 
 

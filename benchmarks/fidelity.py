@@ -41,7 +41,7 @@ from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import followed, rig_limbs
 from solver.model.batch import BatchBinding
-from solver.motion.arms import APART
+from solver.motion.arms import APART_ARM_LENGTHS
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
@@ -270,7 +270,7 @@ def together(timeline: Timeline) -> str:
     left, right = (timeline.positions[:, JOINT_INDEX[f"hand_{side}"]] for side in ("left", "right"))
     lengths = body.bone_lengths(resting_pose(timeline, SETTINGS))
     arm = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
-    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART * arm):.0f}"
+    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART_ARM_LENGTHS * arm):.0f}"
 
 
 def both(values: NDArray[np.float64], digits: int = 1) -> str:

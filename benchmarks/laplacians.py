@@ -121,7 +121,7 @@ def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.nd
 def narrowest(mesh: SolverMesh, operator: Operator) -> float:
     """Return the least share of the surface that any of the 8 fields covers: near 0 where one is a spike."""
     L, mass = operator(mesh)
-    modes = fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
+    modes = fields.propagation_fields(fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
     return float(((mass @ modes**2) ** 2 / (mass @ modes**4)).min() / mass.sum())
 
 

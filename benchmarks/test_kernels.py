@@ -13,7 +13,7 @@ from engine_bridge.character.character import make_character
 from engine_bridge.cli import bench
 from engine_bridge.cli.bench_process import CHARACTER, LOG, Playing
 from engine_bridge.performance.rig import load_rig
-from solver.model import lanes
+from solver.model import matrix_blocks
 from solver.model.polar import nearest_rotations
 from solver.motion.deformer import to_file_units
 
@@ -56,7 +56,7 @@ def test_input_and_retargeting(benchmark, playing, monkeypatch):
 
 def test_nearest_rotations(benchmark):
     S = np.eye(3) + 0.3 * np.random.default_rng(0).normal(size=(80, 3, 3))
-    packed = lanes.pack(S.reshape(-1, 3), lanes.of_matrices(len(S)))
+    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), matrix_blocks.matrix_row_places(len(S)))
     benchmark(nearest_rotations, packed, np.empty_like(packed))
 
 

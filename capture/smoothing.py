@@ -24,11 +24,11 @@ import cmath
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import INFERRED, JOINTS, LOST
+from puppetline.compiled import compiled
 from puppetline.errors import PuppetlineError, at
 
 FRAME_RATE = 30.0
@@ -136,8 +136,8 @@ class JointFilter:
         return self._output.copy()
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _take(positions, confidence, frames, decay, knobs, state):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _take(positions, confidence, frames, decay, knobs, state):
     """Take a frame: bring every joint's measurement, smoothed position, trend and output up to date."""
     jitter_radius, max_deviation, prediction = knobs
     measured, smoothed, trend, output = state
@@ -170,13 +170,13 @@ def _take(positions, confidence, frames, decay, knobs, state):  # type: ignore[n
                     output[j, axis] = positions[j, axis] + widen * max_deviation / away * offset
 
 
-@numba.njit(cache=True, nogil=True)
-def _distance(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _distance(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@numba.njit(cache=True, nogil=True)
-def _decay(alpha, gamma, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _decay(alpha, gamma, frames):
     """Return Aⁿ as two rows, n = frames: what remains of the errors (e, u) after that many frames.
 
     Cayley-Hamilton with the eigenvalues λ and μ of A: Aⁿ = μⁿ I + (λⁿ − μⁿ)/(λ − μ) (A − μ I). A has determinant
@@ -199,8 +199,8 @@ def _decay(alpha, gamma, frames):  # type: ignore[no-untyped-def]  # noqa: ANN00
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _expm1(z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _expm1(z):
     """Return exp(z) − 1 of a complex number, without cancellation near 0."""
     x, y = z.real, z.imag
     return complex(math.expm1(x) * math.cos(y) - 2.0 * math.sin(y / 2.0) ** 2, math.exp(x) * math.sin(y))

@@ -11,7 +11,6 @@ otherwise the height. A joint whose depth is known is put there (`capture.tracke
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
 from capture.trackers.lifting import NEIGHBORS, lift
 from capture.trackers.picture import Lens
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -148,8 +148,8 @@ def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) ->
         return float(-(weights * slopes * offsets).sum() / (weights * slopes**2).sum())
 
 
-@numba.njit(cache=True, nogil=True)
-def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _settle(rays, depths, lengths, known):
     """Give bones their lengths, near the rays that their joints are seen along; known joints stay."""
     placed = rays * depths.reshape(-1, 1)
     for _ in range(_PASSES):

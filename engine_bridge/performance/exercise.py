@@ -12,8 +12,8 @@ from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, parents_first
 from solver.motion.motion_blend import moved_by
-from solver.motion.quaternions import across
 from solver.motion.retarget import soft_limit
+from solver.motion.vectors import perpendicular
 
 ALONE = 15
 """Frames of a handle's way along one axis and back, and of a bone's turn about one."""
@@ -80,7 +80,7 @@ def _axes(limbs: Sequence[Limb], bones: Bones) -> NDArray[np.float64]:
     """Return the axes about which each bone is turned, times how far (b, 3, 3): two across it, and a trunk's own."""
     out = np.zeros((len(bones), 3, 3))
     for axes, name, along in zip(out, _names(limbs), (bones.tails - bones.heads) / bones.lengths[:, None], strict=True):
-        axes[0] = across(tuple(along))
+        axes[0] = perpendicular(tuple(along))
         axes[1] = np.cross(along, axes[0])
         axes[2] = along if name == TRUNK else 0.0
         axes *= TRUNK_TURN if name == TRUNK else TURN

@@ -12,7 +12,7 @@ from engine_bridge.character import schema
 from engine_bridge.character.document import Document
 from engine_bridge.character.schema import Primitive
 
-MOST_PIXELS = 8192 * 8192
+MAX_PIXELS = 8192 * 8192
 """Of all pictures of a character; whichever goes beyond is not shown."""
 
 
@@ -74,7 +74,7 @@ class Appearance:
             warnings.simplefilter("ignore")  # of its size, which is checked here
             picture = Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP"))
         self._pixels += picture.width * picture.height
-        if self._pixels > MOST_PIXELS:
+        if self._pixels > MAX_PIXELS:
             raise ValueError(f"{self._pixels} pixels")
         picture.thumbnail((1024, 1024))
         return np.asarray(picture.convert("RGB"))

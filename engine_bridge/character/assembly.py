@@ -8,10 +8,10 @@ from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER,
 from engine_bridge.character.schema import Primitive
 from engine_bridge.character.surfaces.surface import Material, Picture, Piece, Surface
 
-LARGEST_SHORT = 65534
+MAX_UINT16_INDEX = 65534
 """The last vertex that a 16-bit index may name: 65535 restarts a strip."""
 
-FAR = 10.0
+MAX_ORIGIN_DISTANCE = 10.0
 """Diagonals from the origin beyond which a float32 position is off by more than some 1e-6 of the diagonal."""
 
 
@@ -64,14 +64,14 @@ def _origin(surface: Surface) -> NDArray[np.float64]:
     low = np.min([piece.positions.min(axis=0) for piece in surface.pieces], axis=0)
     high = np.max([piece.positions.max(axis=0) for piece in surface.pieces], axis=0)
     middle = (low + high) / 2
-    if np.linalg.norm(middle) > FAR * np.linalg.norm(high - low):
+    if np.linalg.norm(middle) > MAX_ORIGIN_DISTANCE * np.linalg.norm(high - low):
         return middle.astype(np.float32).astype(np.float64)
     return np.zeros(3)
 
 
 def _primitive(document: Document, piece: Piece, origin: NDArray[np.float64]) -> Primitive:
     last = len(piece.positions) - 1
-    indices = piece.triangles.ravel().astype(np.uint16 if last <= LARGEST_SHORT else np.uint32)
+    indices = piece.triangles.ravel().astype(np.uint16 if last <= MAX_UINT16_INDEX else np.uint32)
     attributes = {"POSITION": document.add((piece.positions - origin).astype(np.float32), ARRAY_BUFFER, bounds=True)}
     if piece.normals is not None:
         attributes["NORMAL"] = document.add(piece.normals.astype(np.float32), ARRAY_BUFFER)

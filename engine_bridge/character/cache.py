@@ -18,14 +18,14 @@ Arrays = dict[str, NDArray[Any]]
 VERSION = 9
 """Goes up whenever anything that is kept would differ from a new one."""
 
-LARGEST = 1_000_000_000
+MAX_CACHE_BYTES = 1_000_000_000
 """Bytes of all files together; beyond, those go that were not used for the longest time."""
 
-CONTENT = "content"
+CONTENTS_ARRAY = "content"
 """The array in a file that says what belongs in it: the key, and the names of the other arrays."""
 
 
-def key_of(*things: object) -> str:
+def cache_key(*things: object) -> str:
     """Return a name for what is made of some things: equal for equal arrays and equal words for the rest, only then."""
     digest = hashlib.sha256(str(VERSION).encode())
     for thing in things:
@@ -37,7 +37,7 @@ def key_of(*things: object) -> str:
     return digest.hexdigest()[:32]
 
 
-def recall(
+def load_or_compute(
     folder: Path | None, key: str, make: Callable[[], Arrays], is_current: Callable[[Arrays], bool] = lambda _: True
 ) -> Arrays:
     """Take arrays from their file, or make them and write that file.
@@ -50,7 +50,7 @@ def recall(
     folder : Path or None
         Made where it does not exist; None for nothing to be kept.
     key : str
-        From `key_of`, with all that the arrays depend on.
+        From `cache_key`, with all that the arrays depend on.
     make : callable
         Any error of it is passed on.
     is_current : callable, optional
@@ -79,7 +79,7 @@ def _read(path: Path, key: str) -> Arrays:
     """Read a file back; each array in it carries a checksum."""
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    if arrays.pop(CONTENT).tolist() != [key, *arrays]:
+    if arrays.pop(CONTENTS_ARRAY).tolist() != [key, *arrays]:
         raise ValueError("it belongs to something else, or is not whole")
     with suppress(OSError):  # a folder that is only read has no order to keep
         path.touch()
@@ -90,7 +90,7 @@ def _write(path: Path, key: str, arrays: Arrays) -> None:
     """Write a file beside and then rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
-    content: dict[str, Any] = {CONTENT: np.array([key, *arrays]), **arrays}
+    content: dict[str, Any] = {CONTENTS_ARRAY: np.array([key, *arrays]), **arrays}
     try:
         with beside.open("wb") as file:
             np.savez(file, **content)
@@ -101,7 +101,7 @@ def _write(path: Path, key: str, arrays: Arrays) -> None:
 
 def _make_room(folder: Path) -> None:
     """Remove the files that were not used for the longest time, as many as are too many."""
-    room = LARGEST
+    room = MAX_CACHE_BYTES
     for path, state in sorted(
         ((path, path.stat()) for path in folder.glob("*.npz")), key=lambda each: -each[1].st_mtime
     ):

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.assembly import assemble
 from engine_bridge.character.document import MAGIC, Document, damaged
-from engine_bridge.character.parsed import read_document
 from engine_bridge.character.readers import SURFACE_FILES
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
-from engine_bridge.character.surfaces.surface import FARTHEST, Piece, Surface, material_for
+from engine_bridge.character.surface_document import read_document
+from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for
 from puppetline.errors import MeshError, at
 from puppetline.files import read_whole
 from solver.surface.mesh import SolverMesh, weld
 
 CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
 
-MOST_PARTS, MOST_VERTICES = 10_000, 10_000_000
+MAX_PARTS, MAX_VERTICES = 10_000, 10_000_000
 """A scene of more is no character."""
 
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
@@ -82,11 +82,11 @@ class Character:
     def triangles(self) -> NDArray[np.int64]:
         """(T, 3) int64: the triangles of all parts as indices into `vertices`."""
         return np.concatenate(
-            [part.triangles + place.start for part, place in zip(self.parts, self.places, strict=True)]
+            [part.triangles + place.start for part, place in zip(self.parts, self.vertex_slices, strict=True)]
         )
 
     @property
-    def places(self) -> list[slice]:
+    def vertex_slices(self) -> list[slice]:
         """Where each part's vertices are among `vertices`, and so in `SolverMesh.of_render`."""
         ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
         return [slice(start, end) for start, end in pairwise([0, *ends])]
@@ -118,7 +118,7 @@ def load_character(path: Path, cache: Path | None = None) -> Character:
     ----------
     path : Path
     cache : Path, optional
-        Folder for documents of surface files, see `engine_bridge.character.parsed.read_document`.
+        Folder for documents of surface files, see `engine_bridge.character.surface_document.read_document`.
 
     Raises
     ------
@@ -193,11 +193,11 @@ def _check_size(document: Document) -> None:
                 # a claim beyond the file is refused where the array is read, with its place
                 count = gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
                 vertices += min(count, len(document.blob))
-            if parts > MOST_PARTS or vertices > MOST_VERTICES:
+            if parts > MAX_PARTS or vertices > MAX_VERTICES:
                 raise MeshError(
                     document.name,
                     found="a scene of more parts or vertices than a character has",
-                    expected=f"at most {MOST_PARTS:,} parts and {MOST_VERTICES:,} vertices",
+                    expected=f"at most {MAX_PARTS:,} parts and {MAX_VERTICES:,} vertices",
                     fix="Export the character alone, or simplify it in an editor.",
                 )
 
@@ -223,7 +223,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         to_world = world[None, node]
         if "skin" in shown:
             to_world = skinning(document, primitive, shown["skin"], count, world)
-        if not (np.abs(to_world) <= FARTHEST).all():
+        if not (np.abs(to_world) <= MAX_COORDINATE).all():
             raise damaged(at(document.name, field=f"nodes[{node}]"), "a transform without bounds")
         linear, offset = to_world[:, :3, :3], to_world[:, :3, 3]
         if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over

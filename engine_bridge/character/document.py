@@ -27,15 +27,15 @@ COMPONENTS: dict[int, type] = {
     5125: np.uint32,
     5126: np.float32,
 }
-WIDTHS: dict[Kind, int] = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-KINDS: dict[int, Kind] = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+TYPE_WIDTHS: dict[Kind, int] = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+ACCESSOR_TYPES: dict[int, Kind] = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 
 MAGIC = b"glTF"
-LARGEST_GLB = 2**32 - 1
+MAX_GLB_BYTES = 2**32 - 1
 """Bytes; a .glb states its length in 32 bits."""
 
-PICTURES = {
+IMAGE_SIGNATURES = {
     b"\x89PNG": "image/png",
     b"\xff\xd8": "image/jpeg",
     b"RIFF": "image/webp",
@@ -43,13 +43,13 @@ PICTURES = {
 }
 """How pictures begin."""
 
-WHOLE = re.compile(r"-?[1-9][0-9]*\.0+|0\.0+")
+INTEGER_NUMBER = re.compile(r"-?[1-9][0-9]*\.0+|0\.0+")
 """A whole number with a fraction of zero: where glTF wants an integer, it is one."""
 
-SPARE_LEVELS = 200
+SPARE_NESTING_LEVELS = 200
 """How much deeper than a file's its description could be nested."""
 
-UNPACKERS = {
+UNPACK_COMMANDS = {
     "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
     "EXT_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
     "KHR_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
@@ -122,7 +122,11 @@ class Document:
             An accessor that points outside the buffer.
         """
         accessor, where = self.gltf["accessors"][index], at(self.name, field=f"accessors[{index}]")
-        dtype, width, count = _component(accessor["componentType"], where), WIDTHS[accessor["type"]], accessor["count"]
+        dtype, width, count = (
+            _component(accessor["componentType"], where),
+            TYPE_WIDTHS[accessor["type"]],
+            accessor["count"],
+        )
         if not count:
             raise damaged(where, "no values")
         if "bufferView" in accessor:
@@ -211,7 +215,7 @@ class Document:
             "bufferView": self.add_view(np.ascontiguousarray(values).tobytes(), target),
             "componentType": next(code for code, kind in COMPONENTS.items() if np.dtype(kind) == values.dtype),
             "count": len(values),
-            "type": KINDS[columns.shape[1]],
+            "type": ACCESSOR_TYPES[columns.shape[1]],
         }
         if bounds:
             accessor["min"] = columns.min(axis=0).tolist()
@@ -241,7 +245,7 @@ class Document:
         text += b" " * (-len(text) % 4)
         chunks = [(b"JSON", text)] + ([(b"BIN\0", self.blob)] if self.blob else [])
         length = 12 + sum(8 + len(content) for _, content in chunks)
-        if length > LARGEST_GLB:
+        if length > MAX_GLB_BYTES:
             raise OutputError(
                 path,
                 found=f"{length / 1e9:.1f} GB to write",
@@ -264,7 +268,7 @@ class Document:
 
         A viewer that knows the extension would show the packed copy, whose vertices are in another order.
         """
-        for extension, command in UNPACKERS.items():
+        for extension, command in UNPACK_COMMANDS.items():
             if extension in self.gltf["extensionsRequired"] or self._only_packed(extension):
                 raise MeshError(
                     self.name,
@@ -321,7 +325,7 @@ class Document:
             source = file or uri
             if source not in taken:
                 content = self._picture(file, uri)
-                kind = next((kind for start, kind in PICTURES.items() if content.startswith(start)), None)
+                kind = next((kind for start, kind in IMAGE_SIGNATURES.items() if content.startswith(start)), None)
                 taken[source] = kind or image.get("mimeType", "image/jpeg"), self.add_view(content)
             if file:
                 image.setdefault("name", file.stem)
@@ -363,7 +367,7 @@ def _description(path: Path, text: bytes) -> tuple[Gltf, list[str]]:
 
 
 def _number(text: str) -> float:
-    return int(text.partition(".")[0]) if WHOLE.fullmatch(text) else float(text)
+    return int(text.partition(".")[0]) if INTEGER_NUMBER.fullmatch(text) else float(text)
 
 
 def _check_that_it_can_be_written(values: dict[str, Any]) -> None:
@@ -372,7 +376,7 @@ def _check_that_it_can_be_written(values: dict[str, Any]) -> None:
     What writes it will stand deeper in the call stack: so much nesting must be to spare.
     """
     deeper: Any = values
-    for _ in range(SPARE_LEVELS):
+    for _ in range(SPARE_NESTING_LEVELS):
         deeper = [deeper]
     json.dumps(deeper, ensure_ascii=False, allow_nan=False).encode()
 

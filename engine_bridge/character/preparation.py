@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.cache import Arrays, key_of, recall
+from engine_bridge.character.cache import Arrays, cache_key, load_or_compute
 from solver.model.bones import NO_BONES, BoneRegions, Bones
 from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import Repairs, SolverMesh, weld
 
-KEPT = {"bones": Bones, "regions": BoneRegions}
+ARRAY_GROUPS = {"bones": Bones, "regions": BoneRegions}
 """Fields of a model that are groups of arrays themselves."""
 
-MODEL = tuple(
-    f"{field.name}.{part.name}" if field.name in KEPT else field.name
+MODEL_ARRAYS = tuple(
+    f"{field.name}.{part.name}" if field.name in ARRAY_GROUPS else field.name
     for field in fields(ReducedModel)
-    for part in (fields(KEPT[field.name]) if field.name in KEPT else [field])
+    for part in (fields(ARRAY_GROUPS[field.name]) if field.name in ARRAY_GROUPS else [field])
 )
 
 
@@ -41,7 +41,7 @@ def prepare(
     triangles : (T, 3) int64
     parameters : ModelParameters
     folder : Path
-        Of the cache, see `engine_bridge.character.cache.recall`.
+        Of the cache, see `engine_bridge.character.cache.load_or_compute`.
     name : str
         What an error message calls the mesh.
     bones : Bones, optional
@@ -65,15 +65,17 @@ def prepare(
             "mesh.of_render": mesh.of_render,
             "mesh.repairs": np.array(astuple(mesh.repairs)),
         }
-        return welded | {name: attrgetter(name)(model) for name in MODEL}
+        return welded | {name: attrgetter(name)(model) for name in MODEL_ARRAYS}
 
-    made = recall(folder, key_of(MODEL, parameters, positions, triangles, *astuple(bones), shares), make)
+    made = load_or_compute(
+        folder, cache_key(MODEL_ARRAYS, parameters, positions, triangles, *astuple(bones), shares), make
+    )
     repairs = Repairs(*made["mesh.repairs"].tolist())
     mesh = SolverMesh(made["mesh.vertices"], made["mesh.faces"], made["mesh.of_render"], name, repairs)
     groups: dict[str, Any] = {
-        field: kind(*(made[f"{field}.{part.name}"] for part in fields(kind))) for field, kind in KEPT.items()
+        field: kind(*(made[f"{field}.{part.name}"] for part in fields(kind))) for field, kind in ARRAY_GROUPS.items()
     }
-    alone: dict[str, Any] = {field: made[field] for field in MODEL if "." not in field}
+    alone: dict[str, Any] = {field: made[field] for field in MODEL_ARRAYS if "." not in field}
     return mesh, ReducedModel(**alone, **groups)
 
 

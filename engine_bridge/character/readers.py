@@ -12,7 +12,7 @@ READERS = {".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.rea
 
 SURFACE_FILES = tuple(READERS)
 
-HEAD_SIZE = 65536
+HEAD_BYTES = 65536
 """Bytes from which a format is recognised."""
 
 
@@ -50,7 +50,7 @@ def read_surface(path: Path, content: bytes | None = None) -> Surface:
 
 def _recognized(path: Path, content: bytes) -> str | None:
     """Find the ending that a file should have."""
-    head = content[:HEAD_SIZE]
+    head = content[:HEAD_BYTES]
     if ply_tables.matches(head):
         return ".ply"
     if off.matches(head):

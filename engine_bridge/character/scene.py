@@ -10,7 +10,7 @@ from engine_bridge.character.document import Document, damaged
 from engine_bridge.character.schema import Gltf, Node, Primitive
 from puppetline.errors import MeshError, at
 
-MOST_SETS = 16
+MAX_JOINT_SETS = 16
 """Sets of 4 joints that a vertex may follow; any number of them could share one array of a small file."""
 
 
@@ -170,7 +170,7 @@ def influences(
     """
     where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
-    if len(sets) > MOST_SETS:
+    if len(sets) > MAX_JOINT_SETS:
         raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
     indices = _columns(document, primitive, [f"JOINTS_{name}" for name in sets], count)
     weights = _columns(document, primitive, [f"WEIGHTS_{name}" for name in sets], count)

@@ -7,19 +7,19 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from engine_bridge.character.surfaces.corners import alike
+from engine_bridge.character.surfaces.corners import unique_rows
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
 from solver.surface.winding import edges_of, in_order, wound_alike
 
-LEAF = 1e-6
+MIN_SOLIDITY = 1e-6
 """A closed part whose volume is less than this share of its area^1.5 has no inside: a leaf with two sides."""
 
-SMALLEST = 1e-30
+MIN_SIZE = 1e-30
 """Size of a surface whose areas can still be compared."""
 
-CREASE, BEND = np.cos(np.radians(40)), np.cos(np.radians(2))
+HARD_EDGE_COSINE, FLAT_EDGE_COSINE = np.cos(np.radians(40)), np.cos(np.radians(2))
 """Cosines of the angle between two faces from which their edge is hard, and from which it is one at all."""
 
 UP = (0.0, 1.0, 0.0)
@@ -98,11 +98,11 @@ def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], na
     used = np.zeros(len(positions), dtype=np.bool_)
     used[triangles] = True
     size = float(np.ptp(positions[used], axis=0).max()) if used.any() else 0.0
-    if 0 < size < SMALLEST:
+    if 0 < size < MIN_SIZE:
         raise MeshError(
             name,
             found=f"a surface of a size of {size:.3g}",
-            expected=f"one of at least {SMALLEST:g}",
+            expected=f"one of at least {MIN_SIZE:g}",
             fix="Check the scale that the mesh was exported with.",
         )
 
@@ -135,7 +135,7 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     area = np.bincount(patch, doubled / 2, count_of)
     minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
     unbalanced = _unbalanced(oriented, patch)
-    solid = np.abs(volume) > LEAF * area**1.5
+    solid = np.abs(volume) > MIN_SOLIDITY * area**1.5
     solid[patch[unbalanced]] = False
     against = np.where(solid, volume < 0, minority)
     turned = np.zeros(len(faces), dtype=bool)
@@ -169,7 +169,7 @@ def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
     shared = np.flatnonzero(edge[1:] == edge[:-1])
     cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])
     length = np.linalg.norm(np.subtract(*vertices[edges[edge[shared]].T]), axis=1)
-    return bool(length[cosine < CREASE].sum() > 0.5 * length[cosine < BEND].sum())
+    return bool(length[cosine < HARD_EDGE_COSINE].sum() > 0.5 * length[cosine < FLAT_EDGE_COSINE].sum())
 
 
 def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
@@ -179,7 +179,7 @@ def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None
     """
     _, edge, _ = edges_of(faces)
     if patch is not None:
-        _, edge = alike(np.column_stack([np.repeat(patch, 3), edge]))
+        _, edge = unique_rows(np.column_stack([np.repeat(patch, 3), edge]))
     balance = np.bincount(edge, np.sign(np.roll(faces, -1, axis=1) - faces).ravel())
     a, b, c = (balance[edge] != 0).reshape(-1, 3).T
     return a | b | c
@@ -187,7 +187,7 @@ def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None
 
 def _sides(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the first of all faces between the same vertices, and which of the (t,) faces are the backs of these."""
-    first, kind = alike(np.sort(faces, axis=1))
+    first, kind = unique_rows(np.sort(faces, axis=1))
     order = np.argsort(faces, axis=1)
     is_even = (order[:, 1] - order[:, 0]) % 3 == 1
     return first, is_even != is_even[first[kind]]

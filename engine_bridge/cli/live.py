@@ -401,9 +401,9 @@ def bake(
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def shader_mesh(puppet: Path, output: Path, as_json: bool) -> None:
     """Make a .glb of PUPPET with ladder coordinates, whose vertices an engine's shader moves by live controls."""
-    from engine_bridge.export.shader_mesh import write_ladder
+    from engine_bridge.export.shader_mesh import write_shader_mesh
 
-    summary = write_ladder(puppet, output)
+    summary = write_shader_mesh(puppet, output)
     if as_json:
         click.echo(json.dumps(summary.as_dict(), indent=2))
         return

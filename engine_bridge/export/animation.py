@@ -11,12 +11,12 @@ from engine_bridge.character.character import Character, Part, rest_weights
 from engine_bridge.character.document import ARRAY_BUFFER, Document, damaged
 from engine_bridge.character.scene import top_nodes
 from engine_bridge.character.schema import Animation, Gltf, Mesh, Node, Primitive, copied
-from engine_bridge.character.surfaces.surface import FARTHEST
+from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at
 
 
 @dataclass(frozen=True)
-class Take:
+class Keyframes:
     """A clip, ready to be written.
 
     Attributes
@@ -40,8 +40,8 @@ Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] |
 """Part number to (K, n, 3) position and normal displacements in world coordinates, normals None where it has none."""
 
 
-def animate(character: Character, take: Take, displacements: Displacements) -> Document:
-    """Put a take into a copy of a character's document.
+def animate(character: Character, keyframes: Keyframes, displacements: Displacements) -> Document:
+    """Add an animation of morph targets to a copy of a character's document.
 
     Each node that shows a part of the character gets morph targets and a weights animation; the root's motion is the
     translation of a new node above the scene. All that the document holds stays: a skeleton stands still in the new
@@ -50,7 +50,7 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     Parameters
     ----------
     character : Character
-    take : Take
+    keyframes : Keyframes
     displacements : callable
         Asked for one part at a time, so that they need not all be in memory.
 
@@ -62,8 +62,8 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
     document = character.document.copy()
     gltf = document.gltf
     show_all(gltf)
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     numbered: dict[int, list[tuple[int, Part]]] = {}
     for number, part in enumerate(character.parts):
         numbered.setdefault(part.node, []).append((number, part))
@@ -73,14 +73,14 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
         before = rest_weights(gltf["nodes"][node], mesh)
         for number, part in parts:
             _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
-        _pad_targets(document, mesh, len(before) + take.weights.shape[1])
-        if take.weights.shape[1]:
-            _widen_animations(document, node, len(before), take.weights.shape[1])
-            held = np.tile(np.array(before, dtype=np.float32), (len(take.times), 1))
-            add_channel(document, animation, clock, np.hstack([held, take.weights]).ravel(), node, "weights")
-            _describe_targets(gltf["nodes"][node], mesh, before, take.weights.shape[1])
-    if take.root is not None:
-        add_channel(document, animation, clock, take.root, add_root(document), "translation")
+        _pad_targets(document, mesh, len(before) + keyframes.weights.shape[1])
+        if keyframes.weights.shape[1]:
+            _widen_animations(document, node, len(before), keyframes.weights.shape[1])
+            held = np.tile(np.array(before, dtype=np.float32), (len(keyframes.times), 1))
+            add_channel(document, animation, clock, np.hstack([held, keyframes.weights]).ravel(), node, "weights")
+            _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
+    if keyframes.root is not None:
+        add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     if animation["channels"]:
         gltf["animations"].insert(0, animation)  # the first is what viewers play
     return document
@@ -137,7 +137,7 @@ def _add_targets(
 def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
     """Invert (n, 3, 3) matrices; what one of them shrinks to nothing is not moved in it."""
     inverse = np.linalg.pinv(linear)
-    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= FARTHEST, inverse, 0).astype(np.float32)
+    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= MAX_COORDINATE, inverse, 0).astype(np.float32)
 
 
 def _turned(matrices: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,6 +1,6 @@
 """A character with a morph basis for live motion, in a .glb that engines need no addon for.
 
-The basis is fitted to recorded motion, or to motion that is made up: all performances of the examples, and an exercise
+The basis is fitted to recorded motion, or to synthetic motion: all performances of the examples, and an exercise
 of the handles. The character's root is left out of it: live, it is a translation that comes with every frame.
 """
 
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from capture.sources.demo import performances
 from capture.timeline import Timeline, resample
 from engine_bridge.export import morph_basis
-from engine_bridge.export.animation import Take, animate
-from engine_bridge.export.live_basis import REACH, LiveBasis, carry
+from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.live_basis import REACH, LiveBasis, add_basis
 from engine_bridge.export.morph_basis import MorphBasis
 from engine_bridge.performance.clip import Progress, load_timeline, resting_pose, solve
 from engine_bridge.performance.exercise import exercise
@@ -31,7 +31,7 @@ from solver.model.batch import BatchBinding
 TOLERANCE = 0.002
 """Largest error as a fraction of the diagonal where the user does not say: the poses at the end of a reach have it."""
 
-SHOWN = 20.0
+SHOWN_SECONDS = 20.0
 """Seconds of the motion that are put into the file as an animation, to look at."""
 
 
@@ -117,7 +117,9 @@ def bake(
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
     motion = (
-        recorded(rig, logs, settings, progress) if logs else made_up(rig, tuple(performances()), settings, progress)
+        recorded_motion(rig, logs, settings, progress)
+        if logs
+        else synthetic_motion(rig, tuple(performances()), settings, progress)
     )
     basis = fit(rig, motion, settings, progress)
     if not len(basis.directions):
@@ -143,7 +145,7 @@ def bake(
     )
 
 
-def recorded(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> Motion:
+def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> Motion:
     """Play logs, one after another.
 
     Raises
@@ -159,7 +161,7 @@ def recorded(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progr
     return _play(rig, read(), len(logs), settings, progress)
 
 
-def made_up(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
+def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
     """Play some of the examples' performances, and then exercise the handles."""
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
     takes = [(name, timeline, ()) for name, timeline in timelines.items()]
@@ -187,7 +189,7 @@ def _play(
             frames.append(solved.R)
             roots.append(solved.root)
         if not shown:
-            seen = timeline.times <= SHOWN
+            seen = timeline.times <= SHOWN_SECONDS
             shown.append((name, timeline.times[seen], np.concatenate(roots)[seen]))
         notes += about
         progress("Performing", (number + 1) / count)
@@ -216,8 +218,8 @@ def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:
     OutputError
     """
     root = None if rig.puppet.root is None else motion.root
-    take = Take(motion.name, motion.times, basis.weights[: len(motion.times)], root)
+    take = Keyframes(motion.name, motion.times, basis.weights[: len(motion.times)], root)
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.frames, basis)
     document = animate(rig.character, take, displacements)
-    carry(document, basis.directions, REACH, rig.model)
+    add_basis(document, basis.directions, REACH, rig.model)
     document.save(output)

@@ -4,7 +4,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from engine_bridge.export import forms, frames_animation, skinning
+from engine_bridge.export import frames_animation, skinning
+from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Form, Settings
@@ -54,7 +55,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     ------
     OutputError
     """
-    document, made = forms.make(clip, name, settings, progress)
+    document, result = export_clip(clip, name, settings, progress)
     document.save(output)
     of_solver = settings.form != "rig"
     p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
@@ -63,11 +64,11 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         form=settings.form,
         frames=len(clip.frames),
         seconds=float(clip.timeline.times[-1]),
-        targets=made.targets,
-        bones=made.bones,
-        following=made.following,
-        error=made.error,
-        rms=made.rms,
+        targets=result.targets,
+        bones=result.bones,
+        following=result.following,
+        error=result.error,
+        rms=result.rms,
         tolerance=settings.allowed,
         stretch_p1=p1,
         stretch_p50=p50,
@@ -75,7 +76,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         parts_apart=clip.parts_apart if of_solver else None,
         bytes=output.stat().st_size,
         repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
-        notes=(*clip.rig.character.document.notes, *made.notes, *clip.notes),
+        notes=(*clip.rig.character.document.notes, *result.notes, *clip.notes),
     )
 
 

@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character import schema
-from engine_bridge.character.assembly import LARGEST_SHORT
+from engine_bridge.character.assembly import MAX_UINT16_INDEX
 from engine_bridge.character.character import Character, Part
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.schema import Mesh, Primitive, copied
 from engine_bridge.character.shading import unit
 from puppetline.errors import MeshError, at
 
-OWN_SETS = 2
+KEPT_SETS = 2
 """Sets of texture coordinates that stay the character's: engines read no more of them."""
 
-LOOK = ("asset", "materials", "textures", "samplers", "images")
+APPEARANCE_KEYS = ("asset", "materials", "textures", "samplers", "images")
 """What is taken over as it is; pictures bring bytes with them."""
 
 
@@ -51,7 +51,7 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
     """
     document = _with_the_look_of(character.document)
     meshes: dict[int, Mesh] = {}
-    for part, place in zip(character.parts, character.places, strict=True):
+    for part, place in zip(character.parts, character.vertex_slices, strict=True):
         if part.node not in meshes:
             meshes[part.node] = _new_mesh(document, character, part)
         own = _primitive_of(character, part)
@@ -67,9 +67,9 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
 def _with_the_look_of(source: Document) -> Document:
     """Return a document with another one's materials and pictures, and nothing to show."""
     whole: dict[str, Any] = {**source.gltf}
-    look: Any = copied({name: whole[name] for name in LOOK if name in whole})
+    look: Any = copied({name: whole[name] for name in APPEARANCE_KEYS if name in whole})
     for index, material in enumerate(look["materials"]):
-        if max(_values(material, "texCoord"), default=0) >= OWN_SETS:
+        if max(_values(material, "texCoord"), default=0) >= KEPT_SETS:
             raise MeshError(
                 at(source.name, field=f"materials[{index}]"),
                 found="a picture that is laid out on the third set of texture coordinates, or a later one",
@@ -132,7 +132,7 @@ def _primitive(
     # a direction that is none is no glTF
     directed = np.where(normals.any(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
     none = np.zeros((count, 2), np.float32)
-    texture = [source.attribute(own, f"TEXCOORD_{number}", count, 2) for number in range(OWN_SETS)]
+    texture = [source.attribute(own, f"TEXCOORD_{number}", count, 2) for number in range(KEPT_SETS)]
     # glTF wants sets without a gap
     numbered = [*(none if values is None else values for values in texture), *sets]
     arrays = {
@@ -145,7 +145,7 @@ def _primitive(
     for name, values in arrays.items():
         if values is not None:
             attributes[name] = document.add(values.astype(np.float32), ARRAY_BUFFER)
-    indices = part.triangles.ravel().astype(np.uint16 if count - 1 <= LARGEST_SHORT else np.uint32)
+    indices = part.triangles.ravel().astype(np.uint16 if count - 1 <= MAX_UINT16_INDEX else np.uint32)
     return {"attributes": attributes, "indices": document.add(indices, ELEMENT_ARRAY_BUFFER)}
 
 

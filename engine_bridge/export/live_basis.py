@@ -31,7 +31,7 @@ from solver.motion.retarget import LIMIT_KNEE, levelled_off
 EXTRAS = "puppetline_morphs"
 """The name in the asset's extras."""
 
-SAME = 1e-3
+LENGTH_TOLERANCE = 1e-3
 """Share by which lengths may differ: computed elsewhere, a model of the same mesh differs by rounding."""
 
 UNLIMITED = 4.0
@@ -43,7 +43,7 @@ REACH = UNLIMITED / LIMIT_KNEE
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Carried(BaseModel):
+class _StoredBasis(BaseModel):
     """What a file says about its directions."""
 
     model_config = ConfigDict(strict=True, extra="ignore")
@@ -110,11 +110,11 @@ class LiveBasis:
         PuppetError
             No basis in it, or one for another mesh or other solver settings, or of an earlier version.
         """
-        directions, carried = _carried(Document.load(path), path, rig.model.rest_controls.shape)
+        directions, carried = _stored_basis(Document.load(path), path, rig.model.rest_controls.shape)
         lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
         metric = _metric(directions, _along(directions, rig.model))
         with np.errstate(all="ignore"):  # what is no number is not alike
-            alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= SAME
+            alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= LENGTH_TOLERANCE
         if not alike.all():
             raise _refused(str(path), "morph targets that were made for another mesh", path)
         basis = cls(directions, carried.reach, rig.model)
@@ -159,7 +159,7 @@ def _metric(directions: NDArray[np.floating], along: NDArray[np.float64]) -> NDA
     return directions.astype(np.float64).reshape(along.shape) @ along.T
 
 
-def carry(document: Document, directions: NDArray[np.floating], reach: float, model: ReducedModel) -> None:
+def add_basis(document: Document, directions: NDArray[np.floating], reach: float, model: ReducedModel) -> None:
     """Put the directions of a document's morph targets into it, for `LiveBasis.load`.
 
     Parameters
@@ -181,7 +181,7 @@ def carry(document: Document, directions: NDArray[np.floating], reach: float, mo
     asset["extras"] = {**extras, EXTRAS: carried}
 
 
-def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], _Carried]:
+def _stored_basis(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], _StoredBasis]:
     """Return the (K, 4m, 3) directions that a document carries, and what it says about them."""
     extras = document.gltf["asset"].get("extras")
     where = at(path, field=f"asset.extras.{EXTRAS}")
@@ -190,7 +190,7 @@ def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[ND
     if isinstance(extras[EXTRAS], dict) and "reach" not in extras[EXTRAS]:
         raise _refused(where, "one of an earlier version, whose weights are not limited to 0 … 1", path)
     try:
-        carried = _Carried.model_validate(extras[EXTRAS])
+        carried = _StoredBasis.model_validate(extras[EXTRAS])
     except ValidationError as error:
         raise _refused(where, f"a damaged one ({error.errors()[0]['msg']})", path) from error
     if carried.directions >= len(document.gltf["accessors"]):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.export.animation import Displacements
-from engine_bridge.export.normals import AT_A_TIME, TurningNormals
+from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.frame_store import Frames, evenly
 from solver.model.batch import FRAMES as CHUNK
@@ -26,13 +26,13 @@ from solver.model.batch import BatchBinding
 from solver.model.reduced_model import NULL_SPACE, ReducedModel
 from solver.surface.mesh import SolverMesh
 
-SAMPLE = 500
+SAMPLE_SIZE = 500
 """Vertices, and frames, by which the number of targets is first estimated."""
 
-WORST = 8
+MAX_ADDED_SAMPLES = 8
 """Places of large errors that the sample takes in when it was wrong."""
 
-NOISE = 1e-14
+NOISE_ENERGY_SHARE = 1e-14
 """Share of a clip's energy below which a direction is rounding."""
 
 NORMAL_FRAMES_PER_TARGET = 3
@@ -151,7 +151,9 @@ def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
 
 def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the eigenvalues (r,) above rounding, the largest first, and their eigenvectors as columns."""
-    energy, vectors = scipy.linalg.eigh(gram, subset_by_value=(NOISE * max(np.trace(gram), 1e-300), np.inf))
+    energy, vectors = scipy.linalg.eigh(
+        gram, subset_by_value=(NOISE_ENERGY_SHARE * max(np.trace(gram), 1e-300), np.inf)
+    )
     return energy[::-1], vectors[:, ::-1]
 
 
@@ -173,8 +175,8 @@ class _Sample:
     ) -> None:
         self._model, self._binding = model, binding
         self._frames, self._directions = frames, directions
-        self._vertices = evenly(len(binding), SAMPLE)
-        self._chosen = evenly(len(frames), SAMPLE)
+        self._vertices = evenly(len(binding), SAMPLE_SIZE)
+        self._chosen = evenly(len(frames), SAMPLE_SIZE)
 
     def include(self, frames: NDArray[np.int64], vertices: NDArray[np.int64]) -> None:
         self._chosen = np.union1d(self._chosen, frames)
@@ -218,7 +220,7 @@ def _measure(
         at_frames.append(start + worst)
         at_vertices.append(int(vertex[worst]))
         progress(min(1.0, (start + CHUNK) / len(frames)))
-    far = np.argsort(distances)[-WORST:]
+    far = np.argsort(distances)[-MAX_ADDED_SAMPLES:]
     basis = MorphBasis(directions, unit_weights, weights, max(distances))
     return basis, (np.array(at_frames)[far], np.array(at_vertices)[far])
 
@@ -250,7 +252,7 @@ def displacements(
         normals = _normal_targets(TurningNormals(character, mesh, model), frames, basis.weights)
 
     def of_part(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-        part, place = character.parts[number], character.places[number]
+        part, place = character.parts[number], character.vertex_slices[number]
         positions = basis.targets(BatchBinding(model, part.vertices, mesh.of_render[place]))
         return positions, None if normals is None or part.normals is None else normals[:, place]
 
@@ -267,8 +269,8 @@ def _normal_targets(turning: TurningNormals, frames: Frames, weights: NDArray[np
     chosen = evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
     solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).T.astype(np.float32)
     fitted = np.zeros((3 * len(turning), count), dtype=np.float32)
-    for start in range(0, len(chosen), AT_A_TIME):
-        chunk = slice(start, start + AT_A_TIME)
+    for start in range(0, len(chosen), FRAMES_PER_CHUNK):
+        chunk = slice(start, start + FRAMES_PER_CHUNK)
         moved = turning.displacements(frames[chosen[chunk]])
         fitted += moved.reshape(len(fitted), -1) @ solve[chunk]
     return fitted.reshape(len(turning), 3, count).transpose(2, 0, 1)

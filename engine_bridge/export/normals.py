@@ -9,7 +9,7 @@ from solver.model.batch import BatchBinding
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
-AT_A_TIME = 32
+FRAMES_PER_CHUNK = 32
 """Frames to ask for at a time: three arrays of all normals are in memory."""
 
 

@@ -10,18 +10,18 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
 from engine_bridge.character.schema import Animation
-from engine_bridge.export.animation import Take, add_channel, show_all
+from engine_bridge.export.animation import Keyframes, add_channel, show_all
 from engine_bridge.performance.frame_store import Frames
 from engine_bridge.puppet.rig_bones import RigBones
 from puppetline.errors import MeshError, at
 from solver.model import polar
 
-AT_A_TIME = 1024
+FRAMES_PER_CHUNK = 1024
 """Frames."""
 
 NO_ROTATION = [0.0, 0.0, 0.0, 1.0]
 
-EXACT = 1e-4
+SCALE_TOLERANCE = 1e-4
 """Relative difference of scales up to which an axis is as long as another: files hold rounded numbers."""
 
 
@@ -46,8 +46,10 @@ class RigAnimation:
     uneven: tuple[str, ...]
 
 
-def animate_rig(character: Character, take: Take, bones: RigBones, motions: Frames) -> tuple[Document, RigAnimation]:
-    """Put a take into a copy of a character's document, as rotations of its own joints.
+def animate_rig(
+    character: Character, keyframes: Keyframes, bones: RigBones, motions: Frames
+) -> tuple[Document, RigAnimation]:
+    """Add an animation to a copy of a character's document that turns the joints of its own skeleton.
 
     With T_b the motion of a bone, a joint's rotation in the world becomes that of T_b times its own at rest, and its
     local rotation follows from the new transform of the node above it. Local translations and scales stay, other than
@@ -57,7 +59,7 @@ def animate_rig(character: Character, take: Take, bones: RigBones, motions: Fram
     Parameters
     ----------
     character : Character
-    take : Take
+    keyframes : Keyframes
         Its weights are not looked at.
     bones : RigBones
         Of the character.
@@ -77,15 +79,15 @@ def animate_rig(character: Character, take: Take, bones: RigBones, motions: Fram
     """
     document = character.document.copy()
     show_all(document.gltf)
-    moves = bones.shares.any(axis=1) | (take.root is not None and bool(take.root.any()))
+    moves = bones.shares.any(axis=1) | (keyframes.root is not None and bool(keyframes.root.any()))
     shown = np.abs(np.linalg.det(_Rest.of(document, bones).above)) > 0  # a scale of 0 hides what is below it
     turning, travelling = bones.turning & shown, bones.placed & moves & shown
     for node in bones.nodes[turning | travelling].tolist():
         _unpack_matrix(document, node)
     rest = _Rest.of(document, bones)
-    keys, error = _all_keys(rest, bones, motions, take, turning, travelling)
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    keys, error = _all_keys(rest, bones, motions, keyframes, turning, travelling)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     for (row, path), values in keys.items():
         add_channel(document, animation, clock, values, int(bones.nodes[row]), path)
     if animation["channels"]:
@@ -142,12 +144,12 @@ def _all_keys(
     rest: _Rest,
     bones: RigBones,
     motions: Frames,
-    take: Take,
+    keyframes: Keyframes,
     turning: NDArray[np.bool_],
     travelling: NDArray[np.bool_],
 ) -> tuple[dict[tuple[int, str], NDArray[np.float32]], float]:
     """Return the keys of joints that turn and travel, by row and path, and how far joints are from their bones."""
-    count, error = len(take.times), 0.0
+    count, error = len(keyframes.times), 0.0
     paths = [
         (row, path)
         for row in range(len(bones.nodes))
@@ -155,9 +157,9 @@ def _all_keys(
         if chosen[row]
     ]
     keys = {(row, path): np.empty((count, 4 if path == "rotation" else 3), dtype=np.float32) for row, path in paths}
-    for start in range(0, count, AT_A_TIME):
-        chunk = slice(start, min(start + AT_A_TIME, count))
-        root = np.zeros((chunk.stop - start, 3)) if take.root is None else take.root[chunk].astype(np.float64)
+    for start in range(0, count, FRAMES_PER_CHUNK):
+        chunk = slice(start, min(start + FRAMES_PER_CHUNK, count))
+        root = np.zeros((chunk.stop - start, 3)) if keyframes.root is None else keyframes.root[chunk].astype(np.float64)
         solved, away = _solve(rest, bones, motions[chunk].astype(np.float64), root, turning, travelling)
         for (row, path), values in solved.items():
             before = keys[row, path][start - 1] if start else None
@@ -215,7 +217,7 @@ def _blend(turns: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[n
 
 
 def _without_jumps(keys: NDArray[np.float64], before: NDArray[np.float32] | None) -> NDArray[np.float64]:
-    """Take of each two quaternions (f, 4) of a rotation the one nearer to the frame before."""
+    """Choose of each two quaternions (f, 4) of a rotation the one nearer to the frame before."""
     earlier = keys[:1] if before is None else before[None].astype(np.float64)
     products = np.einsum("fc,fc->f", keys, np.concatenate([earlier, keys[:-1]]))
     return keys * np.cumprod(np.where(products < 0, -1, 1))[:, None]
@@ -225,7 +227,7 @@ def _even(transform: NDArray[np.float64]) -> bool:
     """Tell whether a transform scales all directions alike."""
     squares = transform[:3, :3].T @ transform[:3, :3]
     size = np.trace(squares) / 3
-    return bool(np.abs(squares - size * np.eye(3)).max() <= EXACT * size)
+    return bool(np.abs(squares - size * np.eye(3)).max() <= SCALE_TOLERANCE * size)
 
 
 def _unpack_matrix(document: Document, index: int) -> None:

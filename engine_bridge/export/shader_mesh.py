@@ -17,13 +17,13 @@ from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
-MOST_FIELDS = 8
+MAX_FIELDS = 8
 """Ladder coordinates that fit into two vertex attributes of four numbers."""
 
 
 @dataclass(frozen=True)
-class LadderSummary:
-    """What `write_ladder` has to say about its result."""
+class ShaderMeshSummary:
+    """What `write_shader_mesh` has to say about its result."""
 
     output: str
     vertices: int
@@ -38,7 +38,7 @@ class LadderSummary:
         return asdict(self)
 
 
-def write_ladder(puppet: Path, output: Path) -> LadderSummary:
+def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
     """Write a puppet's character at rest as a .glb with ladder coordinates.
 
     Parameters
@@ -55,20 +55,20 @@ def write_ladder(puppet: Path, output: Path) -> LadderSummary:
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     ladder = rig.model.ladder[rig.mesh.of_render]
     count, fields = ladder.shape
-    if fields > MOST_FIELDS:
+    if fields > MAX_FIELDS:
         raise PuppetError(
             at(puppet, field="[solver], fields"),
             found=f"{fields} fields",
-            expected=f"at most {MOST_FIELDS}, whose ladder coordinates fit into the attributes of a vertex",
-            fix=f"Set it to {MOST_FIELDS}, or let the engine take the mesh from the service.",
+            expected=f"at most {MAX_FIELDS}, whose ladder coordinates fit into the attributes of a vertex",
+            fix=f"Set it to {MAX_FIELDS}, or let the engine take the mesh from the service.",
         )
-    coordinates = np.zeros((count, MOST_FIELDS), np.float32)
+    coordinates = np.zeros((count, MAX_FIELDS), np.float32)
     coordinates[:, :fields] = ladder
     numbers = np.column_stack([np.arange(count), np.zeros(count)]).astype(np.float32)
-    sets = [*np.split(coordinates, MOST_FIELDS // 2, axis=1), numbers]
+    sets = [*np.split(coordinates, MAX_FIELDS // 2, axis=1), numbers]
     document = flatten(rig.character, drawn_normals(rig.character), sets)
     document.save(output)
-    return LadderSummary(
+    return ShaderMeshSummary(
         output=str(output),
         vertices=count,
         triangles=len(rig.character.triangles),

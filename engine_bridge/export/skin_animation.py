@@ -12,22 +12,22 @@ from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER,
 from engine_bridge.character.scene import skinning as carried_by_skin
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
-from engine_bridge.export.animation import Take, add_channel, add_root, own_mesh, show_all
+from engine_bridge.export.animation import Keyframes, add_channel, add_root, own_mesh, show_all
 from engine_bridge.export.skinning import Skinning
 
-LEAST_LENGTH = 1e-30
+MIN_LENGTH = 1e-30
 UP = (0.0, 1.0, 0.0)
 """A normal of what has none."""
 
 TRANSFORMS = ("translation", "rotation", "scale")
-STAYS = (*TRANSFORMS, "matrix", "children", "camera")
+PLACE_KEYS = (*TRANSFORMS, "matrix", "children", "camera")
 """What is left behind where a mesh was shown when its node goes to the top of the scene."""
 
 
 def animate_skin(
-    character: Character, take: Take, skinning: Skinning, follows: NDArray[np.int64]
+    character: Character, keyframes: Keyframes, skinning: Skinning, follows: NDArray[np.int64]
 ) -> tuple[Document, tuple[str, ...]]:
-    """Put a take into a copy of a character's document, as bones that its meshes are bound to.
+    """Bind the meshes of a copy of a character's document to new bones, and add their animation.
 
     A skinned mesh ignores the nodes above it (glTF 2.0, section 3.7.3.3): its vertices are brought into world
     coordinates and its node to the top of the scene. The bones lie side by side under one node, `skeleton`; points and
@@ -37,7 +37,7 @@ def animate_skin(
     Parameters
     ----------
     character : Character
-    take : Take
+    keyframes : Keyframes
         Its weights are not looked at.
     skinning : Skinning
     follows : (N,) int64
@@ -59,7 +59,7 @@ def animate_skin(
     skin, joints = _add_skeleton(document, skinning)
     bound = {
         (part.node, part.primitive): follows[place]
-        for part, place in zip(character.parts, character.places, strict=True)
+        for part, place in zip(character.parts, character.vertex_slices, strict=True)
     }
     for node in nodes:
         for index, primitive in enumerate(gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]):
@@ -68,18 +68,18 @@ def animate_skin(
         gltf["nodes"][node]["skin"] = skin
     _forget_unused_skins(gltf)
 
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     for bone, joint in enumerate(joints):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
     for node in nodes:
         held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
         if any(held):  # Godot forgets the weights that a mesh has at rest, but plays those of an animation
-            weights = np.tile(np.array(held, dtype=np.float32), len(take.times))
+            weights = np.tile(np.array(held, dtype=np.float32), len(keyframes.times))
             add_channel(document, animation, clock, weights, node, "weights")
-    if take.root is not None:
-        add_channel(document, animation, clock, take.root, add_root(document), "translation")
+    if keyframes.root is not None:
+        add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     gltf["animations"].insert(0, animation)  # the first is what viewers play
     return document, notes
 
@@ -165,7 +165,7 @@ def _transform(document: Document, primitive: Primitive, to_world: NDArray[np.fl
         if name == "POSITION":
             turned += to_world[:, :3, 3]
         else:
-            turned[np.linalg.norm(turned, axis=1) < LEAST_LENGTH] = UP  # of a part that is scaled to nothing
+            turned[np.linalg.norm(turned, axis=1) < MIN_LENGTH] = UP  # of a part that is scaled to nothing
             lengths[name] = np.linalg.norm(turned, axis=1, keepdims=True)
             turned /= lengths[name]
         if name == "TANGENT":
@@ -220,7 +220,7 @@ def _bind(document: Document, primitive: Primitive, skinning: Skinning, follows:
 def _bring_to_the_top(gltf: Gltf, node: int) -> None:
     """Bring a node to the top of the scene, bare of transforms; what hangs on it stays, on a node in its place."""
     table = gltf["nodes"][node]
-    left: Node = {key: table.pop(key) for key in STAYS if key in table}  # type: ignore[misc, assignment]
+    left: Node = {key: table.pop(key) for key in PLACE_KEYS if key in table}  # type: ignore[misc, assignment]
     tops = gltf["scenes"][gltf.get("scene", 0)]["nodes"]
     rows = [tops, *(other["children"] for other in gltf["nodes"] if "children" in other)]
     row = next((row for row in rows if node in row), tops)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-INFLUENCES = 4
+MAX_INFLUENCES = 4
 """Bones a vertex; players need support no more (glTF 2.0, section 3.7.3.3)."""
 
-LIKENESS = 1e-6
+REGULARISATION = 1e-6
 """λ for each frame, in squared diagonals: of what is tried between 1e-8 and 1e-3, it leaves the fewest creases."""
 
 
@@ -32,10 +32,10 @@ def solve(missed: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
     Returns
     -------
     (n, K) float64
-        Of each vertex at most `INFLUENCES` that are not 0, none negative; their sum is 1.
+        Of each vertex at most `MAX_INFLUENCES` that are not 0, none negative; their sum is 1.
     """
     count, candidates, _ = missed.shape
-    likeness = LIKENESS * missed.shape[2] / 3
+    likeness = REGULARISATION * missed.shape[2] / 3
     # the multiplier of Σ w = 1 is the last unknown
     system = np.ones((count, candidates + 1, candidates + 1))
     system[:, :-1, :-1] = missed @ missed.transpose(0, 2, 1) + likeness * np.eye(candidates)
@@ -50,7 +50,7 @@ def solve(missed: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
         weights[todo] = found = (inverse @ np.where(there, right[todo], 0)[..., None])[:, :-1, 0]
         there = there[:, :-1]
         outside = found.min(axis=1) < 0
-        again = outside | (there.sum(axis=1) > INFLUENCES)
+        again = outside | (there.sum(axis=1) > MAX_INFLUENCES)
         stiffness = np.maximum(np.diagonal(inverse, axis1=1, axis2=2)[:, :-1], np.finfo(float).tiny)
         loss = np.where(outside[:, None], found, found**2 / stiffness)
         taken[todo[again], np.where(there, loss, np.inf).argmin(axis=1)[again]] = False
@@ -64,7 +64,7 @@ def packed(weights: NDArray[np.float64], bones: NDArray[np.int64]) -> tuple[NDAr
     Parameters
     ----------
     weights : (n, K) float64
-        Of each vertex at most `INFLUENCES` that are not 0; sum 1.
+        Of each vertex at most `MAX_INFLUENCES` that are not 0; sum 1.
     bones : (n, K) int64
         The bone of each weight, below 128.
 
@@ -75,9 +75,9 @@ def packed(weights: NDArray[np.float64], bones: NDArray[np.int64]) -> tuple[NDAr
     bones : (n, 4) uint8
         0 where the weight is.
     """
-    missing = max(0, INFLUENCES - weights.shape[1])
+    missing = max(0, MAX_INFLUENCES - weights.shape[1])
     weights, bones = np.pad(weights, ((0, 0), (0, missing))), np.pad(bones, ((0, 0), (0, missing)))
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :MAX_INFLUENCES]
     largest = np.take_along_axis(weights, order, axis=1).astype(np.float32)
     largest[:, 0] = 1 - largest[:, 1:].sum(axis=1)
     return largest, np.where(largest > 0, np.take_along_axis(bones, order, axis=1), 0).astype(np.uint8)

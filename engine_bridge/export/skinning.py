@@ -24,37 +24,37 @@ from solver.model.reduced_model import ReducedModel, position_matrix
 from solver.motion.deformer import to_file_units
 from solver.surface.mesh import SolverMesh
 
-COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+BONE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of bones that are tried, the fewest first."""
 
-FRAMES, VERTICES = 60, 2000
+SAMPLE_FRAMES, SAMPLE_VERTICES = 60, 2000
 """Size of the sample that Dem Bones sees."""
 
 ITERATIONS = 40
 """Turns of Dem Bones between weights and motion."""
 
-PROBES = 500
+PROBE_VERTICES = 500
 """Vertices by which frames are compared."""
 
-TELLING = 5
+COMPARED_POSES = 5
 """Poses, the rest pose among them, by which vertices are compared: what is near in all of them moves alike."""
 
-ELIGIBLE = 20_000
+CANDIDATE_VERTICES = 20_000
 """Vertices among which the sample is chosen."""
 
 NEIGHBOURS = 6
 """Vertices of the sample that a vertex looks at."""
 
-CANDIDATES = 8
+CANDIDATE_BONES = 8
 """Bones that are tried for a vertex."""
 
-NEARLY_NOTHING = 1e-4
+DISTANCE_OFFSET = 1e-4
 """Diagonals that keep the nearness of a vertex to itself finite."""
 
-FRAMES_AT_ONCE = 16
+FRAMES_PER_CHUNK = 16
 """Frames that are compared at a time."""
 
-CHUNK = 512
+VERTICES_PER_CHUNK = 512
 """Vertices that are solved for at a time."""
 
 Progress = Callable[[float], None]
@@ -133,7 +133,7 @@ def fit(
     Returns
     -------
     Skinning
-        The first of `COUNTS` within the tolerance, else the closest.
+        The first of `BONE_COUNTS` within the tolerance, else the closest.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def fit(
     """
     require_dem_bones()
     sample = _Sample(model, mesh, frames)
-    counts = COUNTS if bones is None else (bones,)
+    counts = BONE_COUNTS if bones is None else (bones,)
     best: Skinning | None = None
     for step, count in enumerate(counts):
         found = sample.decompose(count)
@@ -174,15 +174,15 @@ class _Sample:
         self._W = position_matrix(self._rest, model.ladder.astype(np.float64), model.weights, model.isolines)
         count = len(self._rest)
         poses = np.concatenate([model.rest_controls[None], frames])
-        seen = _places(self._W[evenly(count, PROBES)], poses)
-        self._frames = poses[farthest(seen.swapaxes(0, 1).reshape(len(poses), -1), FRAMES)]
-        moves = _places(self._W, self._frames[:TELLING]).reshape(count, -1)
-        eligible = evenly(count, ELIGIBLE)
-        self._vertices = eligible[farthest(moves[eligible], VERTICES)]
+        seen = _places(self._W[evenly(count, PROBE_VERTICES)], poses)
+        self._frames = poses[farthest(seen.swapaxes(0, 1).reshape(len(poses), -1), SAMPLE_FRAMES)]
+        moves = _places(self._W, self._frames[:COMPARED_POSES]).reshape(count, -1)
+        eligible = evenly(count, CANDIDATE_VERTICES)
+        self._vertices = eligible[farthest(moves[eligible], SAMPLE_VERTICES)]
         ranks = range(1, min(NEIGHBOURS, len(self._vertices)) + 1)
         distance, near = cKDTree(moves[self._vertices]).query(moves, k=ranks)
         self._near: NDArray[np.int64] = np.asarray(near)
-        nearness = 1 / (np.asarray(distance) + NEARLY_NOTHING) ** 2
+        nearness = 1 / (np.asarray(distance) + DISTANCE_OFFSET) ** 2
         self._share = nearness / nearness.sum(axis=1, keepdims=True)
         self._links = links(moves[self._vertices])
 
@@ -225,10 +225,10 @@ class _Sample:
         count = of_sample.shape[1]
         lines = motion.transpose(3, 1, 0, 2).reshape(4, -1)
         weights, bones = [], []
-        for start in range(0, len(chosen), CHUNK):
-            part = chosen[start : start + CHUNK]
+        for start in range(0, len(chosen), VERTICES_PER_CHUNK):
+            part = chosen[start : start + VERTICES_PER_CHUNK]
             expected = np.einsum("nk,nkb->nb", self._share[part], of_sample[self._near[part]])
-            candidates = np.argsort(-expected, axis=1, kind="stable")[:, :CANDIDATES]
+            candidates = np.argsort(-expected, axis=1, kind="stable")[:, :CANDIDATE_BONES]
             carried = _with_one(self._rest[part]) @ lines
             missed = carried.reshape(len(part), count, -1)[np.arange(len(part))[:, None], candidates]
             missed -= _places(self._W[part], self._frames).reshape(len(part), 1, -1)
@@ -247,8 +247,8 @@ class _Sample:
         binding = Binding.of_solver_mesh(self._model, self._mesh)
         lines = bone_motion.blend_lines(binding.rest, weights)
         largest = total = 0.0
-        for start in range(0, len(rotations), FRAMES_AT_ONCE):
-            part = slice(start, start + FRAMES_AT_ONCE)
+        for start in range(0, len(rotations), FRAMES_PER_CHUNK):
+            part = slice(start, start + FRAMES_PER_CHUNK)
             turns = Rotation.from_quat(rotations[part].reshape(-1, 4)).as_matrix().reshape(-1, len(joints), 3, 3)
             offset = translations[part] - np.einsum("fbij,bj->fbi", turns, joints)
             played = bone_motion.carried(lines, np.concatenate([turns, offset[..., None]], axis=-1))
@@ -301,7 +301,7 @@ def dem_bones(
 
     solver = DemBones()
     solver.nV, solver.nF, _ = places.shape
-    solver.nS, solver.nB, solver.nnz, solver.nIters = 1, count, skin_weights.INFLUENCES, ITERATIONS
+    solver.nS, solver.nB, solver.nnz, solver.nIters = 1, count, skin_weights.MAX_INFLUENCES, ITERATIONS
     solver.transAffine = bone_motion.AFFINITY
     solver.fStart = np.array([0, solver.nF], dtype=np.int32)
     solver.subjectID = np.zeros(solver.nF, dtype=np.int32)

@@ -8,37 +8,37 @@ from numpy.typing import NDArray
 from capture import body
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 
-SECOND = 1.0
+STILL_SECONDS = 1.0
 """Seconds for which a performer must stand still."""
 
-NOW = 0.4
+POSE_SECONDS = 0.4
 """Seconds whose median is the pose at a moment."""
 
-MOST_FRAMES = 240
+MAX_FRAMES = 240
 
-DRIFT = 0.03
+MAX_DRIFT_METRES = 0.03
 """Metres that a joint may have moved from the first half of the second to the other; a Kinect's noise averages out."""
 
-UNSTEADY = 0.1
+MAX_MOVING_SHARE = 0.1
 """Share of the joints that may have moved more: sensors guess at hands and feet."""
 
-FEWEST_FRAMES, FEWEST_JOINTS = 8, 6
+MIN_FRAMES, MIN_JOINTS = 8, 6
 """Below these there is too little to tell a pose by."""
 
-SAME_BODY = 0.12
+MAX_LENGTH_DIFFERENCE = 0.12
 """Mean relative difference of bone lengths up to which it may be the same person."""
 
 
-class LastSecond:
+class RecentFrames:
     """A performer's last second, to be asked whether they stood still."""
 
     def __init__(self) -> None:
-        self._frames: deque[SkeletonFrame] = deque(maxlen=MOST_FRAMES)
+        self._frames: deque[SkeletonFrame] = deque(maxlen=MAX_FRAMES)
 
     def add(self, frame: SkeletonFrame) -> None:
         """Take the next frame."""
         self._frames.append(frame)
-        while frame.time - self._frames[0].time > SECOND:
+        while frame.time - self._frames[0].time > STILL_SECONDS:
             self._frames.popleft()
 
     def forget(self) -> None:
@@ -47,19 +47,19 @@ class LastSecond:
 
     def still(self) -> bool:
         """Tell whether the performer stood still for the whole second."""
-        if len(self._frames) < FEWEST_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * SECOND:
+        if len(self._frames) < MIN_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * STILL_SECONDS:
             return False
-        positions, confidence = self._stacked(SECOND)
+        positions, confidence = self._stacked(STILL_SECONDS)
         seen = np.where((confidence > LOST)[..., None], positions, np.nan)
         half = len(seen) // 2
         known = (confidence[:half] > LOST).any(axis=0) & (confidence[half:] > LOST).any(axis=0)
-        if np.count_nonzero(known) < FEWEST_JOINTS:
+        if np.count_nonzero(known) < MIN_JOINTS:
             return False
         before, after = np.nanmean(seen[:half, known], axis=0), np.nanmean(seen[half:, known], axis=0)
-        moved = np.linalg.norm(after - before, axis=1) > DRIFT
-        return bool(moved.mean() <= UNSTEADY)
+        moved = np.linalg.norm(after - before, axis=1) > MAX_DRIFT_METRES
+        return bool(moved.mean() <= MAX_MOVING_SHARE)
 
-    def pose(self, seconds: float = SECOND) -> NDArray[np.float64]:
+    def pose(self, seconds: float = STILL_SECONDS) -> NDArray[np.float64]:
         """Return the median pose (20, 3) of the last `seconds`, NaN for joints that were never seen in them."""
         positions, confidence = self._stacked(seconds)
         return body.resting_pose(positions, confidence, 0, len(positions))
@@ -79,4 +79,4 @@ class LastSecond:
 def same_body(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Tell whether two poses (20, 3) may be of one person, by the lengths of their bones."""
     ours, theirs = (np.array(list(body.bone_lengths(pose).values())) for pose in (one, other))
-    return bool(np.mean(np.abs(ours - theirs)) <= SAME_BODY * np.mean(ours))
+    return bool(np.mean(np.abs(ours - theirs)) <= MAX_LENGTH_DIFFERENCE * np.mean(ours))

@@ -25,7 +25,7 @@ from solver.surface.contacts import PartSeparation
 REST_SECONDS = 0.5
 """Length of the moment whose median pose is the performer's rest pose."""
 
-SHORTEST_CLIP = 2
+MIN_CLIP_FRAMES = 2
 """Frames; one alone is a pose and not an animation."""
 
 Progress = Callable[[str, float], None]
@@ -85,11 +85,11 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     except SkeletonLogError as error:  # these know clips, not files
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
-    if len(timeline.positions) < SHORTEST_CLIP:
+    if len(timeline.positions) < MIN_CLIP_FRAMES:
         raise SkeletonLogError(
             log,
             found=f"a clip that gives a single frame at {settings.fps:g} a second",
-            expected=f"at least {SHORTEST_CLIP} frames",
+            expected=f"at least {MIN_CLIP_FRAMES} frames",
             fix="Take a longer recording, or raise --fps.",
         )
     if settings.rest_at > timeline.times[-1]:

@@ -15,19 +15,19 @@ from solver.motion.motion_blend import moved_by
 from solver.motion.quaternions import across
 from solver.motion.retarget import soft_limit
 
-ALONE = 15
+SINGLE_FRAMES = 15
 """Frames of a handle's way along one axis and back, and of a bone's turn about one."""
 
-TOGETHER = 900
+COMBINED_FRAMES = 900
 """Frames in which all handles and bones move at once."""
 
-WAVES = 3
+WAVE_COUNT = 3
 """Sine waves that are added up for each coordinate of a handle then, and for each axis of a bone."""
 
-TURN, TRUNK_TURN = 1.8, 0.7
+LIMB_TURN_RADIANS, TRUNK_TURN_RADIANS = 1.8, 0.7
 """Radians by which a bone of a limb, and one of the trunk, is turned against the bone that it hangs on."""
 
-FAR = 1.2
+TARGET_SHARE = 1.2
 """How far handles are drawn, as a share of their reach; the limit that holds for performers brings them back within."""
 
 SEED = 1
@@ -55,7 +55,7 @@ def exercise(rig: Rig, rest: NDArray[np.float64], at_a_time: int) -> Iterator[ND
     free = mapping.axes & (mapping.matrix != 0).any(axis=1, keepdims=True)
     axes = _axes(rig.puppet.limbs, deformer.bones)
     shares = _shares(np.concatenate([free, axes.any(axis=2)]))
-    moved = FAR * (shares[:, : len(free)] @ rig.puppet.character.basis)
+    moved = TARGET_SHARE * (shares[:, : len(free)] @ rig.puppet.character.basis)
     moved *= np.where(moved < 0, reach[..., 0], reach[..., 1])
     targets = deformer.handles + mapping.gain[:, None] * soft_limit(moved, reach)
     turned = np.einsum("fba,bax->fbx", shares[:, len(free) :], axes)
@@ -83,17 +83,20 @@ def _axes(limbs: Sequence[Limb], bones: Bones) -> NDArray[np.float64]:
         axes[0] = across(tuple(along))
         axes[1] = np.cross(along, axes[0])
         axes[2] = along if name == TRUNK else 0.0
-        axes *= TRUNK_TURN if name == TRUNK else TURN
+        axes *= TRUNK_TURN_RADIANS if name == TRUNK else LIMB_TURN_RADIANS
     return out
 
 
 def _shares(free: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return how far things go in each frame (F, k, 3), from −1 to 1 along the axes in which they are free (k, 3)."""
-    there_and_back = np.sin(np.linspace(0, np.pi, ALONE)) ** 2
-    alone = np.zeros((np.count_nonzero(free), 2, ALONE, *free.shape))
+    there_and_back = np.sin(np.linspace(0, np.pi, SINGLE_FRAMES)) ** 2
+    alone = np.zeros((np.count_nonzero(free), 2, SINGLE_FRAMES, *free.shape))
     for way, (handle, axis) in zip(alone, np.argwhere(free), strict=True):
         way[:, :, handle, axis] = np.array([[1.0], [-1.0]]) * there_and_back
-    random, seconds = np.random.default_rng(SEED), np.arange(TOGETHER) / 30
-    hertz, phase = random.uniform(0.2, 0.8, (WAVES, *free.shape)), random.uniform(0, 2 * np.pi, (WAVES, *free.shape))
-    waves = np.sin(2 * np.pi * hertz * seconds[:, None, None, None] + phase).sum(axis=1) / np.sqrt(WAVES)
+    random, seconds = np.random.default_rng(SEED), np.arange(COMBINED_FRAMES) / 30
+    hertz, phase = (
+        random.uniform(0.2, 0.8, (WAVE_COUNT, *free.shape)),
+        random.uniform(0, 2 * np.pi, (WAVE_COUNT, *free.shape)),
+    )
+    waves = np.sin(2 * np.pi * hertz * seconds[:, None, None, None] + phase).sum(axis=1) / np.sqrt(WAVE_COUNT)
     return np.concatenate([alone.reshape(-1, *free.shape), waves * free])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from puppetline.errors import OutputError
 
-IN_MEMORY = 32_000_000
+MAX_MEMORY_BYTES = 32_000_000
 """Bytes beyond which frames go to a temporary file."""
 
 
@@ -37,7 +37,7 @@ class FrameStore:
         self._shape = shape
         self._size = 4 * int(np.prod(shape))
         self._count = 0
-        self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115  # goes when this goes
+        self._file = tempfile.SpooledTemporaryFile(max_size=MAX_MEMORY_BYTES)  # noqa: SIM115  # goes when this goes
 
     def append(self, frames: NDArray[np.floating]) -> None:
         """Add some (F, …) frames, as float32.

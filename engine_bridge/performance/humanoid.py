@@ -65,10 +65,10 @@ PARENTS: dict[str, str] = {
 }
 """The bone that each hangs on."""
 
-COLLAR = 0.25
+SHOULDER_SHARE = 0.25
 """Where a shoulder begins on the way from the end of the trunk to the upper arm."""
 
-FLAT = 0.1
+MIN_HEADING_SHARE = 0.1
 """Least horizontal share of a foot's direction by which it has a heading."""
 
 
@@ -164,7 +164,7 @@ def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
     for name in LIMBS:
         if name in by_name:
             if name.endswith("arm"):
-                collar = trunk_end + COLLAR * (by_name[name].points[0] - trunk_end)
+                collar = trunk_end + SHOULDER_SHARE * (by_name[name].points[0] - trunk_end)
                 found[f"{name.split()[0].capitalize()}Shoulder"] = found["Chest"][0], collar
             for bone, number, place in _named(by_name[name], [bone for bone in LIMBS[name] if bone not in found]):
                 found[bone] = first[name] + number, place
@@ -224,7 +224,7 @@ def _to_rest(limbs: Sequence[Limb], bones: Bones, axes: NDArray[np.float64]) -> 
 def _heading(aim: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the turn about the upright axis of a foot that points somewhere; no more, for at rest its sole is flat."""
     flat = float(np.hypot(aim[0], aim[2]))
-    if flat < FLAT:
+    if flat < MIN_HEADING_SHARE:
         return np.eye(3)
     s, c = aim[0] / flat, aim[2] / flat
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])

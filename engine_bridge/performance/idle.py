@@ -34,7 +34,7 @@ class Places(NamedTuple):
     root: NDArray[np.float64]
 
 
-CROSSFADE = 0.5
+CROSSFADE_SECONDS = 0.5
 """Seconds in which the end of the performance goes over into its beginning."""
 
 
@@ -114,4 +114,4 @@ def _seamless_motions(motions: NDArray[np.float64], fps: float, bones: Bones) ->
 
 def _overlap(frames: int, fps: float) -> int:
     """Return how many frames at the end go over into the beginning."""
-    return min(round(CROSSFADE * fps), frames // 2)
+    return min(round(CROSSFADE_SECONDS * fps), frames // 2)

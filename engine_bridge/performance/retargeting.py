@@ -172,8 +172,8 @@ def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArra
         The performer, sensor frame.
     """
     mapping = puppet.mapping
-    if puppet.units_a_metre is not None or not puppet.handle:
-        count, units = len(puppet.handle), puppet.units_a_metre or 1.0
+    if puppet.units_per_metre is not None or not puppet.handle:
+        count, units = len(puppet.handle), puppet.units_per_metre or 1.0
         return Fit(np.full(count, units), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
@@ -286,8 +286,8 @@ def _root_scale(
     A character that stands on its feet is measured by its legs, so that a step is as long as the legs make it; any
     other by its height.
     """
-    if puppet.units_a_metre is not None:
-        return puppet.units_a_metre
+    if puppet.units_per_metre is not None:
+        return puppet.units_per_metre
     if legs:
         performers = body.bone_lengths(rest)
         length = np.mean([performers[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")])

@@ -11,11 +11,11 @@ from engine_bridge.puppet.puppet import HandleTable, LimbTable
 from puppetline.errors import PuppetError, at
 from solver.surface.mesh import SolverMesh, snap
 
-OFF_THE_MESH = 0.1
+MAX_DISTANCE_SHARE = 0.1
 """Distance from the surface, as a share of the diagonal, beyond which a handle is a mistake, and a limb's point that is
 outside the character."""
 
-INSIDE = 0.5
+INSIDE_WINDING_NUMBER = 0.5
 """Absolute value of the winding number from which a point is inside."""
 
 
@@ -45,14 +45,17 @@ def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path)
         for place, position in enumerate(limb.points, 1):
             point = np.array(position)
             nearest = _if_far(point, mesh)
-            if nearest is not None and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE:
+            if (
+                nearest is not None
+                and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE_WINDING_NUMBER
+            ):
                 field = f"[[limb]] {number} {limb.name!r}, points, {place}"
                 raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "inside")
 
 
 def _if_far(point: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.float64] | None:
     """Return the nearest surface point (3,) if that is too far from a point; else None."""
-    allowed = OFF_THE_MESH * mesh.diagonal
+    allowed = MAX_DISTANCE_SHARE * mesh.diagonal
     away = mesh.vertices - point
     if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
         return None  # the surface is no farther away than its nearest vertex

@@ -48,35 +48,35 @@ would go through the body where a hanging arm is raised."""
 ENDS = ("head", "tail", *(f"{side} {limb}" for limb in LIMB_JOINTS for side in ("left", "right")))
 """Limbs whose ends a user may give."""
 
-UPRIGHT = np.cos(np.radians(40))
+UPRIGHT_COSINE = np.cos(np.radians(40))
 """A body is a person's where its trunk is within 40° of up; the same for its head."""
 
 AXES = "up", "front"
 
-GROUND = -0.6
+GROUND_HEIGHT = -0.6
 """Tips below this, from −1 at the soles to 1 at the crown, stand on the ground."""
 
-STRIDE = 0.5
+MIN_FEET_DISTANCE = 0.5
 """Feet this far behind others, in halves of the larger of width and length, are hind feet."""
 
-MIDDLE = 0.3
+MAX_TAIL_OFFSET = 0.3
 """How far aside of the middle plane, in the same unit, a tail may be."""
 
-LEAST = 0.08
+MIN_LIMB_PROMINENCE = 0.08
 """Prominence of an arm or a leg, and more than that of a finger."""
-WING = 0.3
+MIN_WING_PROMINENCE = 0.3
 """Prominence of a wing, and more than that of the plates on a dinosaur's back."""
 
-BEHIND = -0.4
+MAX_TAIL_FRONT = -0.4
 """Where a tail ends: this far behind the middle or farther."""
 TAIL_GAIN = -0.7
 """A tail swings against the head, and less."""
 
-NECK = 0.2
+HEAD_REGION_SHARE = 0.2
 """Ears, horns and antennas branch off nearer to the head than this, as a share of the way to the farthest point."""
 
 
-ANY_HANDLE = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
+PLACEHOLDER_HANDLES = ({"name": "any", "position": (0.0, 0.0, 0.0)},)
 """Stands for the handles while the rest of a puppet is checked."""
 
 
@@ -116,7 +116,7 @@ def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
 
 def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np.float64]) -> str:
     def stands(way: NDArray[np.float64]) -> bool:
-        return bool(way @ up > UPRIGHT * np.linalg.norm(way))
+        return bool(way @ up > UPRIGHT_COSINE * np.linalg.norm(way))
 
     if not points.keys() >= {"trunk", "head", "left arm", "right arm", "left leg", "right leg"}:
         return "turn"
@@ -178,7 +178,7 @@ def propose_handles(mesh: SolverMesh, character: CharacterTable) -> list[HandleT
     from_end = distances(graph, int(from_head.argmax()))
     tail = _tail([tip for tip in tips if not any(tip in pair for pair in feet)], four_legged)
     branch = (from_head + from_head.max() - from_end) / 2  # where the ways from a tip to head and end part
-    trunk = [tip for tip in tips if branch[tip.vertex] > NECK * from_head.max() and tip is not tail]
+    trunk = [tip for tip in tips if branch[tip.vertex] > HEAD_REGION_SHARE * from_head.max() and tip is not tail]
     arms, wings = _arms_and_wings(trunk, four_legged)
 
     named: dict[str, tuple[str | None, int]] = {"head": ("head", head)}
@@ -262,10 +262,10 @@ def new_puppet(
         "retarget": {"mirror": mirror},
     }
     if up is not None and front is not None:
-        check(values | {"handle": ANY_HANDLE}, where)  # axes that do not go together leave nothing to propose
+        check(values | {"handle": PLACEHOLDER_HANDLES}, where)  # axes that do not go together leave nothing to propose
     stands = orientation.propose(surface, *(skeleton if skeleton else (up, front)))
     values["character"] = {"up": stands.up, "front": stands.front, "scale": stands.scale} | values["character"]
-    standing = check(values | {"handle": ANY_HANDLE}, where).character
+    standing = check(values | {"handle": PLACEHOLDER_HANDLES}, where).character
     notes: list[str] = []
     if places or not handles:
         found = _limbs(rig, surface, standing, places, notes) if limbs else []
@@ -394,8 +394,10 @@ def _least(pair: _Pair) -> float:
 
 def _feet(tips: list[_Tip]) -> list[_Pair]:
     """Return no feet, a pair of feet, or hind feet and front feet."""
-    pairs = sorted(_pairs([tip for tip in tips if tip.up < GROUND and tip.prominence > LEAST]), key=_front)
-    if len(pairs) > 1 and _front(pairs[-1]) - _front(pairs[0]) > STRIDE:
+    pairs = sorted(
+        _pairs([tip for tip in tips if tip.up < GROUND_HEIGHT and tip.prominence > MIN_LIMB_PROMINENCE]), key=_front
+    )
+    if len(pairs) > 1 and _front(pairs[-1]) - _front(pairs[0]) > MIN_FEET_DISTANCE:
         return [pairs[0], pairs[-1]]
     return sorted(pairs, key=_least)[-1:]
 
@@ -409,9 +411,9 @@ def _head(placed: NDArray[np.float64], four_legged: bool) -> int:
 
 def _tail(tips: list[_Tip], four_legged: bool) -> _Tip | None:
     """Return the most prominent end in the middle behind; what two-legged creatures carry up there is no tail."""
-    behind = [tip for tip in tips if abs(tip.left) < MIDDLE and tip.front < BEHIND]
+    behind = [tip for tip in tips if abs(tip.left) < MAX_TAIL_OFFSET and tip.front < MAX_TAIL_FRONT]
     if not four_legged:
-        behind = [tip for tip in behind if tip.up < 0.5 and tip.prominence > LEAST]
+        behind = [tip for tip in behind if tip.up < 0.5 and tip.prominence > MIN_LIMB_PROMINENCE]
     return max(behind, key=lambda tip: tip.prominence, default=None)
 
 
@@ -422,9 +424,13 @@ def _arms_and_wings(tips: list[_Tip], four_legged: bool) -> tuple[_Pair | None, 
         left, right = pair
         return min(_least(pair), 0.3) + (left.left - right.left - left.up - right.up) / 4 - abs(_front(pair)) / 4
 
-    pairs = _pairs([tip for tip in tips if tip.up >= GROUND and tip.prominence > LEAST])
+    pairs = _pairs([tip for tip in tips if tip.up >= GROUND_HEIGHT and tip.prominence > MIN_LIMB_PROMINENCE])
     arms = None if four_legged else max(pairs, key=like_arms, default=None)
-    wings = [pair for pair in pairs if _least(pair) > WING and (arms is None or _front(pair) < _front(arms) - 0.1)]
+    wings = [
+        pair
+        for pair in pairs
+        if _least(pair) > MIN_WING_PROMINENCE and (arms is None or _front(pair) < _front(arms) - 0.1)
+    ]
     return arms, max(wings, key=_least, default=None)
 
 

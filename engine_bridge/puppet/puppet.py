@@ -27,11 +27,11 @@ from solver.motion.retarget import Mapping
 Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
 AxisSet = Literal["", "x", "y", "z", "xy", "xz", "yz", "xyz"]
 DEFAULT_SMOOTHING = Smoothing()
-MOST_ISOLINES = 640
+MAX_ISOLINES = 640
 """Memory grows with the square of this; eight times the default take half a gigabyte."""
 
 
-ON_A_BONE = 0.05
+OVERLAP_SHARE = 0.05
 """Distance of a bone's middle from another limb's bone, as a share of its length, below which both hold one region."""
 
 
@@ -189,11 +189,11 @@ class SolverTable(Table):
 
     @model_validator(mode="after")
     def _fits_in_memory(self) -> Self:
-        if self.fields * self.isolines > MOST_ISOLINES:
+        if self.fields * self.isolines > MAX_ISOLINES:
             raise mistake(
                 "isolines",
                 found=f"{self.fields} fields with {self.isolines} isolines each",
-                expected=f"no more than {MOST_ISOLINES} isolines together",
+                expected=f"no more than {MAX_ISOLINES} isolines together",
                 fix="Lower one of the two; 8 and 10 are a sound choice.",
             )
         return self
@@ -329,7 +329,7 @@ class Puppet(Table):
         return tuple(joint for joint in JOINTS if joint in used)
 
     @property
-    def units_a_metre(self) -> float | None:
+    def units_per_metre(self) -> float | None:
         """Mesh units that the character moves for a metre of the performer; None where that is to be found out."""
         return None if self.retarget.scale == "auto" else self.retarget.scale / self.character.scale
 
@@ -379,7 +379,7 @@ def _overlap(one: LimbTable, other: LimbTable) -> bool:
             (start, end), (from_, to) = sorted((a, b), key=lambda bone: float(np.linalg.norm(bone[1] - bone[0])))
             middle, along = (start + end) / 2, to - from_
             share = np.clip((middle - from_) @ along / (along @ along), 0, 1)
-            if np.linalg.norm(middle - from_ - share * along) < ON_A_BONE * np.linalg.norm(end - start):
+            if np.linalg.norm(middle - from_ - share * along) < OVERLAP_SHARE * np.linalg.norm(end - start):
                 return True
     return False
 

@@ -14,13 +14,13 @@ from engine_bridge.character.scene import tree, world_transforms
 from puppetline.errors import PuppetError, at
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
-ON_THE_LIMB = 0.01
+MAX_LIMB_DISTANCE = 0.01
 """Greatest distance between a limb and its first joint, as a fraction of the diagonal."""
 
-BESIDE_THE_LIMB = 0.02
+MAX_TARGET_DISTANCE = 0.02
 """The same for a joint on a limb that does not hang there, as a target of inverse kinematics."""
 
-AT_A_HEAD = 0.002
+HEAD_TOLERANCE = 0.002
 """A joint this near to a bone's head, as a fraction of the diagonal, is at it: puppet files hold rounded numbers."""
 
 
@@ -257,7 +257,7 @@ class _Sorting:
         for limb in parents_first(limbs):
             start = sum(len(line.limb.points) - 1 for line in self.polylines.values())
             bones = slice(start, start + len(limb.points) - 1)
-            self.polylines[limb.name] = _Polyline(limb, bones, AT_A_HEAD * skeleton.diagonal)
+            self.polylines[limb.name] = _Polyline(limb, bones, HEAD_TOLERANCE * skeleton.diagonal)
         self.trunk = self.polylines.get(TRUNK)
         self.firsts = self._first_joints()
         self.limb_of = [next((self.firsts[row] for row in way if row in self.firsts), None) for way in skeleton.ways_up]
@@ -318,7 +318,7 @@ class _Sorting:
 
     def _candidates(self, line: _Polyline, top: int, strict: bool) -> Iterator[int]:
         """Yield the joints of a tree that are at a limb's first point, or else on its first bone."""
-        allowed = ON_THE_LIMB * self.skeleton.diagonal
+        allowed = MAX_LIMB_DISTANCE * self.skeleton.diagonal
         for row, place in enumerate(self.skeleton.places):
             if self._top(row) == top:
                 along, away = line.nearest(place)
@@ -348,7 +348,9 @@ class _Sorting:
             if limb.parent == other.limb.name:
                 return True
             limb = self.polylines[limb.parent].limb
-        return bool(np.linalg.norm(line.limb.points[0] - other.limb.points[-1]) <= ON_THE_LIMB * self.skeleton.diagonal)
+        return bool(
+            np.linalg.norm(line.limb.points[0] - other.limb.points[-1]) <= MAX_LIMB_DISTANCE * self.skeleton.diagonal
+        )
 
     def _trunk_lines(self) -> Iterator[list[int]]:
         """Yield for each tree the joints from its top to the one on which head, neck or arms hang."""
@@ -413,7 +415,7 @@ class _Sorting:
         found = []
         for name, line in self.polylines.items():
             along, away = line.nearest(place)
-            if name != TRUNK and away <= BESIDE_THE_LIMB * self.skeleton.diagonal and along >= line.heads[1]:
+            if name != TRUNK and away <= MAX_TARGET_DISTANCE * self.skeleton.diagonal and along >= line.heads[1]:
                 found.append((away, line.bone_at(along)))
         return min(found)[1] if found else None
 

@@ -79,16 +79,16 @@ QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "
 
 LEG = ("thigh", "leg", "shin", "foot", "toe")
 
-LONG_NECK = 0.3
+MIN_NECK_SHARE = 0.3
 """A neck of at least this share of the trunk's length is a limb of its own."""
 
-GIRDLE = np.cos(np.pi / 4)
+GIRDLE_COSINE = np.cos(np.pi / 4)
 """A bone within 45° of the line from left to right only leads from the spine to a leg."""
 
-LYING = np.cos(np.radians(45))
+LYING_COSINE = np.cos(np.radians(45))
 """Cosine between spine and up below which a body may be four-legged."""
 
-REACHING = 0.3
+MAX_HAND_HEIGHT_SHARE = 0.3
 """Forelegs end this near to the ground, as a share of the height of the shoulders."""
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -141,13 +141,13 @@ def rig_limbs(character: Character, up: NDArray[np.float64] = UP) -> Limbs | Non
         None where the file has no skeleton. No chains where its names say nothing; a note says so.
     """
     joints = _joints(character)
-    limbs = limbs_of(joints, up) if joints else None
+    limbs = limbs_of_joints(joints, up) if joints else None
     if limbs is not None and not limbs.chains and not character.document.gltf["skins"]:
         return None  # names of parts, which need not say anything
     return limbs
 
 
-def limbs_of(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
+def limbs_of_joints(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
     """Find the limbs of a skeleton.
 
     Names of VRM, Mixamo, Rigify, Unreal, Quaternius and KayKit and plain ones are known, with a side in any spelling.
@@ -284,7 +284,7 @@ class _Skeleton:
             chain.append(feet[0])
         chain = [index for index in chain if self.part(index) != "toe"]
         across = self.across(quarter)
-        while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE:
+        while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
         if len(chain) < 3 or self.part(chain[0]) == "girdle":
             return None
@@ -341,7 +341,7 @@ class _Skeleton:
         if (
             trunk is None
             or not four_legged
-            or np.linalg.norm(root - start) < LONG_NECK * np.linalg.norm(trunk[-1] - trunk[0])
+            or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
         ):
             return {"head": np.array([start, tip])}
         way = np.array([start, *(self.place(index) for index in necks[1:]), root])
@@ -397,8 +397,8 @@ def _lies(limbs: dict[str, NDArray[np.float64]], up: NDArray[np.float64]) -> boo
         return False
     hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))
     soles, hands = (np.mean([points[-1] for points in limbs], axis=0) for limbs in (behind, before))
-    upright = _unit(shoulders - hips) @ up > LYING
-    return bool(not upright and (hands - soles) @ up < REACHING * ((shoulders - soles) @ up))
+    upright = _unit(shoulders - hips) @ up > LYING_COSINE
+    return bool(not upright and (hands - soles) @ up < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ up))
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -439,7 +439,7 @@ def _vrm_names(document: Document) -> dict[int, str]:
     return {node: bone for bone, node in named if isinstance(bone, str) and isinstance(node, int)}
 
 
-def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return what moves each vertex: joints, or the node that shows it where it has no skin.
 
     Parameters
@@ -468,5 +468,5 @@ def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float6
 
 def _most_followed(character: Character) -> NDArray[np.int64]:
     """Return the node (N,) that each vertex follows most."""
-    nodes, shares = followed(character)
+    nodes, shares = vertex_influences(character)
     return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

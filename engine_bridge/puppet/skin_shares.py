@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.scene import tree
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import followed
+from engine_bridge.puppet.rig_limbs import vertex_influences
 from solver.motion.limbs import Limb
 
 
@@ -33,5 +33,5 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
     of_node = np.zeros((len(character.document.gltf["nodes"]), found.shares.shape[1]))
     for node, parent in tree(character.document):
         of_node[node] = own.get(node, of_node[parent] if parent is not None else 0.0)
-    which, share = followed(character)
+    which, share = vertex_influences(character)
     return np.einsum("nk,nkb->nb", share, of_node[which])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.calibration import NOW, LastSecond, same_body
+from engine_bridge.performance.calibration import POSE_SECONDS, RecentFrames, same_body
 
 Calibrate = Literal["still", "at_once", "command"]
 """After the first second without motion; after a moment, in any pose; or only by command."""
@@ -26,7 +26,7 @@ class AutomaticCalibration:
 
     def __init__(self, calibrate: Calibrate) -> None:
         self.calibrate = calibrate
-        self._last_second = LastSecond()
+        self._last_second = RecentFrames()
         self._returning = False
         self._provisional = False  # calibrated before standing still
 
@@ -45,7 +45,7 @@ class AutomaticCalibration:
 
     def present_pose(self) -> NDArray[np.float64] | None:
         """Return the performer's present pose (20, 3) in metres, sensor coordinates; None if too little is known."""
-        return self._last_second.pose(NOW) if self._last_second.enough(0.0) else None
+        return self._last_second.pose(POSE_SECONDS) if self._last_second.enough(0.0) else None
 
     def due(self, rest: NDArray[np.float64] | None, directs: bool) -> NDArray[np.float64] | None:
         """Return the pose to calibrate with now, if there is one.
@@ -67,9 +67,9 @@ class AutomaticCalibration:
             return self._again(rest)
         if self.calibrate == "still" and last.still():
             return last.pose()
-        if (self.calibrate == "at_once" or (self.calibrate == "still" and directs)) and last.enough(NOW):
+        if (self.calibrate == "at_once" or (self.calibrate == "still" and directs)) and last.enough(POSE_SECONDS):
             self._provisional = self.calibrate == "still"
-            return last.pose(NOW)
+            return last.pose(POSE_SECONDS)
         return None
 
     def _again(self, rest: NDArray[np.float64]) -> NDArray[np.float64] | None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from solver.surface.winding import in_order
 
 
-def alike(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def unique_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Find equal rows in linear time.
 
     Parameters
@@ -32,8 +32,8 @@ def alike(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return order[new], kind
 
 
-def distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find the distinct corners, which are a mesh's vertices.
+def distinct_corners(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find the distinct_corners corners, which are a mesh's vertices.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
     vertex_of : (c,) int64
         The vertex, as an index into `first`, that each corner becomes.
     """
-    first, kind = alike(corners)
+    first, kind = unique_rows(corners)
     order = np.argsort(first)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

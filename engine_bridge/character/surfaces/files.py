@@ -9,22 +9,22 @@ from PIL import Image
 
 from engine_bridge.character.surfaces.surface import Picture
 
-LARGEST = 8192 * 8192
+MAX_IMAGE_PIXELS = 8192 * 8192
 """Pixels of the largest picture that is taken."""
 
-LARGEST_IN_ALL = 8 * LARGEST
+MAX_TOTAL_PIXELS = 8 * MAX_IMAGE_PIXELS
 """Pixels of all pictures together."""
 
-PIXELS_A_BYTE = 8192
+MAX_PIXELS_PER_BYTE = 8192
 """No honest picture packs more: one bit a pixel, and deflate's best of 1032 : 1."""
 
-KEPT = {"PNG": "image/png", "JPEG": "image/jpeg", "MPO": "image/jpeg"}
+KEPT_FORMATS = {"PNG": "image/png", "JPEG": "image/jpeg", "MPO": "image/jpeg"}
 """The formats that glTF has room for, by their names in Pillow; MPO is what it calls a JPEG with a second picture."""
 
-CONVERTED = ("BMP", "DDS", "GIF", "PPM", "TGA", "TIFF", "WEBP")
+CONVERTED_FORMATS = ("BMP", "DDS", "GIF", "PPM", "TGA", "TIFF", "WEBP")
 """Others that are read. Not all that Pillow knows: for EPS it would run another program."""
 
-NO_FILE_NAME = (OSError, ValueError, RuntimeError)
+FILE_NAME_ERRORS = (OSError, ValueError, RuntimeError)
 """What is raised for a name that is too long, has a zero byte in it, or is a link in a circle."""
 
 
@@ -70,7 +70,7 @@ class Folder:
         self.files[name, str(below)] = self.state(name, below)
         try:
             stated, found = self._resolve(name, below)
-        except NO_FILE_NAME:
+        except FILE_NAME_ERRORS:
             self.notes.append(f"{where}: {name[:60]!r} is no file name. It is omitted.")
             return None
         if found and found != stated:
@@ -93,7 +93,7 @@ class Folder:
             _, found = self._resolve(name, below)
             if found not in self._states:
                 self._states[found] = f"{found} {hashlib.sha256(found.read_bytes()).hexdigest()}" if found else "none"
-        except NO_FILE_NAME as error:
+        except FILE_NAME_ERRORS as error:
             return type(error).__name__
         return self._states[found]
 
@@ -138,15 +138,15 @@ class Folder:
         content = path.read_bytes()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of size, which is checked here, and of flaws that it got over
-            with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", *CONVERTED)) as image:
-                if image.width * image.height > min(PIXELS_A_BYTE * len(content), LARGEST):
+            with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", *CONVERTED_FORMATS)) as image:
+                if image.width * image.height > min(MAX_PIXELS_PER_BYTE * len(content), MAX_IMAGE_PIXELS):
                     raise ValueError(f"{image.width} × {image.height} pixels")
                 self._pixels += image.width * image.height
-                if self._pixels > LARGEST_IN_ALL:
+                if self._pixels > MAX_TOTAL_PIXELS:
                     raise ValueError(f"{self._pixels:,} pixels in all")
                 image.load()
-                if image.format in KEPT:
-                    return Picture(path.stem, KEPT[image.format], content)
+                if image.format in KEPT_FORMATS:
+                    return Picture(path.stem, KEPT_FORMATS[image.format], content)
                 png = io.BytesIO()
                 has_alpha = "A" in image.getbands() or "transparency" in image.info
                 image.convert("RGBA" if has_alpha else "RGB").save(png, "PNG")

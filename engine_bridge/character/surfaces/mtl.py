@@ -20,14 +20,14 @@ OPTION = re.compile(
 )
 """One option before the file name of a map."""
 
-PLAIN = re.compile(
+NEUTRAL_OPTION = re.compile(
     r"-(?:(?:s|bm)(?:\s+\+?1(?:\.0*)?)+|[ot](?:\s+[-+]?0(?:\.0*)?)+|mm\s+0(?:\.0*)?\s+1(?:\.0*)?|(?:clamp|cc)\s+off"
     r"|(?:blendu|blendv|boost|imfchan|texres|type)\s.*)\s+",
     re.IGNORECASE,
 )
 """An option that leaves a map as it is, or only says how it is sampled."""
 
-NOT_CARRIED = (
+UNSUPPORTED_MAPS = (
     "map_ks", "map_ns", "map_ke", "map_pr", "map_pm", "map_ps", "map_refl", "refl", "disp", "map_disp", "decal",
     "map_tr",
 )  # fmt: skip
@@ -81,7 +81,7 @@ class _Statements:
         texture = self._picture("map_kd")
         cut_out = self._is_cut_out(texture)
         color = (1.0, 1.0, 1.0) if texture else self._color("kd") or Material.base_color[:3]
-        for kind in NOT_CARRIED:
+        for kind in UNSUPPORTED_MAPS:
             if kind in self.lines:
                 self.folder.notes.append(f"Material {self.name!r}: {kind} is not carried.")
         return Material(
@@ -151,7 +151,7 @@ class _Statements:
         name, options = self._map(kind)
         where = at(self.path, line=self.lines[kind][0] if name else None)
         picture = self.folder.picture(name, self.path.parent, where) if name else None
-        lost = [option.split()[0] for option in options if not PLAIN.fullmatch(option)]
+        lost = [option.split()[0] for option in options if not NEUTRAL_OPTION.fullmatch(option)]
         if picture and lost:
             self.folder.notes.append(f"Material {self.name!r}: {', '.join(lost)} of {kind} not carried.")
         return picture

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.surfaces import mtl
-from engine_bridge.character.surfaces.corners import distinct
+from engine_bridge.character.surfaces.corners import distinct_corners
 from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.polygons import triangulate
 from engine_bridge.character.surfaces.surface import (
-    CLAY,
+    DEFAULT_MATERIAL,
     Material,
     Piece,
     Surface,
@@ -26,10 +26,10 @@ from engine_bridge.character.surfaces.surface import (
 from engine_bridge.character.surfaces.text import Rows, decoded, parsed
 from puppetline.errors import at
 
-CONTINUED = "\r"
+LINE_CONTINUATION = "\r"
 """Stands for the end of a line that goes on in the next."""
 
-SILENT = re.compile(
+IGNORED_STATEMENT = re.compile(
     "bevel|bmat|con|cstype|[cs]tech|[cd]_interp|curv2?|deg|end|hole|lod|maplib|mg|parm|scrv|shadow_obj|sp|step|surf"
     "|trace_obj|trim|usemap|vp|#.*"
 )
@@ -45,10 +45,10 @@ HEAD = re.compile(rb"^[ \t]*(?:v|vn|vt|f|o|g|mtllib|usemtl)[ \t]", re.MULTILINE)
 CORNER = re.compile(r"(?:[-+]?\d{1,18})?(?:/(?:[-+]?\d{1,18})?){0,2}", re.ASCII)
 """A corner of a face: a vertex, texture coordinates and a normal, any of which may be left out."""
 
-LARGEST = 10**18
+MAX_INDEX = 10**18
 """Indices from it on are refused: NumPy reads what does not fit into 64 bits as another number."""
 
-LEFT_OUT = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
+MISSING_NUMBER = re.compile(r"(?<![-+\d])(?=/)|(?<=/)(?![-+\d])")
 """Where a corner has no number before or after a slash."""
 
 
@@ -62,7 +62,7 @@ def read(path: Path, content: bytes) -> Surface:
 
     Each pair of a group (or object) and a material becomes a piece, in the order in which they first have a face.
     Where faces have no texture coordinates and no normals, the piece has the file's vertices in the file's order;
-    elsewhere one vertex for each distinct corner v/vt/vn, in the order in which these appear.
+    elsewhere one vertex for each distinct_corners corner v/vt/vn, in the order in which these appear.
 
     Vertex colours are taken as sRGB, as MeshLab and Blender write them.
 
@@ -73,7 +73,7 @@ def read(path: Path, content: bytes) -> Surface:
     """
     text = decoded(path, content)
     if "\\" in text:  # which is found sooner than a pair
-        text = text.replace("\\\n", CONTINUED).removesuffix("\\")
+        text = text.replace("\\\n", LINE_CONTINUATION).removesuffix("\\")
     return _Statements(path, text).surface()
 
 
@@ -101,7 +101,7 @@ class _Statements:
         """Go through all lines."""
         rows = {"v": self.vertices, "vt": self.coordinates, "vn": self.normals, "f": self.faces, "fo": self.faces}
         lines = text.split("\n")
-        numbers = accumulate((1 + line.count(CONTINUED) for line in lines), initial=1)
+        numbers = accumulate((1 + line.count(LINE_CONTINUATION) for line in lines), initial=1)
         for number, line in zip(numbers, lines, strict=False):
             kind, _, value = line.partition(" ")
             if kind not in rows:  # it may be indented, or end with a tab
@@ -137,7 +137,7 @@ class _Statements:
                     self.libraries.setdefault(name.strip('"'), line)
             case _ if kind in NOT_A_SURFACE:
                 self.lines_and_points += 1
-            case _ if not SILENT.fullmatch(kind):
+            case _ if not IGNORED_STATEMENT.fullmatch(kind):
                 self.unknown.append(line)
 
     def surface(self) -> Surface:
@@ -194,14 +194,14 @@ class _Statements:
         """Return the corners (3, c) as they stand in the file, 0 for what is not there."""
         text = " ".join(" ".join(self.faces.texts).split())
         if "//" in text or "/ " in text or " /" in text or text.endswith("/"):
-            text = LEFT_OUT.sub("0", text)
+            text = MISSING_NUMBER.sub("0", text)
         letters = np.frombuffer(text.encode("utf-8"), np.uint8)
         slashes = np.cumsum(letters == ord("/"))
         ends = slashes[np.append(np.flatnonzero(letters == ord(" ")), -1)] if text else np.empty(0, dtype=np.int64)
         parts = np.diff(ends, prepend=0) + 1
         numbers = parsed(text.replace("/", " "), np.int64)
         is_read = numbers is not None and len(numbers) == parts.sum() and parts.max(initial=0) <= 3
-        if numbers is None or not is_read or np.abs(numbers).max(initial=0) >= LARGEST:
+        if numbers is None or not is_read or np.abs(numbers).max(initial=0) >= MAX_INDEX:
             is_face = (all(map(CORNER.fullmatch, face.split())) for face in self.faces.texts)
             raise self.faces.error(next((row for row, fits in enumerate(is_face) if not fits), 0))
         stated = np.zeros((3, len(parts)), dtype=np.int64)
@@ -235,7 +235,7 @@ class _Statements:
             own = corners[:, own_corners]
             if has:
                 own[1:][[not has & 1, not has & 2]] = -1
-                first, vertex_of[own_corners] = distinct(own.T)
+                first, vertex_of[own_corners] = distinct_corners(own.T)
                 v, vt, vn = own[:, first]
             else:
                 kept = isolated.copy()
@@ -271,7 +271,7 @@ class _Statements:
         if unknown:
             named = ", ".join(map(repr, unknown[:5])) + (", …" if len(unknown) > 5 else "")
             self.notes.append(f"{count(len(unknown), 'material')} not described: {named}.")
-        return {name: known.get(name, replace(CLAY, name=name)) for name in used}
+        return {name: known.get(name, replace(DEFAULT_MATERIAL, name=name)) for name in used}
 
     def _without_pictures(self, piece: Piece) -> Piece:
         """Take pictures from a piece that has no texture coordinates to lay them on."""

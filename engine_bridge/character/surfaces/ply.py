@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.surfaces.corners import distinct
+from engine_bridge.character.surfaces.corners import distinct_corners
 from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.ply_tables import Table, read_tables
 from engine_bridge.character.surfaces.polygons import triangulate
@@ -32,10 +32,10 @@ CORNERS = ("vertex_indices", "vertex_index")
 TEXTURE_CORNERS = "texcoord"
 """MeshLab's list of the texture coordinates of a face's corners."""
 
-LARGEST = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
+FULL_SCALE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
 """Full colour."""
 
-CARRIED = {
+SUPPORTED_PROPERTIES = {
     "vertex": {*POSITION, *NORMAL, *OPACITY, *(name for names in COLORS + TEXTURE_COORDINATES for name in names)},
     "face": {*CORNERS, TEXTURE_CORNERS},
     "tristrips": set(CORNERS),
@@ -63,7 +63,7 @@ def read(path: Path, content: bytes) -> Surface:
     if uvs_of_corners is not None:
         _, uv = np.unique(uvs_of_corners, axis=0, return_inverse=True)
         used = triangles.ravel()
-        first, vertex_of = distinct(np.column_stack([used, uv.ravel()]))
+        first, vertex_of = distinct_corners(np.column_stack([used, uv.ravel()]))
         lost = len(positions) - len(np.unique(used))
         if lost:
             notes.append(f"{count(lost, 'vertex', 'vertices')} in no face left out.")
@@ -180,7 +180,7 @@ def _colors(vertex: Table, notes: list[str]) -> NDArray[np.float64] | None:
         return None
     opacity = next(((name,) for name in OPACITY if _numbers(vertex, (name,)) is not None), ())
     columns = [vertex[name] for name in (*rgb, *opacity)]
-    colors = linear(np.column_stack([column.values / LARGEST.get(column.kind, 1.0) for column in columns]))
+    colors = linear(np.column_stack([column.values / FULL_SCALE.get(column.kind, 1.0) for column in columns]))
     if not colors[:, 3].any():
         notes.append("All vertices would be invisible: made opaque.")
         colors[:, 3] = 1
@@ -201,9 +201,9 @@ def _textured(path: Path, pictures: list[tuple[int, str]], folder: Folder) -> Ma
 def _not_carried(tables: dict[str, Table]) -> list[str]:
     """Note all elements and properties that are passed over."""
     names = [
-        f"{element} {name}" if element in CARRIED else element
+        f"{element} {name}" if element in SUPPORTED_PROPERTIES else element
         for element, table in tables.items()
         for name in table
-        if name not in CARRIED.get(element, ())
+        if name not in SUPPORTED_PROPERTIES.get(element, ())
     ]
     return [f"Not carried: {', '.join(dict.fromkeys(names))}."] if names else []

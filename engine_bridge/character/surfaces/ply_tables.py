@@ -27,7 +27,7 @@ ORDERS: dict[str, Order | None] = {"ascii": None, "binary_little_endian": "littl
 HEAD = re.compile(rb"ply[ \t]*(\r\n|\r|\n)")
 END = re.compile(rb"^end_header[ \t]*(?:\r\n|\r|\n|$)", re.MULTILINE)
 
-LONGEST_HEADER = 2**18
+MAX_HEADER_BYTES = 2**18
 """Bytes."""
 
 
@@ -91,7 +91,7 @@ def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tupl
     MeshError
         With the line, or the element and row, that cannot be read.
     """
-    end = END.search(content[:LONGEST_HEADER].replace(b"\r", b"\n"))
+    end = END.search(content[:MAX_HEADER_BYTES].replace(b"\r", b"\n"))
     if not matches(content) or end is None:
         raise damaged(path, "no PLY header", "'ply' … 'end_header'")
     length = end.end()

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = 500
+MAX_CONCAVE_CORNERS = 500
 """Corners up to which a concave polygon is cut with care, which takes time in proportion to their square."""
 
-PATIENCE = 4
+ATTEMPTS_PER_CORNER = 4
 """Corners that may turn out to be no ear, for each corner of a polygon."""
 
 
@@ -40,7 +40,7 @@ def triangulate(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[
     triangles = starts[polygon][:, None] + np.column_stack([np.zeros_like(step), step + 1, step + 2])
     if (sizes > 3).any():
         concave, normals = _concave(points, sizes)
-        for p in np.nonzero(concave & (sizes <= LARGEST))[0]:
+        for p in np.nonzero(concave & (sizes <= MAX_CONCAVE_CORNERS))[0]:
             corners = points[starts[p] : starts[p] + sizes[p]]
             triangles[firsts[p] : firsts[p] + parts[p]] = starts[p] + _ears(_flattened(corners, normals[p]))
     return triangles, polygon
@@ -75,7 +75,7 @@ def _ears(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Cut a counter-clockwise (n, 2) polygon into n − 2 triangles; one that crosses itself ends in a fan."""
     ring = list(range(len(points)))
     triangles = []
-    place, patience = 0, PATIENCE * len(points)
+    place, patience = 0, ATTEMPTS_PER_CORNER * len(points)
     while len(ring) > 3 and patience:
         place %= len(ring)
         ear = ring[place - 1], ring[place], ring[(place + 1) % len(ring)]

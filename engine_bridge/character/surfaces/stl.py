@@ -10,9 +10,9 @@ from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines
 from puppetline.errors import at
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-HEADER = 84
+HEADER_BYTES = 84
 
-FOLLOWS = {
+NEXT_WORDS = {
     "": ("solid",),
     "solid": ("facet", "endsolid"),
     "facet": ("outer",),
@@ -32,7 +32,9 @@ def matches(head: bytes, size: int) -> bool:
 
 def _is_binary(head: bytes, size: int) -> bool:
     """Tell whether the number of facets accounts for the size, whatever the header's text says."""
-    return size > HEADER and size == HEADER + FACET.itemsize * int.from_bytes(head[80:HEADER], "little")
+    return size > HEADER_BYTES and size == HEADER_BYTES + FACET.itemsize * int.from_bytes(
+        head[80:HEADER_BYTES], "little"
+    )
 
 
 def _is_text(head: bytes) -> bool:
@@ -57,8 +59,8 @@ def read(path: Path, content: bytes) -> Surface:
 
 
 def _read_binary(path: Path, content: bytes) -> Surface:
-    facets = int.from_bytes(content[80:HEADER], "little")
-    there = max(len(content) - HEADER, 0) // FACET.itemsize
+    facets = int.from_bytes(content[80:HEADER_BYTES], "little")
+    there = max(len(content) - HEADER_BYTES, 0) // FACET.itemsize
     if facets > there or not facets:
         raise damaged(
             at(path, field="byte 80"),
@@ -66,12 +68,12 @@ def _read_binary(path: Path, content: bytes) -> Surface:
             "a whole STL file with at least one facet",
         )
     with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
-        corners = np.frombuffer(content, FACET, facets, HEADER)["corners"].astype(np.float64)
+        corners = np.frombuffer(content, FACET, facets, HEADER_BYTES)["corners"].astype(np.float64)
     wrong = outside(corners.reshape(-1, 3))
     if wrong.any():
         facet = int(np.argmax(wrong)) // 3
         raise damaged(at(path, field=f"facet {facet}"), str(corners[facet].tolist()), "finite coordinates")
-    rest = len(content) - HEADER - facets * FACET.itemsize
+    rest = len(content) - HEADER_BYTES - facets * FACET.itemsize
     notes = [f"{count(rest, 'byte')} after the last facet left out."] if rest else []
     return Surface([_piece("", corners.reshape(-1, 3))], notes, faceted=True)
 
@@ -109,11 +111,11 @@ def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], lis
     for line, statement in filled_lines(text):
         word, *rest = statement.split(None, 1)
         word = word.lower()
-        if word not in FOLLOWS:
+        if word not in NEXT_WORDS:
             unknown.append(line)
             continue
-        if word not in FOLLOWS[before]:
-            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, FOLLOWS[before])))
+        if word not in NEXT_WORDS[before]:
+            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, NEXT_WORDS[before])))
         if word == "vertex":
             vertices.lines.append(line)
             vertices.texts.extend(rest or [""])

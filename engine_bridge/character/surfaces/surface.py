@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from puppetline.errors import MeshError
 
-FARTHEST = 1e18
+MAX_COORDINATE = 1e18
 """Coordinates beyond it are no mesh's; the square of any below it still fits a float32."""
 
 
@@ -62,7 +62,7 @@ class Material:
     double_sided: bool = False
 
 
-CLAY = Material(base_color=(0.62, 0.6, 0.57, 1.0))
+DEFAULT_MATERIAL = Material(base_color=(0.62, 0.6, 0.57, 1.0))
 """For what comes without any colour."""
 
 
@@ -88,7 +88,7 @@ class Piece:
     name: str
     positions: NDArray[np.float64]
     triangles: NDArray[np.int64]
-    material: Material = CLAY
+    material: Material = DEFAULT_MATERIAL
     normals: NDArray[np.float64] | None = None
     uvs: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
@@ -143,7 +143,7 @@ def upper_left(uvs: NDArray[np.float64]) -> NDArray[np.float64]:
 def material_for(colors: NDArray[np.float64] | None) -> Material:
     """Return the material of a piece that has none of its own: it leaves vertex colours as they are."""
     if colors is None:
-        return CLAY
+        return DEFAULT_MATERIAL
     return Material(alpha_mode="OPAQUE" if (colors[:, 3] == 1).all() else "BLEND")
 
 
@@ -154,7 +154,7 @@ def damaged(where: str | Path, found: str, expected: str) -> MeshError:
 
 def outside(positions: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mark the (n, 3) positions that are not finite or farther away than any mesh."""
-    return np.logical_not((np.abs(positions) <= FARTHEST).all(axis=1))
+    return np.logical_not((np.abs(positions) <= MAX_COORDINATE).all(axis=1))
 
 
 def count(number: int, one: str, more: str | None = None) -> str:

@@ -7,7 +7,7 @@ from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document import Document
 from engine_bridge.character.readers import read_surface
-from engine_bridge.character.surfaces.surface import CLAY, Material, Picture, Piece, Surface
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, Material, Picture, Piece, Surface
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
@@ -84,7 +84,7 @@ def test_pieces_of_one_name_are_one_mesh_and_materials_and_pictures_are_there_on
         Surface(
             [
                 Piece("arm", CORNERS, SIDES, red, uvs=uvs),
-                Piece("", CORNERS, SIDES[:2], CLAY),
+                Piece("", CORNERS, SIDES[:2], DEFAULT_MATERIAL),
                 Piece("leg", CORNERS, SIDES, same, uvs=uvs),
                 Piece("arm", CORNERS, SIDES[1:], blue, uvs=uvs),
             ]

@@ -4,7 +4,7 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character, make_character
-from engine_bridge.character.document import UNPACKERS
+from engine_bridge.character.document import UNPACK_COMMANDS
 from puppetline.errors import MeshError
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
@@ -121,12 +121,15 @@ def test_a_skin_that_lacks_what_it_needs_is_refused(glb, tmp_path):
     assert (error.where, error.found) == (f"{path}, skins[0]", "a primitive without joints and weights")
 
 
-@pytest.mark.parametrize("extension", UNPACKERS)
+@pytest.mark.parametrize("extension", UNPACK_COMMANDS)
 def test_packed_data_is_refused_with_the_command_that_unpacks_it(glb, tmp_path, extension):
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)))
     glb.file.extensionsRequired = glb.file.extensionsUsed = [extension]
     error = told(glb.save(tmp_path / "a.glb"))
-    assert (error.found, error.fix) == (f"data packed with {extension}", f"Unpack it first: {UNPACKERS[extension]}")
+    assert (error.found, error.fix) == (
+        f"data packed with {extension}",
+        f"Unpack it first: {UNPACK_COMMANDS[extension]}",
+    )
 
 
 def test_a_scene_without_triangles_is_refused(glb, tmp_path):

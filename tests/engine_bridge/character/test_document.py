@@ -11,8 +11,8 @@ from PIL import Image
 
 from engine_bridge.character import schema
 from engine_bridge.character.character import load_character
-from engine_bridge.character.document import UNPACKERS, Document
-from engine_bridge.export.animation import Take, animate
+from engine_bridge.character.document import UNPACK_COMMANDS, Document
+from engine_bridge.export.animation import Keyframes, animate
 from puppetline.errors import MeshError, OutputError, PuppetlineError
 
 KINDS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -210,7 +210,7 @@ def replaced(content, path, value):
 def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedron, tmp_path, value):
     content, binary = unpack(tetrahedron)
     path = tmp_path / "hostile.glb"
-    still = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+    still = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
     tried = 0
     for place in places(content):
         path.write_bytes(pack(replaced(content, place, value), binary))
@@ -386,7 +386,7 @@ def test_zeros_without_end_are_refused_before_memory_is_asked_for(tmp_path):
         Document.load(tmp_path / "a.glb").array(0)
 
 
-@pytest.mark.parametrize("extension", UNPACKERS)
+@pytest.mark.parametrize("extension", UNPACK_COMMANDS)
 def test_a_packed_copy_of_plain_data_is_left_out(tetrahedron, tmp_path, extension):
     content, binary = unpack(tetrahedron)
     content["extensionsUsed"] = [extension]

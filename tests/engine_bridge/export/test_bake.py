@@ -9,7 +9,7 @@ from capture.timeline import resample
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.document import Document
 from engine_bridge.export import bake as module
-from engine_bridge.export.bake import TOLERANCE, bake, fit, made_up
+from engine_bridge.export.bake import TOLERANCE, bake, fit, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.exercise import exercise
@@ -152,7 +152,7 @@ def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
     """What is left of it, root mean square over the surface in the worst frame, is a twentieth of what was left out."""
     others = [name for name in PERFORMANCES if name != "kung_fu"]
     settings = Settings(tolerance=TOLERANCE)
-    motion = made_up(blob_rig, others, settings, lambda *_: None)
+    motion = synthetic_motion(blob_rig, others, settings, lambda *_: None)
     directions = fit(blob_rig, motion, settings, lambda *_: None).directions.astype(np.float32)
     basis = LiveBasis(directions, REACH, blob_rig.model)
     frames, _ = performed(blob_rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
@@ -186,7 +186,7 @@ def test_the_same_input_gives_the_same_bytes(take, blob_puppet, of_take, tmp_pat
 
 
 def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob_puppet, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "SHOWN", 1.0)
+    monkeypatch.setattr(module, "SHOWN_SECONDS", 1.0)
     log = record(tmp_path / "long.log", dance(100))
     assert bake(blob_puppet, tmp_path / "a.glb", (log,)).frames == 100
     made = Document.load(tmp_path / "a.glb")
@@ -305,7 +305,7 @@ def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
     assert_valid_gltf(tmp_path / "out.glb")
     assert summary.error <= TOLERANCE
     rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=TOLERANCE)
-    motion = made_up(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
+    motion = synthetic_motion(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
     directions = fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32)
     basis = LiveBasis(directions, REACH, rig.model)
     frames, _ = performed(rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))

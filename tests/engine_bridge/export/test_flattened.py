@@ -44,7 +44,7 @@ def test_every_guise_lies_flat_with_the_vertices_in_the_order_of_its_parts(varia
     assert len(found) == len(character.parts)
     first, second = numbers(character)
     normals = drawn_normals(character).astype(np.float32)
-    for primitive, part, place in zip(found, character.parts, character.places, strict=True):
+    for primitive, part, place in zip(found, character.parts, character.vertex_slices, strict=True):
         named = primitive.attributes
         np.testing.assert_array_equal(made.array(named.POSITION), part.vertices.astype(np.float32))
         np.testing.assert_array_equal(made.array(named.NORMAL), normals[place])

@@ -104,7 +104,7 @@ def test_a_reach_leaves_room_for_motion_that_goes_as_far_in_every_direction(clip
 
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
     """Whichever few frames and vertices the estimate looks at, the error is measured on all of them."""
-    monkeypatch.setattr(morph_basis, "SAMPLE", 3)
+    monkeypatch.setattr(morph_basis, "SAMPLE_SIZE", 3)
     binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     frames = clip.frames[:].copy()
     frames[17, 40:44] += 0.05

@@ -11,7 +11,7 @@ from puppetline.examples.characters import CHARACTERS
 
 from engine_bridge.character.character import make_character
 from engine_bridge.cli.main import main
-from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.puppet import proposal, puppet
 from engine_bridge.service.protocol.frame import StreamedCharacter
@@ -85,7 +85,7 @@ def assert_is_the_scene(made, scene):
 
 
 def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, tmp_path, assert_valid_gltf):
-    summary = write_ladder(blob_puppet, tmp_path / "a.glb")
+    summary = write_shader_mesh(blob_puppet, tmp_path / "a.glb")
     scene = scene_of(blob_puppet)
     assert_is_the_scene(File(tmp_path / "a.glb"), scene)
     assert_valid_gltf(tmp_path / "a.glb")
@@ -95,22 +95,22 @@ def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, 
 
 
 def test_the_same_input_gives_the_same_bytes(blob_puppet, tmp_path):
-    write_ladder(blob_puppet, tmp_path / "a.glb")
-    write_ladder(blob_puppet, tmp_path / "b.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "a.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "b.glb")
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_puppet, tmp_path):
     many = write_puppet(blob_file.with_name("many.toml"), blob_file.name, more="[solver]\nfields = 9\nisolines = 4\n")
     with pytest.raises(PuppetError, match=r"many\.toml, \[solver\], fields: found 9 fields; expected at most 8"):
-        write_ladder(many, tmp_path / "a.glb")
+        write_shader_mesh(many, tmp_path / "a.glb")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
     content = blob_file.read_bytes()
     with pytest.raises(OutputError, match="read from"):
-        write_ladder(blob_puppet, blob_file)
+        write_shader_mesh(blob_puppet, blob_file)
     assert blob_file.read_bytes() == content
 
 
@@ -121,7 +121,7 @@ def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     assert told.output.startswith(f"{output}: ")
     assert "ladder coordinates of 5 fields" in told.output
     told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
-    assert json.loads(told.output) == json.loads(json.dumps(write_ladder(blob_puppet, output).as_dict()))
+    assert json.loads(told.output) == json.loads(json.dumps(write_shader_mesh(blob_puppet, output).as_dict()))
 
 
 def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tmp_path):
@@ -142,7 +142,7 @@ def test_every_example_is_its_scene(name, request, example_character, tmp_path, 
     made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
-    summary = write_ladder(tmp_path / f"{name}.toml", tmp_path / "out.glb")
+    summary = write_shader_mesh(tmp_path / f"{name}.toml", tmp_path / "out.glb")
     assert_is_the_scene(File(tmp_path / "out.glb"), scene_of(tmp_path / f"{name}.toml"))
     assert_valid_gltf(tmp_path / "out.glb")
     assert summary.fields == 8
@@ -154,7 +154,7 @@ def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_
     source = real_data / "mesh" / name
     puppet.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
     output = tmp_path / "out.glb"
-    write_ladder(tmp_path / "real.toml", output)
+    write_shader_mesh(tmp_path / "real.toml", output)
     before, after = File(source), File(output)
     assert_is_the_scene(after, scene_of(tmp_path / "real.toml"))
     report, was = validate(output), validate(source)

@@ -80,7 +80,7 @@ def test_more_bones_are_closer(fitted):
 def test_it_stops_within_the_tolerance_and_one_step_fewer_bones_are_beyond(clip, fitted, tolerance):
     skin, diagonal = fitted(tolerance=tolerance), clip.rig.mesh.diagonal
     assert skin.error <= tolerance * diagonal
-    smaller = [count for count in skinning.COUNTS if count < len(skin.joints)]
+    smaller = [count for count in skinning.BONE_COUNTS if count < len(skin.joints)]
     assert all(fitted(count).error > tolerance * diagonal for count in smaller)
 
 

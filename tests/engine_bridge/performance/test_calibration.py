@@ -3,7 +3,7 @@ import pytest
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.skeleton import JOINT_INDEX, LOST, TRACKED, SkeletonFrame
-from engine_bridge.performance.calibration import LastSecond, same_body
+from engine_bridge.performance.calibration import RecentFrames, same_body
 
 
 def frames_of(positions, confidence=None, fps=30.0):
@@ -12,7 +12,7 @@ def frames_of(positions, confidence=None, fps=30.0):
 
 
 def after(frames):
-    last = LastSecond()
+    last = RecentFrames()
     for frame in frames:
         last.add(frame)
     return last
@@ -28,7 +28,7 @@ def test_a_second_of_noise_about_one_pose_is_still_and_gives_that_pose(standing,
 
 def test_less_than_a_second_is_not_enough(standing):
     assert not after(frames_of(np.tile(standing, (20, 1, 1)))).still()
-    assert not LastSecond().still()
+    assert not RecentFrames().still()
 
 
 def test_slow_motion_of_both_arms_is_not_still_and_one_wild_joint_is(standing):
@@ -56,7 +56,7 @@ def test_joints_that_are_lost_are_left_out(standing):
 
 @pytest.mark.parametrize("name", PERFORMANCES)
 def test_performers_of_the_examples_stand_still_at_the_start(name):
-    last = LastSecond()
+    last = RecentFrames()
     found = next(frame.time for frame in PERFORMANCES[name]().frames() if not last.add(frame) and last.still())
     assert 0.9 <= found < 1.1
 

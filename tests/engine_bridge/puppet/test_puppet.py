@@ -162,7 +162,7 @@ def test_a_scale_in_metres_becomes_mesh_units(scale, unit, expected):
         handle=[HandleTable(name="b", position=(0, 0, 0))],
         retarget=RetargetTable(scale=scale),
     )
-    assert made.units_a_metre == expected
+    assert made.units_per_metre == expected
 
 
 @pytest.mark.parametrize(

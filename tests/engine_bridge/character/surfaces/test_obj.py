@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from engine_bridge.character.surfaces import obj
-from engine_bridge.character.surfaces.surface import CLAY, linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -23,7 +23,13 @@ def test_without_texture_coordinates_and_normals_vertices_stay_as_they_are(read)
     piece = only(read(f"v 9 9 9\n{SQUARE}v 8 8 8\nf 5 4 3 2\n"))
     np.testing.assert_array_equal(piece.positions, [[9, 9, 9], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [8, 8, 8]])
     assert piece.triangles.tolist() == [[4, 3, 2], [4, 2, 1]]
-    assert (piece.name, piece.material, piece.normals, piece.uvs, piece.colors) == ("", CLAY, None, None, None)
+    assert (piece.name, piece.material, piece.normals, piece.uvs, piece.colors) == (
+        "",
+        DEFAULT_MATERIAL,
+        None,
+        None,
+        None,
+    )
 
 
 def test_every_distinct_corner_becomes_a_vertex_in_order_of_first_appearance(read):
@@ -125,7 +131,7 @@ def test_groups_and_materials_become_pieces_in_order_of_their_first_faces(read, 
         ("part#2", "green", 1),
     ]  # fmt: skip
     assert [piece.material.base_color for piece in surface.pieces] == [
-        (0, 0, 1, 1), (1, 0, 0, 1), (1, 0, 0, 1), CLAY.base_color, (0, 1, 0, 1)
+        (0, 0, 1, 1), (1, 0, 0, 1), (1, 0, 0, 1), DEFAULT_MATERIAL.base_color, (0, 1, 0, 1)
     ]  # fmt: skip
     assert surface.notes == ["1 material not described: 'none'."]
     blue = surface.pieces[0]

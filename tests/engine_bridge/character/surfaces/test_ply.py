@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from engine_bridge.character.surfaces import ply
-from engine_bridge.character.surfaces.surface import CLAY, linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 XYZ = "element vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
@@ -42,7 +42,13 @@ def test_polygons_become_triangles(cube, read):
     piece = only(surface)
     np.testing.assert_array_equal(piece.positions, cube.vertices)
     np.testing.assert_array_equal(piece.triangles, cube.triangles)
-    assert (piece.material, piece.normals, piece.uvs, piece.colors, surface.notes) == (CLAY, None, None, None, [])
+    assert (piece.material, piece.normals, piece.uvs, piece.colors, surface.notes) == (
+        DEFAULT_MATERIAL,
+        None,
+        None,
+        None,
+        [],
+    )
 
 
 @pytest.mark.parametrize(
@@ -87,7 +93,7 @@ def test_texture_coordinates_normals_and_the_picture(cube, read, tmp_path, names
 def test_a_picture_without_texture_coordinates_is_told_of(cube, read):
     surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
     assert (only(surface).material, surface.notes) == (
-        CLAY,
+        DEFAULT_MATERIAL,
         ["No texture coordinates for the picture 'skin.png': left out."],
     )
 

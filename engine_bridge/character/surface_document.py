@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from engine_bridge.character.assembly import assemble
-from engine_bridge.character.cache import Arrays, key_of, recall
+from engine_bridge.character.cache import Arrays, cache_key, load_or_compute
 from engine_bridge.character.document import Document
 from engine_bridge.character.readers import read_surface
 from engine_bridge.character.surfaces.files import Folder
@@ -28,15 +28,15 @@ def read_document(path: Path, content: bytes, cache: Path | None = None) -> Docu
     content : bytes
         Of that file.
     cache : Path, optional
-        Folder for the documents, see `engine_bridge.character.cache.recall`.
+        Folder for the documents, see `engine_bridge.character.cache.load_or_compute`.
 
     Raises
     ------
     MeshError
         See `engine_bridge.character.readers.read_surface`.
     """
-    key = key_of("document of a mesh file", str(path), np.frombuffer(content, np.uint8))
-    kept = recall(cache, key, lambda: _parsed(path, content), lambda kept: _is_current(path, kept))
+    key = cache_key("document of a mesh file", str(path), np.frombuffer(content, np.uint8))
+    kept = load_or_compute(cache, key, lambda: _parsed(path, content), lambda kept: _is_current(path, kept))
     description = _description(kept)
     document = Document(description["gltf"], kept[BUFFER].tobytes(), str(path))
     document.notes += description["notes"]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.document import Document
 from engine_bridge.export import frames_animation, morph_basis, skinning
-from engine_bridge.export.animation import Take, animate
+from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
@@ -18,7 +18,7 @@ from solver.model.batch import BatchBinding
 
 
 @dataclass(frozen=True)
-class Made:
+class ExportResult:
     """What became of a clip: see `engine_bridge.export.convert.Summary`."""
 
     error: float
@@ -29,7 +29,7 @@ class Made:
     notes: tuple[str, ...] = ()
 
 
-def make(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     """Animate a character in the form that the settings ask for.
 
     Parameters
@@ -44,17 +44,17 @@ def make(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple
     -------
     document : Document
         Ready to be saved.
-    made : Made
+    result : ExportResult
     """
-    return _FORMS[settings.form](clip, name, settings, progress)
+    return _EXPORTERS[settings.form](clip, name, settings, progress)
 
 
-def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Take:
+def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
     root = None if clip.rig.puppet.root is None else clip.root
-    return Take(name, clip.timeline.times.astype(np.float32), weights, root)
+    return Keyframes(name, clip.timeline.times.astype(np.float32), weights, root)
 
 
-def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig = clip.rig
     basis = morph_basis.fit(
         rig.model,
@@ -66,10 +66,10 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
     )
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
     document = animate(rig.character, _take(clip, name, basis.weights), displacements)
-    return document, Made(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+    return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
 
 
-def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, Made]:
+def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
     skin = skinning.fit(
         rig.model,
@@ -81,18 +81,18 @@ def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> t
     )
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
     document, notes = animate_skin(rig.character, _take(clip, name, no_weights), skin, rig.mesh.of_render)
-    return document, Made(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+    return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
 
 
-def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
     progress("Making keyframes", 1.0)
     document = animate(rig.character, _take(clip, name, frames_animation.weights(count)), displacements)
-    return document, Made(error=0.0, targets=count)
+    return document, ExportResult(error=0.0, targets=count)
 
 
-def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, Made]:
+def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig = clip.rig
     bones = rig_bones(rig.character, rig.puppet.limbs)
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
@@ -111,10 +111,10 @@ def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> t
             "be. Use --as morph for the exact motion."
         )
     error = moved.error / float(rig.model.diagonal)
-    return document, Made(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+    return document, ExportResult(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
 
 
-_FORMS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, Made]]] = {
+_EXPORTERS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, ExportResult]]] = {
     "morph": _as_morph,
     "skin": _as_skin,
     "frames": _as_frames,

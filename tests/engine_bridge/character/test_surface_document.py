@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.character import parsed
+from engine_bridge.character import surface_document
 from engine_bridge.character.character import load_character
-from engine_bridge.character.parsed import read_document
+from engine_bridge.character.surface_document import read_document
 
 OBJ = """mtllib a.mtl
 v 0 0 0
@@ -37,10 +37,10 @@ def mesh(tmp_path):
 
 @pytest.fixture
 def read(tmp_path, mesh, monkeypatch):
-    """Read the mesh, and say whether it was parsed."""
+    """Read the mesh, and say whether it was surface_document."""
     parses = []
-    parse = parsed.read_surface
-    monkeypatch.setattr(parsed, "read_surface", lambda *files: parses.append(1) or parse(*files))
+    parse = surface_document.read_surface
+    monkeypatch.setattr(surface_document, "read_surface", lambda *files: parses.append(1) or parse(*files))
 
     def run(path=mesh):
         parses.clear()

@@ -234,7 +234,7 @@ def new(
 ) -> None:
     """Propose a puppet file for a MESH: its limbs, or handles where it has none, and joints to move them."""
     from engine_bridge.pictures import portrait
-    from engine_bridge.puppet import proposal, puppet
+    from engine_bridge.puppet import proposal, puppet_file
     from puppetline.files import check_writable
 
     # not the plain name with .png, which is a texture's or a contact sheet's
@@ -255,7 +255,7 @@ def new(
         mirror=mirror,
     )
     made = proposed.puppet
-    puppet.dump(made, output)
+    puppet_file.dump(made, output)
     portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(made.limb), "handles": len(made.handle)}
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)

@@ -7,7 +7,7 @@ import platformdirs
 
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.skin_shares import skin_shares

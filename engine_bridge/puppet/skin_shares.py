@@ -1,4 +1,4 @@
-"""How much of each bone of a puppet moves each vertex, by the skin in the character's own file."""
+"""Share of each bone of a puppet in the motion of each vertex, from the skin in the character's file."""
 
 from collections.abc import Sequence
 
@@ -23,8 +23,8 @@ def skin_shares(character: Character, limbs: Sequence[Limb]) -> NDArray[np.float
     Returns
     -------
     (N, b) float64 or None
-        Rows sum to 1, or to 0 for vertices that follow no bone. None where the file has no skeleton, or one that does
-        not lie along all limbs: then it does not say what belongs to them.
+        Rows sum to 1, or to 0 for vertices that follow no bone. None if the file has no skeleton, or if its skeleton
+        lacks joints for some limb.
     """
     found = rig_bones(character, limbs) if limbs else None
     if found is None or not len(found.nodes) or found.missing:

@@ -18,7 +18,7 @@ from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.convert import convert
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from puppetline.errors import MeshError, PuppetError

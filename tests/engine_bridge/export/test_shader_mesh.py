@@ -13,7 +13,7 @@ from engine_bridge.character.character import make_character
 from engine_bridge.cli.main import main
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import proposal, puppet
+from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from puppetline.errors import OutputError, PuppetError
@@ -152,7 +152,7 @@ def test_every_example_is_its_scene(name, request, example_character, tmp_path, 
 @pytest.mark.parametrize("name", REAL)
 def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_path, validate):
     source = real_data / "mesh" / name
-    puppet.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
+    puppet_file.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
     output = tmp_path / "out.glb"
     write_shader_mesh(tmp_path / "real.toml", output)
     before, after = File(source), File(output)

@@ -131,7 +131,7 @@ def test_names_that_say_nothing_leave_it_to_the_shape():
     limbs = limbs_of_joints(joints)
     assert limbs.chains == ()
     assert limbs.notes == (
-        "The names of the joints in its skeleton say too little (Bone.000, Bone.001, Bone.002, Bone.003, Bone.004, …): "
+        "The joint names in the skeleton are unknown (Bone.000, Bone.001, Bone.002, Bone.003, Bone.004, …); "
         "limbs are found from the shape.",
     )
     assert axes_of(limbs) is None

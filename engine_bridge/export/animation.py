@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, Part, rest_weights
-from engine_bridge.character.document import ARRAY_BUFFER, Document, damaged
+from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.scene import top_nodes
 from engine_bridge.character.schema import Animation, Gltf, Mesh, Node, Primitive, copied
 from engine_bridge.character.surfaces.surface import MAX_COORDINATE

@@ -80,9 +80,7 @@ def _with_the_look_of(source: Document) -> Document:
     document.gltf.update(look)
     for image in document.gltf["images"]:
         if "bufferView" in image:
-            view = source.gltf["bufferViews"][image["bufferView"]]
-            start = view.get("byteOffset", 0)
-            image["bufferView"] = document.add_view(bytes(source.blob[start : start + view["byteLength"]]))
+            image["bufferView"] = document.add_view(source.view(image["bufferView"]))
     used = {name for extensions in _values(look, "extensions") for name in extensions}
     document.gltf["extensionsUsed"] = [name for name in source.gltf["extensionsUsed"] if name in used]
     document.gltf["extensionsRequired"] = [name for name in source.gltf["extensionsRequired"] if name in used]

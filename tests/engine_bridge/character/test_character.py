@@ -43,7 +43,7 @@ def test_world_normals_point_out_of_the_surface_in_every_guise(variant):
 
 
 def test_points_and_lines_are_told_of(variants):
-    assert load_character(variants["with_lines"].path).document.notes == ["mesh 0: points or lines stay where they are"]
+    assert load_character(variants["with_lines"].path).document.notes == ["mesh 0: points and lines are not moved"]
     assert load_character(variants["textured"].path).document.notes == []
 
 
@@ -127,8 +127,8 @@ def test_packed_data_is_refused_with_the_command_that_unpacks_it(glb, tmp_path, 
     glb.file.extensionsRequired = glb.file.extensionsUsed = [extension]
     error = told(glb.save(tmp_path / "a.glb"))
     assert (error.found, error.fix) == (
-        f"data packed with {extension}",
-        f"Unpack it first: {UNPACK_COMMANDS[extension]}",
+        f"data compressed with {extension}",
+        f"Decompress the file: {UNPACK_COMMANDS[extension]}",
     )
 
 
@@ -158,7 +158,7 @@ def test_nodes_that_are_no_tree_are_refused(glb, tmp_path, children):
 def test_what_is_no_mesh_is_refused(tmp_path):
     assert told(tmp_path / "none.glb").found == "no such file"
     (tmp_path / "song.mp3").write_bytes(b"ID3")
-    assert told(tmp_path / "song.mp3").found == "no mesh that is known here"
+    assert told(tmp_path / "song.mp3").found == "no mesh in a supported format"
     for ending in (".obj", ".off", ".ply", ".stl"):
         path = tmp_path / f"noise{ending}"
         path.write_bytes(np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes())

@@ -267,14 +267,17 @@ def test_a_buffer_that_is_not_beside_the_file_is_refused(tmp_path, uri):
     path = write_gltf(folder / "a.gltf", description(buffers=[{"byteLength": 16, "uri": uri}]))
     error = refused(path)
     assert error.where == str(path)
-    assert error.found == f"a reference to {uri!r}, which is not a file beside it"
+    assert error.found == f"a reference to {uri!r}, which is not a readable file in its folder"
 
 
 def test_an_absolute_path_to_a_buffer_is_refused(tmp_path):
     (tmp_path / "secret.bin").write_bytes(bytes(16))
     (tmp_path / "folder").mkdir()
     content = description(buffers=[{"byteLength": 16, "uri": str(tmp_path / "secret.bin")}])
-    assert "which is not a file beside it" in refused(write_gltf(tmp_path / "folder" / "a.gltf", content)).found
+    assert (
+        "which is not a readable file in its folder"
+        in refused(write_gltf(tmp_path / "folder" / "a.gltf", content)).found
+    )
 
 
 @pytest.mark.parametrize("digits", ["*", "A", "YWJj*", "YW=Jj"])
@@ -397,7 +400,7 @@ def test_a_packed_copy_of_plain_data_is_left_out(tetrahedron, tmp_path, extensio
     assert document.gltf["meshes"][0]["primitives"][0]["extensions"] == {"OTHER": {}}
     assert document.gltf["bufferViews"][0]["extensions"] == {}
     assert document.gltf["extensionsUsed"] == []
-    assert document.notes == [f"The copy of the mesh that is packed with {extension} is left out."]
+    assert document.notes == [f"The copy of the mesh that is compressed with {extension} is omitted."]
 
 
 def test_what_is_not_known_here_passes_through(tetrahedron, tmp_path):
@@ -425,14 +428,13 @@ def test_a_picture_beside_the_file_is_taken_in(tmp_path):
 
 
 def picture_of(document):
-    view = document.gltf["bufferViews"][document.gltf["images"][0]["bufferView"]]
-    return bytes(document.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+    return document.view(document.gltf["images"][0]["bufferView"])
 
 
 def test_white_takes_the_place_of_a_picture_that_is_missing(tmp_path):
     (tmp_path / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": "none.png"}]}))
     document = Document.load(tmp_path / "a.gltf")
-    assert document.notes == ["The picture 'none.png' is not there: white takes its place."]
+    assert document.notes == ["The image 'none.png' is missing; it is shown in white."]
     picture = Image.open(io.BytesIO(picture_of(document)))
     assert (picture.size, picture.getpixel((0, 0))) == ((1, 1), (255, 255, 255))
 
@@ -447,9 +449,7 @@ def test_white_takes_the_place_of_a_picture_elsewhere(tmp_path, uri):
     picture = Image.open(io.BytesIO(picture_of(document)))
     assert (picture.size, picture.getpixel((0, 0))) == ((1, 1), (255, 255, 255))
     assert document.gltf["images"] == [{"mimeType": "image/png", "bufferView": 0}]
-    assert document.notes == [
-        f"The picture {uri[:60]!r} is not a file in the folder of the glTF: white takes its place."
-    ]
+    assert document.notes == [f"The image {uri[:60]!r} is not a file in the folder of the glTF; it is shown in white."]
 
 
 def test_a_file_that_many_buffers_and_pictures_name_is_taken_in_once(tmp_path):
@@ -477,10 +477,10 @@ def test_each_buffer_of_a_shared_file_has_to_have_its_bytes(tmp_path):
 def test_a_pipe_beside_the_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.bin")
     buffer = description(buffers=[{"uri": "pipe.bin", "byteLength": 1}])
-    assert "which is not a file beside it" in refused(write_gltf(tmp_path / "a.gltf", buffer)).found
+    assert "which is not a readable file in its folder" in refused(write_gltf(tmp_path / "a.gltf", buffer)).found
     document = Document.load(write_gltf(tmp_path / "a.gltf", description(images=[{"uri": "pipe.bin"}])))
     assert document.notes == [
-        "The picture 'pipe.bin' is not a file in the folder of the glTF: white takes its place.",
+        "The image 'pipe.bin' is not a file in the folder of the glTF; it is shown in white.",
     ]
 
 

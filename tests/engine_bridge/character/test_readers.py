@@ -97,8 +97,8 @@ def test_another_kind_of_file_is_refused_with_the_kinds_that_are_known(written):
     with pytest.raises(MeshError) as error:
         read_surface(written("song.mp3", b"ID3\4"))
     assert (error.value.found, error.value.expected) == (
-        "no mesh that is known here",
-        ".glb, .gltf, .obj, .off, .ply, .stl",
+        "no mesh in a supported format",
+        "one of the formats .glb, .gltf, .obj, .off, .ply, .stl",
     )
 
 
@@ -130,7 +130,7 @@ def test_a_real_surface_that_was_turned_inside_out_in_places_is_mended(real_data
     surface = read_surface(written("a.obj", "".join(lines)))
     np.testing.assert_array_equal(surface.pieces[0].triangles, original.triangles)
     np.testing.assert_array_equal(surface.pieces[0].normals, original.normals)
-    assert surface.notes == ["5,000 triangles of 12,000 faced the wrong way: turned over."]
+    assert surface.notes == ["5,000 triangles of 12,000 faced the wrong way and were flipped."]
 
 
 def test_a_real_file_whose_picture_path_leaves_the_folder_is_read_without_the_picture(real_data, tmp_path):
@@ -144,4 +144,4 @@ def test_a_real_file_whose_picture_path_leaves_the_folder_is_read_without_the_pi
     np.testing.assert_array_equal(piece.uvs, whole.uvs)
     assert (piece.material.texture, whole.material.texture.name) == (None, "fuze uv")
     (note,) = (note for note in read_surface(tmp_path / "fuze.obj").notes if "line 13" in note)
-    assert note.startswith(f"{materials}, line 13: '../../../etc/passwd' is outside of the mesh's folder")
+    assert note.startswith(f"{materials}, line 13: '../../../etc/passwd' is outside the mesh's folder")

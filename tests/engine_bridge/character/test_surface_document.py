@@ -93,7 +93,7 @@ def test_a_change_of_the_mesh_or_of_a_file_that_it_names_is_seen(read, mesh, cha
 
 def test_a_picture_that_was_missing_is_seen_when_it_comes_and_so_is_what_new_materials_name(read, mesh):
     (mesh.parent / "skin.png").rename(mesh.parent / "fur.png")
-    assert read()[0].notes == ["'skin.png' is not there."]
+    assert read()[0].notes == ["'skin.png' is missing."]
     shutil.copyfile(mesh.parent / "fur.png", mesh.parent / "skin.png")
     assert read()[0].notes == []
     (mesh.parent / "a.mtl").write_text("newmtl skin\nmap_Kd fur.png\n")
@@ -129,7 +129,7 @@ def test_a_damaged_file_of_the_cache_is_made_anew(read, tmp_path, caplog):
         second, was_parsed = read()
     assert was_parsed
     assert same(first, second)
-    assert "made anew" in caplog.text
+    assert "computing again" in caplog.text
 
 
 @pytest.mark.parametrize(

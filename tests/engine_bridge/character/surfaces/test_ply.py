@@ -76,7 +76,7 @@ def test_colours_that_would_all_be_invisible_are_opaque(cube, read):
     more = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))
     surface = read(cube_text(cube, more, (0, 0, 0, 0)))
     np.testing.assert_array_equal(only(surface).colors, [[0, 0, 0, 1]] * 8)
-    assert surface.notes == ["All vertices would be invisible: made opaque."]
+    assert surface.notes == ["All vertices would be invisible and were made opaque."]
 
 
 @pytest.mark.parametrize("names", [("s", "t"), ("u", "v"), ("texture_u", "texture_v")])
@@ -94,7 +94,7 @@ def test_a_picture_without_texture_coordinates_is_told_of(cube, read):
     surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
     assert (only(surface).material, surface.notes) == (
         DEFAULT_MATERIAL,
-        ["No texture coordinates for the picture 'skin.png': left out."],
+        ["The image 'skin.png' is omitted, because there are no texture coordinates."],
     )
 
 
@@ -109,7 +109,7 @@ def test_texture_coordinates_of_corners_split_vertices(cube, read):
     np.testing.assert_array_equal(piece.uvs[piece.triangles], np.tile(fan, (6, 1, 1)))
     corners = {(vertex, *square[2 * k : 2 * k + 2]) for quad in cube.quads for k, vertex in enumerate(quad)}
     assert len(piece.positions) == len(corners)
-    assert surface.notes == ["1 vertex in no face left out."]
+    assert surface.notes == ["1 vertex without a face omitted."]
 
 
 def test_strips_end_at_minus_one_or_with_their_list(read):
@@ -129,8 +129,8 @@ def test_what_is_not_carried_is_told_of(cube, read):
     surface = read(header(body) + rows([[*v, 1] for v in cube.vertices]) + "1 2\n" + rows(faces))
     np.testing.assert_array_equal(only(surface).triangles, cube.triangles)
     assert surface.notes == [
-        "Not carried: vertex quality, camera, face red, edge.",
-        "1 face of fewer than 3 corners left out.",
+        "Ignored: vertex quality, camera, face red, edge.",
+        "1 face with fewer than 3 corners omitted.",
     ]
 
 
@@ -148,7 +148,7 @@ def points_only(cube):
         (lambda cube: cube_text(cube).replace("1 3 7 5", "1 3 -7 5"), "vertex -7", ", face 5"),
         (lambda cube: cube_text(cube).replace("1 3 7 5", "1 3 7 0.5"), "vertex 0.5", ", face 5"),
         (lambda cube: cube_text(cube).replace("1 0 1", "1 nan 1"), "[1.0, nan, 1.0]", ", vertex 5"),
-        (lambda cube: cube_text(cube).replace("list uchar int ", "int "), "one corner a face", ", element face"),
+        (lambda cube: cube_text(cube).replace("list uchar int ", "int "), "one corner per face", ", element face"),
     ],
 )
 def test_what_is_no_surface_is_refused(cube, read, tmp_path, make, found, where):

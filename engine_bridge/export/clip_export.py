@@ -1,4 +1,4 @@
-"""What an animation can be made of: morph targets, few or one for each keyframe, bones, or the file's own skeleton."""
+"""Export of a clip in each form: morph targets, one target per keyframe, bones, or the file's own skeleton."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from solver.model.batch import BatchBinding
 
 @dataclass(frozen=True)
 class ExportResult:
-    """What became of a clip: see `engine_bridge.export.convert.Summary`."""
+    """Numbers about an exported clip, see `engine_bridge.export.convert.Summary`."""
 
     error: float
     rms: float | None = None
@@ -30,26 +30,26 @@ class ExportResult:
 
 
 def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
-    """Animate a character in the form that the settings ask for.
+    """Animate a character in the form of the settings.
 
     Parameters
     ----------
     clip : Clip
     name : str
-        Of the animation.
+        Name of the animation.
     settings : Settings
     progress : callable
 
     Returns
     -------
     document : Document
-        Ready to be saved.
+        Animated document.
     result : ExportResult
     """
     return _EXPORTERS[settings.form](clip, name, settings, progress)
 
 
-def _take(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
+def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
     root = None if clip.rig.puppet.root is None else clip.root
     return Keyframes(name, clip.timeline.times.astype(np.float32), weights, root)
 
@@ -60,12 +60,12 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         clip.frames,
-        tolerance=settings.allowed,
-        most=settings.targets,
+        tolerance=settings.max_error,
+        max_targets=settings.targets,
         progress=lambda share: progress("Fitting morph targets", share),
     )
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
-    document = animate(rig.character, _take(clip, name, basis.weights), displacements)
+    document = animate(rig.character, _keyframes(clip, name, basis.weights), displacements)
     return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
 
 
@@ -75,12 +75,12 @@ def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> t
         rig.model,
         rig.mesh,
         clip.frames[:],
-        tolerance=settings.allowed,
+        tolerance=settings.max_error,
         bones=settings.bones,
         progress=lambda share: progress("Fitting bones", share),
     )
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
-    document, notes = animate_skin(rig.character, _take(clip, name, no_weights), skin, rig.mesh.of_render)
+    document, notes = animate_skin(rig.character, _keyframes(clip, name, no_weights), skin, rig.mesh.of_render)
     return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
 
 
@@ -88,7 +88,7 @@ def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
     progress("Making keyframes", 1.0)
-    document = animate(rig.character, _take(clip, name, frames_animation.weights(count)), displacements)
+    document = animate(rig.character, _keyframes(clip, name, frames_animation.weights(count)), displacements)
     return document, ExportResult(error=0.0, targets=count)
 
 
@@ -96,19 +96,19 @@ def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> t
     rig = clip.rig
     bones = rig_bones(rig.character, rig.puppet.limbs)
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
-    document, moved = animate_rig(rig.character, _take(clip, name, no_weights), bones, clip.motions)
+    document, moved = animate_rig(rig.character, _keyframes(clip, name, no_weights), bones, clip.motions)
     progress("Turning joints", 1.0)
     notes = []
     if bones.missing:
         notes.append(
-            f"The skeleton has no joint for {', '.join(bones.missing)}: what moves only with them stays still."
+            f"The skeleton has no joint for {', '.join(bones.missing)}; parts that only these limbs move stay still."
         )
     if bones.loose:
         notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
     if moved.uneven:
         notes.append(
-            f"The scale above {', '.join(moved.uneven)} differs by axis: these joints are turned as nearly as they can "
-            "be. Use --as morph for the exact motion."
+            f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
+            "approximate. Use --as morph for the exact motion."
         )
     error = moved.error / float(rig.model.diagonal)
     return document, ExportResult(error, bones=moved.animated, following=moved.following, notes=tuple(notes))

@@ -1,4 +1,4 @@
-"""A recorded skeleton and a puppet become a glTF animation."""
+"""Conversion of a recording and a puppet to a glTF animation."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,14 +15,14 @@ from puppetline.files import check_writable
 
 @dataclass(frozen=True)
 class Summary:
-    """What `convert` has to say about its result.
+    """Result of `convert`.
 
-    `error` and `rms` are distances of vertices from where the solver puts them, over all vertices and keyframes, as
-    fractions of the diagonal. Where the file's own skeleton is animated, `error` is the largest distance of a joint
-    from where its bone takes it, and nothing is said of the surface: `stretch_p1`, `stretch_p50`, `stretch_p99` and
-    `parts_apart` are None.
+    `error` and `rms` are the maximum and the root mean square distance of vertices from the solver's positions, over
+    all vertices and keyframes, as fractions of the diagonal. If the file's own skeleton is animated, `error` is the
+    maximum distance of a joint from its bone, and `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
+    which describe the surface, are None.
 
-    `bones` are those of a skin, or the joints that have keys; `following` joints turn with the ones above them.
+    `bones` is the number of bones of a skin, or of joints with keyframes; `following` joints move with their parents.
     """
 
     output: str
@@ -44,7 +44,7 @@ class Summary:
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
+        """Return the result as values for JSON."""
         return asdict(self)
 
 
@@ -69,7 +69,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         following=result.following,
         error=result.error,
         rms=result.rms,
-        tolerance=settings.allowed,
+        tolerance=settings.max_error,
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
@@ -83,7 +83,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
 def convert(
     log: Path, puppet: Path, output: Path, settings: Settings, progress: Progress = lambda _stage, _share: None
 ) -> tuple[Clip, Summary]:
-    """Turn a skeleton log and a puppet file into an animated .glb.
+    """Convert a recording and a puppet file to an animated .glb.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def convert(
     Returns
     -------
     clip : Clip
-        For pictures.
+        Solved clip, for pictures.
     summary : Summary
 
     Raises

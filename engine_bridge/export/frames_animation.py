@@ -1,7 +1,7 @@
-"""The animated character as a vertex cache: one morph target a keyframe.
+"""Animation of a character as a vertex cache, with one morph target per keyframe.
 
-For players that cannot blend many targets: at a keyframe its own target alone is in, between two keyframes these two.
-They hold all targets in memory, though, whose size grows with the length of the clip.
+This form suits players that cannot blend many targets: only one target is active at a keyframe, and two in between. The
+memory for all targets grows with the length of the clip.
 """
 
 import math
@@ -20,19 +20,19 @@ from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
 MAX_CACHE_BYTES = 1_000_000_000
-"""Bytes; a .glb could hold four times as much, but a player keeps all of it in the graphics card."""
+"""Maximum size of a vertex cache in bytes, less than that of a .glb, because players keep it on the graphics card."""
 
 JSON_BYTES_PER_ARRAY = 300
-"""Bytes of JSON for an array."""
+"""Estimated size of the JSON for an array, in bytes."""
 
 
 def check_size(output: Path, character: Character, frames: int, fps: float) -> None:
-    """Refuse a vertex cache that no player could hold.
+    """Refuse a vertex cache that is too large for players.
 
     Raises
     ------
     OutputError
-        With the number of keyframes a second that would do.
+        With a frame rate that gives a smaller cache.
     """
     arrays = sum(1 if part.normals is None else 2 for part in character.parts)
     values = sum(len(part.vertices) * (1 if part.normals is None else 2) for part in character.parts)
@@ -49,18 +49,18 @@ def check_size(output: Path, character: Character, frames: int, fps: float) -> N
     raise OutputError(
         output,
         found=f"{frames:,} keyframes of {values * 12 / 1e6:.1f} MB, {size / 1e9:.1f} GB in all",
-        expected=f"no more than {MAX_CACHE_BYTES / 1e9:g} GB, which players must hold in memory at once",
-        fix=f"Give --fps {slower:g}, or use --as morph." if slower >= 1 else "Use --as morph, or a shorter recording.",
+        expected=f"at most {MAX_CACHE_BYTES / 1e9:g} GB, which players hold in memory",
+        fix=f"Use --fps {slower:g}, or use --as morph." if slower >= 1 else "Use --as morph, or a shorter recording.",
     )
 
 
 def weights(frames: int) -> NDArray[np.float32]:
-    """Return the (F, F) weights: straight lines between them make hat functions."""
+    """Return the weights (F, F), which are hat functions with linear interpolation."""
     return np.eye(frames, dtype=np.float32)
 
 
 def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
-    """Return what gives each part its (F, n, 3) position and normal displacements, world coordinates.
+    """Return the displacements (F, n, 3) of positions and normals for each part, world coordinates.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""A character with its ladder coordinates, in a .glb whose vertices an engine's shader moves by live controls.
+"""A character with its isoline coordinates, as a .glb for an engine's shader that moves vertices by live controls.
 
-TEXCOORD_2 to TEXCOORD_5 of each vertex are its ladder coordinates, two fields a set, zero for fields that there are
-not; the first number of TEXCOORD_6 is that of the vertex in the character's scene message, since engines reorder
-vertices (docs/protocol.md).
+TEXCOORD_2 to TEXCOORD_5 of each vertex are its isoline coordinates, two fields per set, zero for missing fields. The
+first number of TEXCOORD_6 is the vertex's number in the character's scene message, because engines reorder vertices
+(docs/protocol.md).
 """
 
 from dataclasses import asdict, dataclass
@@ -18,12 +18,12 @@ from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
 MAX_FIELDS = 8
-"""Ladder coordinates that fit into two vertex attributes of four numbers."""
+"""Maximum number of fields, whose isoline coordinates fit into two vertex attributes of four numbers."""
 
 
 @dataclass(frozen=True)
 class ShaderMeshSummary:
-    """What `write_shader_mesh` has to say about its result."""
+    """Result of `write_shader_mesh`."""
 
     output: str
     vertices: int
@@ -34,12 +34,12 @@ class ShaderMeshSummary:
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
+        """Return the result as values for JSON."""
         return asdict(self)
 
 
 def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
-    """Write a puppet's character at rest as a .glb with ladder coordinates.
+    """Write a puppet's character at rest as a .glb with isoline coordinates.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
         raise PuppetError(
             at(puppet, field="[solver], fields"),
             found=f"{fields} fields",
-            expected=f"at most {MAX_FIELDS}, whose ladder coordinates fit into the attributes of a vertex",
-            fix=f"Set it to {MAX_FIELDS}, or let the engine take the mesh from the service.",
+            expected=f"at most {MAX_FIELDS} fields, whose isoline coordinates fit into the attributes of a vertex",
+            fix=f"Set fields to {MAX_FIELDS}, or let the engine load the mesh from the service.",
         )
     coordinates = np.zeros((count, MAX_FIELDS), np.float32)
     coordinates[:, :fields] = ladder

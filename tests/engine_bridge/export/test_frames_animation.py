@@ -65,7 +65,7 @@ def test_a_cache_that_no_player_could_hold_is_refused_with_a_rate_that_fits(blob
     character = load_character(blob_file)
     monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", 5_000_000)
     check_size(tmp_path / "out.glb", character, 100, 30)
-    with pytest.raises(OutputError, match=r"Give --fps (\d+(\.\d)?), or use --as morph") as refused:
+    with pytest.raises(OutputError, match=r"Use --fps (\d+(\.\d)?), or use --as morph") as refused:
         check_size(tmp_path / "out.glb", character, 1000, 30)
     slower = float(str(refused.value).partition("--fps ")[2].partition(",")[0])
     check_size(tmp_path / "out.glb", character, int(1000 * slower / 30), slower)

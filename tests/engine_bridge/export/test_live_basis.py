@@ -216,7 +216,7 @@ def test_as_many_fields_and_isolines_the_other_way_round_are_other_settings(bake
 
 
 def test_a_file_without_a_basis_is_refused(blob_file, blob_rig):
-    with pytest.raises(PuppetError, match=r"found none; expected the morph basis.*puppetline bake"):
+    with pytest.raises(PuppetError, match=r"found no morph basis; expected the morph basis.*puppetline bake"):
         LiveBasis.load(blob_file, blob_rig)
 
 

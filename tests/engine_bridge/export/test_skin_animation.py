@@ -254,7 +254,7 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
     assert (place.mesh, place.name, place.scale) == (None, None, [-2, 2, 2])
     assert [file.nodes[child].name for child in place.children] == ["hat"]
     assert [animation.name for animation in file.animations] == ["dance", "tip", "grin", "pointed tip", "pointed grin"]
-    assert "The character's own animations that moved what it hung on (2) are left out." in summary.notes
+    assert "Omitted 2 of the file's animations, which moved the character's nodes or skeleton." in summary.notes
     before, made = raw(furnished), raw(tmp_path / "out.glb")
     old, new = (f.file.meshes[0].primitives[0].attributes.TANGENT for f in (before, made))
     turned = before.array(old)[:, :3] @ (Rotation.from_euler("y", 90, degrees=True).as_matrix() @ np.diag([-1, 1, 1])).T

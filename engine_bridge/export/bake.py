@@ -5,9 +5,8 @@ of the handles. It does not contain the motion of the root, which is a separate 
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,10 +51,6 @@ class BakeSummary:
     bytes: int
     repairs: tuple[str, ...]
     notes: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as values for JSON."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

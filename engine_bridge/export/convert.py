@@ -1,8 +1,7 @@
 """Conversion of a recording and a puppet to a glTF animation."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from engine_bridge.export import frames_animation, skinning
 from engine_bridge.export.clip_export import export_clip
@@ -42,10 +41,6 @@ class Summary:
     bytes: int
     repairs: tuple[str, ...]
     notes: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as values for JSON."""
-        return asdict(self)
 
 
 def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Progress) -> Summary:

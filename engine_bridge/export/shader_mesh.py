@@ -5,9 +5,8 @@ first number of TEXCOORD_6 is the vertex's number in the character's scene messa
 (docs/protocol.md).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,10 +31,6 @@ class ShaderMeshSummary:
     fields: int
     bytes: int
     notes: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as values for JSON."""
-        return asdict(self)
 
 
 def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:

@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Protocol, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,6 @@ from puppetline.errors import OutputError
 
 MAX_MEMORY_BYTES = 32_000_000
 """Maximum size of frames in memory, in bytes."""
-
-
-class Frames(Protocol):
-    """Control variables of a clip that are read in chunks: an array or a `FrameStore`."""
-
-    def __len__(self) -> int:
-        """Return F."""
-
-    def __getitem__(self, chosen: slice | NDArray[np.integer], /) -> NDArray[np.float32]:
-        """Return the chosen frames (some, 4m, 3) float32."""
 
 
 class FrameStore:
@@ -87,6 +77,10 @@ class FrameStore:
     def _read(self, first: int, count: int) -> NDArray[np.float32]:
         self._file.seek(first * self._size)
         return np.frombuffer(self._file.read(count * self._size), dtype=np.float32).reshape(count, *self._shape)
+
+
+Frames = FrameStore | NDArray[np.float32]
+"""Frames of a clip, which are read in chunks."""
 
 
 def evenly(n: int, count: int) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ MAX_HAND_HEIGHT_SHARE = 0.3
 """Maximum height of the ends of forelegs, as a share of the height of the shoulders."""
 
 UP = np.array([0.0, 1.0, 0.0])
-"""Up in glTF."""
+"""Up direction in glTF."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,12 @@ class Joint:
     vertices: NDArray[np.float64]
 
 
-def rig_limbs(character: Character, up: NDArray[np.float64] = UP) -> Limbs | None:
+def rig_limbs(character: Character) -> Limbs | None:
     """Find a character's limbs by the joints of its file's skeleton.
 
     Parameters
     ----------
     character : Character
-    up : (3,) float64
-        Mesh file's coordinates.
 
     Returns
     -------
@@ -66,13 +64,13 @@ def rig_limbs(character: Character, up: NDArray[np.float64] = UP) -> Limbs | Non
         None if the file has no skeleton. No chains, but a note, if its joint names are unknown.
     """
     joints = _joints(character)
-    limbs = limbs_of_joints(joints, up) if joints else None
+    limbs = limbs_of_joints(joints) if joints else None
     if limbs is not None and not limbs.chains and not character.document.gltf["skins"]:
         return None  # names of mesh parts need not mean anything
     return limbs
 
 
-def limbs_of_joints(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
+def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     """Find the limbs of a skeleton.
 
     Known names are those of VRM, Mixamo, Rigify, Unreal, Quaternius and KayKit, and plain English ones, with a side in
@@ -81,11 +79,10 @@ def limbs_of_joints(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Li
     Parameters
     ----------
     joints : sequence of Joint
-    up : (3,) float64
     """
     skeleton = _Skeleton(joints)
     found = skeleton.arms_and_legs()
-    four_legged = _lies(found, up)
+    four_legged = _is_four_legged(found)
     names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
     found = {_renamed(name, names): points for name, points in found.items()}
     behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
@@ -294,7 +291,7 @@ def _renamed(name: str, names: dict[str, str]) -> str:
     return f"{side} {names.get(limb, limb)}"
 
 
-def _lies(limbs: dict[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
+def _is_four_legged(limbs: dict[str, NDArray[np.float64]]) -> bool:
     """Return whether the arms are legs: they reach the ground, and the spine is not upright."""
     behind = [points for name, points in limbs.items() if name.endswith(("hind leg", "left leg", "right leg"))]
     before = [points for name, points in limbs.items() if name.endswith(("front leg", "arm"))]
@@ -302,8 +299,8 @@ def _lies(limbs: dict[str, NDArray[np.float64]], up: NDArray[np.float64]) -> boo
         return False
     hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))
     soles, hands = (np.mean([points[-1] for points in limbs], axis=0) for limbs in (behind, before))
-    upright = _unit(shoulders - hips) @ up > LYING_COSINE
-    return bool(not upright and (hands - soles) @ up < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ up))
+    upright = _unit(shoulders - hips) @ UP > LYING_COSINE
+    return bool(not upright and (hands - soles) @ UP < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ UP))
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -44,6 +44,8 @@ def as_text_stl(cube):
 GUISES = {"obj": as_obj, "off": as_off, "ply": as_ply, "stl": as_stl, "text stl": as_text_stl}
 
 
+NOISE = np.random.default_rng(3).integers(0, 256, 5000, dtype=np.uint8).tobytes()
+
 KNOWN = [(guise, ending) for guise in GUISES for ending in (*SURFACE_FILES, ".OBJ", ".mesh", "")]
 
 
@@ -77,7 +79,9 @@ def test_whatever_a_file_is_cut_off_to_it_is_refused_or_a_surface_of_fewer_trian
 
 
 @pytest.mark.parametrize("ending", SURFACE_FILES)
-@pytest.mark.parametrize("content", [b"", b"\0" * 100, b"\n" * 100, b"ID3\4 song", b"v", b"\xff\xfe" * 200, b"0 0 0 0"])
+@pytest.mark.parametrize(
+    "content", [b"", b"\0" * 100, b"\n" * 100, b"ID3\4 song", b"v", b"\xff\xfe" * 200, b"0 0 0 0", NOISE]
+)
 def test_what_is_no_mesh_is_refused(written, ending, content):
     path = written(f"a{ending}", content)
     with pytest.raises(MeshError) as error:

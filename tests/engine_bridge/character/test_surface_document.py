@@ -1,4 +1,3 @@
-import logging
 import shutil
 
 import numpy as np
@@ -117,19 +116,6 @@ def test_the_same_mesh_elsewhere_is_another_since_its_notes_say_where(read, mesh
     document, was_parsed = read(tmp_path / "other" / "a.obj")
     assert was_parsed
     assert document.name == str(tmp_path / "other" / "a.obj")
-
-
-def test_a_damaged_file_of_the_cache_is_made_anew(read, tmp_path, caplog):
-    first, _ = read()
-    (kept,) = (tmp_path / "cache").iterdir()
-    content = bytearray(kept.read_bytes())
-    content[len(content) // 2] ^= 1
-    kept.write_bytes(content)
-    with caplog.at_level(logging.WARNING):
-        second, was_parsed = read()
-    assert was_parsed
-    assert same(first, second)
-    assert "computing again" in caplog.text
 
 
 @pytest.mark.parametrize(

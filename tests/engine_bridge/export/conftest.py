@@ -340,7 +340,7 @@ class Raw:
         view = self.file.bufferViews[accessor.bufferView]
         width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
         kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
-        start = view.byteOffset + (accessor.byteOffset or 0)
+        start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
         stride = view.byteStride or np.dtype(kind).itemsize * width
         rows = np.lib.stride_tricks.as_strided(
             np.frombuffer(self.blob, "u1")[start:].view(),
@@ -352,7 +352,7 @@ class Raw:
 
     def view(self, index):
         view = self.file.bufferViews[index]
-        return self.blob[view.byteOffset : view.byteOffset + view.byteLength]
+        return self.blob[view.byteOffset or 0 :][: view.byteLength]
 
     def weights(self, node):
         """(F, K) of the channel that morphs a node."""

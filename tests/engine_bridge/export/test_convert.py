@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_the_summary_says_what_the_file_and_the_clip_are(converted):
     assert summary.targets == inspect(output)["animations"][0]["morph_targets"]
     assert 0 < summary.error <= summary.tolerance == 0.0005
     assert summary.notes == ()
-    assert json.loads(json.dumps(summary.as_dict()))["frames"] == 58
+    assert json.loads(json.dumps(asdict(summary)))["frames"] == 58
     assert clip.timeline.fps == 30
 
 

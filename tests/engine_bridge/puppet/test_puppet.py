@@ -134,13 +134,6 @@ MISTAKES = {
         "a different name for each handle",
         "Rename one of the two handles 'tail'.",
     ),
-    "no list of joints": (
-        PUPPET + "joints = []\n",
-        "[[handle]] 1 'tail', joints",
-        "[]",
-        "a list that is not empty",
-        "Change the value of that key.",
-    ),
     "no limb and no handle": (
         CHARACTER,
         "the whole file",
@@ -171,20 +164,6 @@ MISTAKES = {
         "a value",
         "Add the key 'name' there.",
     ),
-    "an empty name": (
-        PUPPET.replace("tail", ""),
-        "[[handle]] 1 '', name",
-        "''",
-        "a text that is not empty",
-        "Change the value of that key.",
-    ),
-    "axes in another order": (
-        PUPPET + 'axes = "zx"\n',
-        "[[handle]] 1 'tail', axes",
-        "'zx'",
-        "'', 'x', 'y', 'z', 'xy', 'xz', 'yz' or 'xyz'",
-        "Change the value of that key.",
-    ),
     "up and front along one axis": (
         CHARACTER + 'up = "z"\nfront = "-z"\n' + HANDLE,
         "[character], front",
@@ -192,110 +171,12 @@ MISTAKES = {
         "up and front along different axes",
         "Choose another axis for front.",
     ),
-    "no such direction": (
-        CHARACTER + 'up = "up"\n' + HANDLE,
-        "[character], up",
-        "'up'",
-        "'x', '-x', 'y', '-y', 'z' or '-z'",
-        "Change the value of that key.",
-    ),
     "two coordinates": (
         CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2]\n',
         "[[handle]] 1 'a', position",
         "[1, 2]",
         "three numbers",
         "Write it like [0.1, 1.5, 0.2].",
-    ),
-    "a coordinate that is not a number": (
-        CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2, nan]\n',
-        "[[handle]] 1 'a', position, 3",
-        "nan",
-        "a finite number",
-        "Change the value of that key.",
-    ),
-    "a number in quotes": (
-        PUPPET + 'gain = "2"\n',
-        "[[handle]] 1 'tail', gain",
-        "'2'",
-        "a number",
-        "Change the value of that key.",
-    ),
-    "true for a number": (
-        PUPPET + "gain = true\n",
-        "[[handle]] 1 'tail', gain",
-        "True",
-        "a number",
-        "Change the value of that key.",
-    ),
-    "a text for a list": (
-        PUPPET + 'joints = "head"\n',
-        "[[handle]] 1 'tail', joints",
-        "'head'",
-        "a list",
-        "Change the value of that key.",
-    ),
-    "a text for a table": (
-        'character = "dog.glb"\n' + HANDLE,
-        "character",
-        "'dog.glb'",
-        "a table",
-        "Change the value of that key.",
-    ),
-    "one table for a list of them": (
-        CHARACTER + "[handle]\nx = 1\n",
-        "handle",
-        "{'x': 1}",
-        "a list",
-        "Change the value of that key.",
-    ),
-    "texts for tables": (
-        'handle = ["a"]\n' + CHARACTER,
-        "[[handle]] 1",
-        "'a'",
-        "a table",
-        "Change the value of that key.",
-    ),
-    "yes for true": (
-        PUPPET + '[retarget]\nmirror = "yes"\n',
-        "[retarget], mirror",
-        "'yes'",
-        "true or false, without quotes",
-        "Change the value of that key.",
-    ),
-    "a character without a size": (
-        CHARACTER + "scale = 0.0\n" + HANDLE,
-        "[character], scale",
-        "0.0",
-        "a number greater than 0",
-        "Change the value of that key.",
-    ),
-    "no scale": (
-        PUPPET + "[retarget]\nscale = 0\n",
-        "[retarget], scale",
-        "0",
-        "'auto' or a number greater than 0",
-        "Change the value of that key.",
-    ),
-    "an endless scale": (
-        PUPPET + "[retarget]\nscale = inf\n",
-        "[retarget], scale",
-        "inf",
-        "'auto' or a finite number",
-        "Change the value of that key.",
-    ),
-    "smoothing beyond 1": (
-        PUPPET + "[smoothing]\nalpha = 1.5\n",
-        "[smoothing], alpha",
-        "1.5",
-        "a number less than or equal to 1",
-        "Change the value of that key.",
-    ),
-    "half a field": (
-        PUPPET + "[solver]\nfields = 7.5\n",
-        "[solver], fields",
-        "7.5",
-        "a whole number",
-        "Change the value of that key.",
     ),
     "a limb with one point": (
         CHARACTER + limb("arm", [[0, 0, 0]], ["head"]),
@@ -331,13 +212,6 @@ MISTAKES = {
         "'hip'",
         "the name of a Kinect joint",
         f"Choose one of these: {', '.join(JOINTS)}.",
-    ),
-    "another way to follow": (
-        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]) + 'follow = "position"\n',
-        "[[limb]] 1 'arm', follow",
-        "'position'",
-        "'direction' or 'turn'",
-        "Change the value of that key.",
     ),
     "two limbs of one name": (
         CHARACTER + ARM + limb("arm", [[0, 5, 0], [1, 5, 0]], ["head", "spine"]),
@@ -383,15 +257,75 @@ MISTAKES = {
     ),
 }
 
+WRONG_VALUES = {
+    "no list of joints": (PUPPET + "joints = []\n", "[[handle]] 1 'tail', joints", "[]", "a list that is not empty"),
+    "an empty name": (PUPPET.replace("tail", ""), "[[handle]] 1 '', name", "''", "a text that is not empty"),
+    "axes in another order": (
+        PUPPET + 'axes = "zx"\n',
+        "[[handle]] 1 'tail', axes",
+        "'zx'",
+        "'', 'x', 'y', 'z', 'xy', 'xz', 'yz' or 'xyz'",
+    ),
+    "no such direction": (
+        CHARACTER + 'up = "up"\n' + HANDLE,
+        "[character], up",
+        "'up'",
+        "'x', '-x', 'y', '-y', 'z' or '-z'",
+    ),
+    "a coordinate that is not a number": (
+        CHARACTER + '[[handle]]\nname = "a"\nposition = [1, 2, nan]\n',
+        "[[handle]] 1 'a', position, 3",
+        "nan",
+        "a finite number",
+    ),
+    "a number in quotes": (PUPPET + 'gain = "2"\n', "[[handle]] 1 'tail', gain", "'2'", "a number"),
+    "true for a number": (PUPPET + "gain = true\n", "[[handle]] 1 'tail', gain", "True", "a number"),
+    "a text for a list": (PUPPET + 'joints = "head"\n', "[[handle]] 1 'tail', joints", "'head'", "a list"),
+    "a text for a table": ('character = "dog.glb"\n' + HANDLE, "character", "'dog.glb'", "a table"),
+    "one table for a list of them": (CHARACTER + "[handle]\nx = 1\n", "handle", "{'x': 1}", "a list"),
+    "texts for tables": ('handle = ["a"]\n' + CHARACTER, "[[handle]] 1", "'a'", "a table"),
+    "yes for true": (
+        PUPPET + '[retarget]\nmirror = "yes"\n',
+        "[retarget], mirror",
+        "'yes'",
+        "true or false, without quotes",
+    ),
+    "a character without a size": (
+        CHARACTER + "scale = 0.0\n" + HANDLE,
+        "[character], scale",
+        "0.0",
+        "a number greater than 0",
+    ),
+    "no scale": (PUPPET + "[retarget]\nscale = 0\n", "[retarget], scale", "0", "'auto' or a number greater than 0"),
+    "an endless scale": (PUPPET + "[retarget]\nscale = inf\n", "[retarget], scale", "inf", "'auto' or a finite number"),
+    "smoothing beyond 1": (
+        PUPPET + "[smoothing]\nalpha = 1.5\n",
+        "[smoothing], alpha",
+        "1.5",
+        "a number less than or equal to 1",
+    ),
+    "half a field": (PUPPET + "[solver]\nfields = 7.5\n", "[solver], fields", "7.5", "a whole number"),
+    "another way to follow": (
+        CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]) + 'follow = "position"\n',
+        "[[limb]] 1 'arm', follow",
+        "'position'",
+        "'direction' or 'turn'",
+    ),
+}
+
 
 @pytest.mark.parametrize(("content", "field", "found", "expected", "fix"), MISTAKES.values(), ids=list(MISTAKES))
-def test_a_mistake_is_named_with_its_table_and_key(tmp_path, content, field, found, expected, fix):
-    path = tmp_path / "dog.toml"
-    path.write_text(content)
+def test_a_mistake_is_named_with_its_table_and_key(content, field, found, expected, fix):
     with pytest.raises(PuppetError) as error:
-        puppet_file.load(path)
-    told = error.value
-    assert (told.where, told.found, told.expected, told.fix) == (f"{path}, {field}", found, expected, fix)
+        puppet_file.loads(content, "dog.toml")
+    named = error.value
+    assert (named.where, named.found, named.expected, named.fix) == (f"dog.toml, {field}", found, expected, fix)
+
+
+@pytest.mark.parametrize(("content", "field", "found", "expected"), WRONG_VALUES.values(), ids=list(WRONG_VALUES))
+def test_a_wrong_value_is_named_with_its_table_and_key(content, field, found, expected):
+    fix = "Change the value of that key."
+    test_a_mistake_is_named_with_its_table_and_key(content, field, found, expected, fix)
 
 
 def test_a_model_that_would_not_fit_in_memory_is_refused():

@@ -131,7 +131,7 @@ def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
 
 
 def refused(path):
-    """What is wrong with a character file, which must be told as nothing but a MeshError."""
+    """What is wrong with a character file, which must raise a MeshError and no other error."""
     with pytest.raises(MeshError) as error:
         load_character(path)
     return error.value
@@ -257,9 +257,11 @@ def test_a_buffer_larger_than_the_file_is_refused_before_memory_is_asked_for(tmp
         "a%00b",
         "x" * 5000,
         "link.bin",
+        "TMP/secret.bin",
     ],
 )
 def test_a_buffer_that_is_not_beside_the_file_is_refused(tmp_path, uri):
+    uri = uri.replace("TMP", str(tmp_path))
     (tmp_path / "secret.bin").write_bytes(bytes(16))
     folder = tmp_path / "folder"
     folder.mkdir()
@@ -268,16 +270,6 @@ def test_a_buffer_that_is_not_beside_the_file_is_refused(tmp_path, uri):
     error = refused(path)
     assert error.where == str(path)
     assert error.found == f"a reference to {uri!r}, which is not a readable file in its folder"
-
-
-def test_an_absolute_path_to_a_buffer_is_refused(tmp_path):
-    (tmp_path / "secret.bin").write_bytes(bytes(16))
-    (tmp_path / "folder").mkdir()
-    content = description(buffers=[{"byteLength": 16, "uri": str(tmp_path / "secret.bin")}])
-    assert (
-        "which is not a readable file in its folder"
-        in refused(write_gltf(tmp_path / "folder" / "a.gltf", content)).found
-    )
 
 
 @pytest.mark.parametrize("digits", ["*", "A", "YWJj*", "YW=Jj"])
@@ -491,7 +483,7 @@ def test_what_could_not_be_written_again_is_refused_wherever_it_stands(tmp_path,
     assert "a description that is not glTF" in refused(path).found
 
 
-def test_of_many_faults_the_first_is_told(tmp_path):
+def test_of_many_faults_the_first_is_named(tmp_path):
     error = refused(write_gltf(tmp_path / "a.gltf", description(nodes=[{}, *[1] * 100_000])))
     assert error.found == "a description that is not glTF (nodes[1]: Input should be a valid dictionary)"
 

@@ -1,4 +1,4 @@
-"""The same figure in every guise that a glTF file can give it."""
+"""One figure in many variants of glTF files."""
 
 import io
 import json
@@ -257,7 +257,7 @@ VARIANTS = [
 
 @pytest.fixture(scope="session")
 def variants(blob, new_glb, tmp_path_factory):
-    """Each guise by name, made once."""
+    """Each variant by name."""
     folder = tmp_path_factory.mktemp("variants")
 
     def make(build):
@@ -271,13 +271,13 @@ def variants(blob, new_glb, tmp_path_factory):
 
 @pytest.fixture(params=[build.__name__ for build in VARIANTS])
 def variant(request, variants):
-    """Each guise in turn."""
+    """Each variant in turn."""
     return variants[request.param]
 
 
 @dataclass(frozen=True)
 class Export:
-    """A guise and what became of it."""
+    """A variant, and the clip and summary of its conversion."""
 
     variant: Variant
     clip: Clip
@@ -290,7 +290,7 @@ class Export:
 
 @pytest.fixture(scope="session")
 def exports(variants, take, write_puppet):
-    """Every guise converted, by its name and whether its puppet has a root."""
+    """Every variant converted, by its name and whether its puppet has a root."""
 
     def make(variant, root):
         name = f"{variant.name}_{'root' if root else 'still'}"

@@ -125,16 +125,16 @@ def test_a_log_of_one_frame_or_of_none_tracked_is_refused(record, dance, standin
     assert str(tmp_path / "lost.log") in error.value.where
 
 
-def test_a_puppets_mesh_that_is_missing_is_told_with_the_puppets_key(blob_file, write_puppet, tmp_path):
+def test_a_puppets_mesh_that_is_missing_is_named_with_the_puppets_key(blob_file, write_puppet, tmp_path):
     path = write_puppet(tmp_path / "a.toml", "sub/none.glb")
     with pytest.raises(PuppetError) as error:
         load_rig(path)
-    told = error.value
-    assert (told.where, told.found) == (
+    refused = error.value
+    assert (refused.where, refused.found) == (
         f"{path}, [character], mesh",
         f"'sub/none.glb', which leads to the missing file {tmp_path / 'sub' / 'none.glb'}",
     )
-    assert told.fix == "Correct the path, or copy the mesh there."
+    assert refused.fix == "Correct the path, or copy the mesh there."
 
 
 @pytest.mark.parametrize("fault", ["log", "puppet", "mesh", "handle", "output"])

@@ -33,7 +33,7 @@ def primitives(file):
     return [each for node in file.scenes[0].nodes for each in file.meshes[file.nodes[node].mesh].primitives]
 
 
-def test_every_guise_lies_flat_with_the_vertices_in_the_order_of_its_parts(variant, flat, validate):
+def test_every_variant_lies_flat_with_the_vertices_in_the_order_of_its_parts(variant, flat, validate):
     character, path, made = flat(variant.path)
     report = validate(path)
     assert (report["errors"], report["warnings"]) == (0, 0), report["messages"]

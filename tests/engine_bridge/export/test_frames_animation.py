@@ -17,7 +17,7 @@ PER_STEP = 3
 
 @pytest.fixture(scope="module")
 def caches(variants, take, write_puppet):
-    """Some guises as vertex caches: the variant, the clip and the summary."""
+    """Some variants as vertex caches: the variant, the clip and the summary."""
 
     def make(name):
         variant = variants[name]

@@ -118,14 +118,6 @@ def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch)
     assert basis.error == pytest.approx(largest, rel=1e-2)
 
 
-def test_the_progress_ends_at_one(clip):
-    shares = []
-    binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
-    morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-3, progress=shares.append)
-    assert shares[-1] == 1
-    assert all(0 < share <= 1 for share in shares)
-
-
 def test_frames_beyond_the_number_of_unknowns_give_the_same_basis(clip):
     """More frames than unknowns are decomposed by the other Gram matrix; repeating a clip adds nothing to it."""
     binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)

@@ -100,12 +100,12 @@ def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
 
 def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     output = tmp_path / "a.glb"
-    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
-    assert told.exit_code == 0
-    assert told.output.startswith(f"{output}: ")
-    assert "ladder coordinates of 5 fields" in told.output
-    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
-    assert json.loads(told.output) == json.loads(json.dumps(asdict(write_shader_mesh(blob_puppet, output))))
+    result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{output}: ")
+    assert "ladder coordinates of 5 fields" in result.output
+    result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
+    assert json.loads(result.output) == json.loads(json.dumps(asdict(write_shader_mesh(blob_puppet, output))))
 
 
 def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tmp_path):

@@ -1,4 +1,4 @@
-"""Every guise of the figure as a skinned mesh, read back by pygltflib and played by three.js."""
+"""Every variant of the figure as a skinned mesh, read back by pygltflib and played by three.js."""
 
 import json
 from pathlib import Path
@@ -15,9 +15,9 @@ pytest.importorskip("py_dem_bones")
 
 FRAMES = 20
 MIRRORED = {"node_transforms": 0, "shared_mesh": 1}
-"""Guises with a part under a mirror, and which it is: with the mirror baked in, its triangles must be turned over."""
+"""Variants with a part under a mirror, and which it is: with the mirror baked in, its triangles must be turned over."""
 IN_THE_WORLD = {"textured", "colored", "float_colors", "without_normals", "without_indices", "several_primitives"}
-"""Guises whose vertices are where the file says: there is nothing to bring anywhere."""
+"""Variants whose vertices are where the file says: there is nothing to bring anywhere."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def take(record, dance, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def skins(variants, take, write_puppet):
-    """Every guise with 8 bones: its variant, the clip and the summary."""
+    """Every variant with 8 bones: its variant, the clip and the summary."""
 
     def make(variant):
         puppet = write_puppet(variant.path.with_name(f"{variant.name}_skin.toml"), variant.path.name)
@@ -42,7 +42,7 @@ def skins(variants, take, write_puppet):
 
 @pytest.fixture
 def skin(variant, skins):
-    """Each guise in turn."""
+    """Each variant in turn."""
     return skins[variant.name]
 
 

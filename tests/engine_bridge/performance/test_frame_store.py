@@ -54,7 +54,7 @@ def test_it_goes_on_growing_after_it_was_read(store):
     np.testing.assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))
 
 
-def test_a_system_without_room_is_told(tmp_path, monkeypatch):
+def test_a_system_without_room_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
     with pytest.raises(OutputError) as refused:

@@ -176,10 +176,10 @@ def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
     elif change != "gone":
         file.write_text(TEXT.replace("1.60", "1.61") if change == "text" else TEXT + "# mine")
     was = file.read_bytes() if file.is_file() else None
-    with pytest.raises(PuppetError, match="has changed since it was loaded") as told:
+    with pytest.raises(PuppetError, match="has changed since it was loaded") as error:
         document.save(with_handle(document.puppet, 0, (), "xyz", 1.0))
-    assert told.value.where == str(file)
-    assert "Reload" in told.value.fix
+    assert error.value.where == str(file)
+    assert "Reload" in error.value.fix
     assert (file.read_bytes() if file.is_file() else None) == was
     assert document.puppet == loads(TEXT, file)
 

@@ -73,7 +73,7 @@ def test_what_a_path_that_leaves_the_folder_leads_to_is_not_read(folder, here, n
 
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b"])
-def test_what_is_no_name_of_a_file_is_told_of(folder, here, name):
+def test_what_is_no_name_of_a_file_is_noted(folder, here, name):
     assert folder.image(name, here, "a.mtl, line 3") is None
     assert folder.notes == [f"a.mtl, line 3: {name[:60]!r} is not a file name and is ignored."]
 
@@ -86,7 +86,7 @@ def test_what_a_link_that_leaves_the_folder_leads_to_is_not_read(folder, here):
     ]
 
 
-def test_a_file_that_is_not_there_is_told_of(folder, here):
+def test_a_file_that_is_not_there_is_noted(folder, here):
     assert folder.find("textures/none.png", here, "a.mtl, line 1") is None
     assert folder.image("C:\\none.png", here, "a.mtl, line 1") is None
     assert folder.notes == ["'textures/none.png' is missing.", "'C:\\\\none.png' is missing."]

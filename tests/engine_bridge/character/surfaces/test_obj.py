@@ -148,7 +148,7 @@ def test_isolated_vertices_are_kept_once_where_there_are_several_groups(read):
     assert (len(only(with_normals).positions), with_normals.notes) == (4, ["1 vertex without a face omitted."])
 
 
-def test_a_material_file_that_is_missing_or_elsewhere_is_told_of(read, tmp_path):
+def test_a_material_file_that_is_missing_or_elsewhere_is_noted(read, tmp_path):
     surface = read(f"mtllib none.mtl\nmtllib none.mtl\n{SQUARE}usemtl a\nf 1 2 3\n")
     assert surface.notes == ["'none.mtl' is missing.", "1 material missing in the material files: 'a'."]
     elsewhere = read(f"{SQUARE}mtllib /etc/hosts.mtl\nf 1 2 3\n")
@@ -174,7 +174,7 @@ def test_a_piece_without_texture_coordinates_has_no_picture(read, written, real_
         ("s 0", "s off", "", 0), ("s 1", "s off", "vn 0 0 1", 0),
     ],
 )  # fmt: skip
-def test_smoothing_groups_are_told_of_where_no_normals_say_the_same(read, first, second, normals, noted):
+def test_smoothing_groups_are_noted_where_no_normals_say_the_same(read, first, second, normals, noted):
     surface = read(f"{SQUARE}{normals}\n{first}\nf 1 2 3\n{second}\nf 1 3 4\ns 9\n")
     lost = "Smoothing groups are ignored. Export the mesh with normals to keep its hard edges."
     assert surface.notes == [lost] * noted
@@ -184,7 +184,7 @@ def test_a_backslash_at_the_very_end_says_nothing(read):
     assert only(read(f"{SQUARE}f 1 2 3 \\\n4\\")).triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_what_is_no_polygon_is_told_of(read):
+def test_what_is_no_polygon_is_noted(read):
     surface = read(f"{SQUARE}l 1 2 3\np 1\ns off\nvp 1\nfoo 1\nf 1 2\nf 1 2 3\nbar\nf 4/1/2 1/1/2 2/1/2\n")
     assert [len(piece.triangles) for piece in surface.pieces] == [2]
     assert sorted(surface.notes) == [

@@ -90,7 +90,7 @@ def test_texture_coordinates_normals_and_the_picture(cube, read, tmp_path, names
     assert piece.material.texture.content == (tmp_path / "skin of a cube.png").read_bytes()
 
 
-def test_a_picture_without_texture_coordinates_is_told_of(cube, read):
+def test_a_picture_without_texture_coordinates_is_noted(cube, read):
     surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
     assert (only(surface).material, surface.notes) == (
         DEFAULT_MATERIAL,
@@ -120,7 +120,7 @@ def test_strips_end_at_minus_one_or_with_their_list(read):
     assert piece.triangles.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]
 
 
-def test_what_is_not_carried_is_told_of(cube, read):
+def test_what_is_not_carried_is_noted(cube, read):
     body = (
         XYZ.format(n=8) + "property float quality\nelement camera 1\nproperty float f\nproperty float g\n"
         + FACES.format(n=7) + "property uchar red\nelement edge 0\nproperty int a\nelement nothing 5\n"

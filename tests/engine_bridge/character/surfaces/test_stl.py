@@ -43,7 +43,7 @@ def test_solids_of_a_text_become_pieces_in_capitals_or_not(cube, written):
         np.testing.assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
 
 
-def test_bytes_after_the_last_facet_are_told_of(cube, written):
+def test_bytes_after_the_last_facet_are_noted(cube, written):
     surface = read(written("a.stl", binary(cube) + b"abc"))
     assert (len(surface.pieces[0].triangles), surface.notes) == (12, ["3 bytes after the last facet omitted."])
 

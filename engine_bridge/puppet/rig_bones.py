@@ -71,15 +71,15 @@ class RigBones:
 
 
 def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
-    """Find which bones the joints of a file's skeleton follow.
+    """Return the bones that the joints of a file's skeleton follow.
 
-    1. A limb's first joint is where its first point is, or the first joint on its first bone.
-    2. From there a chain of joints leads to the limb's end. A joint of the chain turns as the bone between it and the
-       next joint; where that is several bones, with the shares of their lengths. The trunk's chain leads from the top
-       of the skeleton to the joint on which head, neck or arms hang.
-    3. Another joint that hangs on a polyline turns as the bone beside it; what hangs on such a joint turns with it.
-    4. A target of inverse kinematics hangs on the top of the skeleton or on nothing, and lies on a limb beyond its
-       first bone; it follows that. Meshes without a joint follow the bone nearest to their middle.
+    1. The first joint of a limb is at its first point, or is the first joint on its first bone.
+    2. A chain of joints leads from the first joint to the limb's end. Each of them follows the bones between it and the
+       next joint, in proportion to their lengths. The trunk's chain leads from the top of the skeleton to the parent of
+       head, neck or arms.
+    3. Any other child of a joint in a chain follows the bone next to it, and so do its descendants.
+    4. A target of inverse kinematics has the top of the skeleton as its parent, or no parent, and is on a limb beyond
+       its first bone; it follows the bone there. Meshes without a joint follow the bone nearest to their middle.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     Returns
     -------
     RigBones
-        Without joints where the file has no skeleton.
+        Without joints if the file has no skeleton.
     """
     return _BoneAssignment(FileSkeleton.of(character), limbs).result()
 
@@ -269,14 +269,14 @@ class _BoneAssignment:
         return round(away / polyline.near), -len(self.skeleton.paths_to_top[row])
 
     def _fits(self, row: int, polyline: _Polyline, found: dict[int, str]) -> bool:
-        """Return whether all limbs whose first joint is below a joint hang on this limb."""
+        """Return whether all limbs with a first joint below this joint are children of this limb."""
         for other, name in found.items():
-            if row in self.skeleton.paths_to_top[other][1:] and not self._hangs_on(self.polylines[name], polyline):
+            if row in self.skeleton.paths_to_top[other][1:] and not self._is_child(self.polylines[name], polyline):
                 return False
         return True
 
-    def _hangs_on(self, polyline: _Polyline, other: _Polyline) -> bool:
-        """Return whether a limb hangs on another, by the puppet or because it begins where the other ends."""
+    def _is_child(self, polyline: _Polyline, other: _Polyline) -> bool:
+        """Return whether a limb is a child of another, in the puppet or because it begins where the other ends."""
         limb: Limb | None = polyline.limb
         while limb is not None and limb.parent is not None:
             if limb.parent == other.limb.name:
@@ -294,7 +294,7 @@ class _BoneAssignment:
         end = self.trunk.limb.points[-1]
         for top in dict.fromkeys(self._top(row) for row in self.firsts):
             firsts = [row for row in self.firsts if self._top(row) == top]
-            upper = [row for row in firsts if self._hangs_on_bone(row) == self.trunk.bones.stop - 1]
+            upper = [row for row in firsts if self._parent_bone(row) == self.trunk.bones.stop - 1]
             upper = [self.skeleton.parents[row] for row in sorted(upper, key=lambda row: self._away(row, end))]
             upper = [row for row in upper if row >= 0 and self.limb_of[row] is None]
             members = [row for row, limb in enumerate(self.limb_of) if limb is None and self._top(row) == top]
@@ -302,7 +302,7 @@ class _BoneAssignment:
                 last = upper[0] if upper else min(members, key=lambda row: self._away(row, end))
                 yield self.skeleton.paths_to_top[last][::-1]
 
-    def _hangs_on_bone(self, first: int) -> int:
+    def _parent_bone(self, first: int) -> int:
         return int(self.bones.parents[self.polylines[self.firsts[first]].bones.start])
 
     def _away(self, row: int, position: NDArray[np.float64]) -> float:

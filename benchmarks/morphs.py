@@ -20,7 +20,7 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.recording import Recorder
 from capture.timeline import resample
 from engine_bridge.character.character import make_character
-from engine_bridge.export.bake import TOLERANCE, Motion, bake, fit, recorded_motion, synthetic_motion
+from engine_bridge.export.bake import DEFAULT_TOLERANCE, Motion, bake, fit, recorded_motion, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
 from engine_bridge.performance.rig import Rig, load_rig
@@ -29,7 +29,7 @@ from engine_bridge.pictures.preview import View, contact_sheet, render
 from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
-SETTINGS = Settings(tolerance=TOLERANCE)
+SETTINGS = Settings(tolerance=DEFAULT_TOLERANCE)
 TILE_SIZE = (320, 320)
 REPEATED = 2000
 HEADER = """| character | vertices | targets | file, MB | baked in, s | largest error | unseen: mean | worst frame | \

@@ -27,7 +27,7 @@ from puppetline.files import check_writable
 from solver.model.batch import FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 
-TOLERANCE = 0.002
+DEFAULT_TOLERANCE = 0.002
 """Default tolerance as a fraction of the diagonal, which poses at the end of the reach determine."""
 
 SHOWN_SECONDS = 20.0
@@ -97,7 +97,7 @@ def bake(
     targets : int, optional
         Maximum number of targets, at least 2, regardless of the error.
     tolerance : float, optional
-        Maximum error of a vertex over all of the motion, as a fraction of the diagonal; `TOLERANCE` by default.
+        Maximum error of a vertex over all of the motion, as a fraction of the diagonal; `DEFAULT_TOLERANCE` by default.
     progress : callable, optional
 
     Raises
@@ -106,7 +106,7 @@ def bake(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(puppet, *logs))
-    settings = Settings(tolerance=TOLERANCE if tolerance is None else tolerance, targets=targets)
+    settings = Settings(tolerance=DEFAULT_TOLERANCE if tolerance is None else tolerance, targets=targets)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))

@@ -14,10 +14,10 @@ from scipy.sparse import csr_matrix, hstack
 
 from solver.model import polar
 
-SWEEPS = 30
+ITERATIONS = 30
 """Number of iterations over all bones; from the 20th on, only the third digit of the error changes."""
 
-AFFINITY = 0.01
+AFFINITY_WEIGHT = 0.01
 """Weight of the term that keeps a bone near its vertices, because bones could drift apart without it."""
 
 AFFINITY_POWER = 4
@@ -88,16 +88,16 @@ def solve(sums: Moments, frames: NDArray[np.floating]) -> NDArray[np.float64]:
     bones, count = len(sums.own), len(frames)
     # (F, 3, B, 4), so that the sum over all other bones is one matrix product
     own = np.einsum("bac,fcx->fxba", sums.own_controls, frames, optimize=True)
-    wanted = np.einsum("bac,fcx->fxba", sums.controls, frames, optimize=True) + AFFINITY * own
+    wanted = np.einsum("bac,fcx->fxba", sums.controls, frames, optimize=True) + AFFINITY_WEIGHT * own
     motion = np.empty((count, 3, bones, 4))
     for bone in range(bones):
         motion[:, :, bone] = _rigid(own[:, :, bone], sums.own[bone])
-    for _ in range(SWEEPS):
+    for _ in range(ITERATIONS):
         for bone in range(bones):
             others = sums.rest[:, :, bone].copy()
             others[bone] = 0
             moved = motion.reshape(-1, 4 * bones) @ others.reshape(4 * bones, 4)
-            mass = sums.rest[bone, 3, bone] + AFFINITY * sums.own[bone]
+            mass = sums.rest[bone, 3, bone] + AFFINITY_WEIGHT * sums.own[bone]
             motion[:, :, bone] = _rigid(wanted[:, :, bone] - moved.reshape(count, 3, 4), mass)
     return motion.swapaxes(1, 2)
 

@@ -33,10 +33,10 @@ EXTRAS = "puppetline_morphs"
 LENGTH_TOLERANCE = 1e-3
 """Maximum relative difference of lengths, because models of a mesh differ by rounding between computers."""
 
-UNLIMITED = 4.0
+UNLIMITED_REACH = 4.0
 """Maximum coordinate without a limit, as a multiple of the baked motion's largest."""
 
-REACH = UNLIMITED / LIMIT_KNEE
+REACH = UNLIMITED_REACH / LIMIT_KNEE
 """Maximum coordinate that the weights of newly baked files represent."""
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]

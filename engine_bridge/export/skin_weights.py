@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 MAX_INFLUENCES = 4
 """Maximum number of bones per vertex that all players support (glTF 2.0, section 3.7.3.3)."""
 
-REGULARISATION = 1e-6
+REGULARISATION_WEIGHT = 1e-6
 """λ per frame, in squared diagonals; of values from 1e-8 to 1e-3, it causes the fewest creases."""
 
 
@@ -35,7 +35,7 @@ def solve(missed: NDArray[np.float64], expected: NDArray[np.float64]) -> NDArray
         Weights, at most `MAX_INFLUENCES` per vertex not 0, none negative; their sum is 1.
     """
     count, candidates, _ = missed.shape
-    likeness = REGULARISATION * missed.shape[2] / 3
+    likeness = REGULARISATION_WEIGHT * missed.shape[2] / 3
     # the last unknown is the multiplier of Σ w = 1
     system = np.ones((count, candidates + 1, candidates + 1))
     system[:, :-1, :-1] = missed @ missed.transpose(0, 2, 1) + likeness * np.eye(candidates)

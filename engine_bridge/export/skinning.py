@@ -42,7 +42,7 @@ COMPARED_POSES = 5
 CANDIDATE_VERTICES = 20_000
 """Number of vertices from which the sample is chosen."""
 
-NEIGHBOURS = 6
+NEIGHBOUR_COUNT = 6
 """Number of vertices of the sample that determine a vertex's expected weights."""
 
 CANDIDATE_BONES = 8
@@ -158,15 +158,7 @@ def fit(
 
 
 class _Sample:
-    """A sample of the vertices and frames.
-
-    Parameters
-    ----------
-    model : ReducedModel
-    mesh : SolverMesh
-    frames : (F, 4m, 3) float32
-        Control variables, model units.
-    """
+    """A sample of the vertices and frames."""
 
     def __init__(self, model: ReducedModel, mesh: SolverMesh, frames: NDArray[np.float32]) -> None:
         self._model, self._mesh, self._all_frames = model, mesh, frames
@@ -179,7 +171,7 @@ class _Sample:
         moves = _places(self._W, self._frames[:COMPARED_POSES]).reshape(count, -1)
         eligible = evenly(count, CANDIDATE_VERTICES)
         self._vertices = eligible[farthest(moves[eligible], SAMPLE_VERTICES)]
-        ranks = range(1, min(NEIGHBOURS, len(self._vertices)) + 1)
+        ranks = range(1, min(NEIGHBOUR_COUNT, len(self._vertices)) + 1)
         distance, near = cKDTree(moves[self._vertices]).query(moves, k=ranks)
         self._near: NDArray[np.int64] = np.asarray(near)
         nearness = 1 / (np.asarray(distance) + DISTANCE_OFFSET) ** 2
@@ -303,7 +295,7 @@ def dem_bones(
     solver = DemBones()
     solver.nV, solver.nF, _ = places.shape
     solver.nS, solver.nB, solver.nnz, solver.nIters = 1, count, skin_weights.MAX_INFLUENCES, ITERATIONS
-    solver.transAffine = bone_motion.AFFINITY
+    solver.transAffine = bone_motion.AFFINITY_WEIGHT
     solver.fStart = np.array([0, solver.nF], dtype=np.int32)
     solver.subjectID = np.zeros(solver.nF, dtype=np.int32)
     solver.u = rest.T.copy()
@@ -358,7 +350,7 @@ def farthest(points: NDArray[np.floating], count: int) -> NDArray[np.int64]:
 
 def links(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the edges (e, 2) of a connected graph that links each point to its neighbours."""
-    around = np.asarray(cKDTree(points).query(points, k=range(1, min(NEIGHBOURS + 1, len(points)) + 1))[1])
+    around = np.asarray(cKDTree(points).query(points, k=range(1, min(NEIGHBOUR_COUNT + 1, len(points)) + 1))[1])
     found = np.column_stack([np.repeat(np.arange(len(points)), around.shape[1] - 1), around[:, 1:].ravel()])
     while True:
         graph = coo_matrix((np.ones(len(found)), found.T), shape=(len(points), len(points)))

@@ -41,7 +41,7 @@ T_POSE: dict[str, tuple[float, float, float]] = {
 }
 """Directions of the limbs' bones in a T-pose; feet point forward."""
 
-UPRIGHT = (TRUNK, "neck", "head")
+UPRIGHT_LIMBS = (TRUNK, "neck", "head")
 """Limbs in the middle of the body. A limb that follows by "turn" counts as upright, even if it is bent at rest."""
 
 PARENTS: dict[str, str] = {
@@ -138,7 +138,7 @@ class Humanoid:
 def is_humanoid(puppet: Puppet) -> bool:
     """Return whether a character has limbs of a humanoid: a trunk, and an arm or a leg."""
     names = {limb.name for limb in puppet.limb}
-    return TRUNK in names and any(name not in UPRIGHT for name in names & LIMBS.keys())
+    return TRUNK in names and any(name not in UPRIGHT_LIMBS for name in names & LIMBS.keys())
 
 
 def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
@@ -196,7 +196,7 @@ def _named(limb: Limb, names: Sequence[str]) -> Iterator[tuple[str, int, NDArray
     Names beyond the limb's bones are spaced evenly along its last bone, those of hands and feet at its end.
     """
     count = len(limb.points) - 1
-    steps = max(len(names) - count + (limb.name in UPRIGHT), 1)
+    steps = max(len(names) - count + (limb.name in UPRIGHT_LIMBS), 1)
     for number, name in enumerate(names):
         bone = min(number, count - 1)
         head, tail = limb.points[bone], limb.points[bone + 1]
@@ -209,7 +209,7 @@ def _to_rest(limbs: Sequence[Limb], bones: Bones, axes: NDArray[np.float64]) -> 
     turns = np.tile(np.eye(3), (len(bones) + 1, 1, 1))  # the last row belongs to parent −1
     row = 0
     for limb in limbs:
-        stands_upright = limb.follow == "turn" and limb.name in UPRIGHT
+        stands_upright = limb.follow == "turn" and limb.name in UPRIGHT_LIMBS
         names = LIMBS.get(limb.name, ())
         for number in range(len(limb.points) - 1):
             turns[row] = turns[bones.parents[row]]

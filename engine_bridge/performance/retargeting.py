@@ -221,7 +221,7 @@ def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
 
 def _leg(puppet: Puppet, side: str) -> Leg | None:
     """Return the bones that follow the directions of a performer's thigh and shin, and the bone after them."""
-    found = _chain(puppet, "hip", "knee", "ankle", side)
+    found = _chain(puppet, side, "hip", "knee", "ankle")
     if found is None:
         return None
     thigh, last, _ = found
@@ -241,7 +241,7 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
     """
     arms = []
     for side in ("left", "right"):
-        found = _chain(puppet, "shoulder", "elbow", "wrist", side)
+        found = _chain(puppet, side, "shoulder", "elbow", "wrist")
         if found is None or len(found[2]) > 1:
             return None
         upper, last, (joint,) = found
@@ -253,21 +253,11 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
     return Arms(bones, left, right, float(performers), puppet.character.basis, space=space, meet=meet)
 
 
-def _chain(puppet: Puppet, *names: str) -> tuple[int, int, tuple[int, ...]] | None:
-    """Find a limb that follows the directions between three joints of one side.
+def _chain(puppet: Puppet, side: str, *joints: str) -> tuple[int, int, tuple[int, ...]] | None:
+    """Find a limb that follows the directions between three joints of one side, which are given by name.
 
-    Parameters
-    ----------
-    puppet : Puppet
-    names : str
-        Names of three joints, and the side.
-
-    Returns
-    -------
-    tuple of int, int and tuple of int, or None
-        Bone between the first two joints, the limb's last bone, and the joints at its tip.
+    Returns the bone between the first two joints, the limb's last bone, and the joints at its tip.
     """
-    *joints, side = names
     chain, first = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), 0
     for limb in parents_first(puppet.limbs):
         last = first + len(limb.points) - 2

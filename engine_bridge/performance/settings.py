@@ -7,7 +7,7 @@ from capture.formats.options import ReadOptions
 
 Form = Literal["morph", "skin", "frames", "rig"]
 
-TOLERANCE: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
+DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
 """Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise."""
 
 
@@ -29,7 +29,7 @@ class Settings:
         Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
         own skeleton.
     tolerance : float or None
-        Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for `TOLERANCE`.
+        Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
         Maximum number of morph targets, at least 2.
     bones : int or None
@@ -51,4 +51,4 @@ class Settings:
     @property
     def max_error(self) -> float:
         """The tolerance, or the default one of the form."""
-        return TOLERANCE[self.form] if self.tolerance is None else self.tolerance
+        return DEFAULT_TOLERANCES[self.form] if self.tolerance is None else self.tolerance

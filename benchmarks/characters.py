@@ -22,7 +22,7 @@ from engine_bridge.performance.clip import Clip, load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures.preview import View, contact_sheet, render
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
 from solver.model import reduced_model

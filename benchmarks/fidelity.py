@@ -36,10 +36,10 @@ from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from engine_bridge.pictures import sheet
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import followed, rig_limbs
+from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.model.batch import BatchBinding
 from solver.motion.arms import APART_ARM_LENGTHS
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
@@ -107,7 +107,7 @@ def read_rig(character: Character) -> Truth:
     heads = dict(zip(names, bones_of(limbs).heads, strict=True))
     tails = dict(zip(names, bones_of(limbs).tails, strict=True))
     owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
-    which, share = followed(character)
+    which, share = vertex_influences(character)
     number = {bone: index for index, bone in enumerate(names)}
     owner = np.array([number[bone] for bone in owners])[which]
     shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])

@@ -25,8 +25,9 @@ from engine_bridge.character.character import CHARACTER_FILES, load_character
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet.proposal import propose_handles
-from engine_bridge.puppet.puppet import CharacterTable, Puppet, check
+from engine_bridge.puppet.handle_proposal import propose_handles
+from engine_bridge.puppet.puppet import CharacterTable, Puppet
+from engine_bridge.puppet.puppet_file import check
 from puppetline.errors import PuppetlineError
 from solver.model import fields
 from solver.model.binding import Binding

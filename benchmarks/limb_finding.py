@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.fidelity import followed
+from benchmarks.fidelity import vertex_influences
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
@@ -93,7 +93,7 @@ def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]
     )
     names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
     bones = bones_of(limbs)
-    which, share = followed(character)
+    which, share = vertex_influences(character)
     follows = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
     shown = np.unique(mesh.of_render, return_index=True)[1]
     rest = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))])

@@ -6,6 +6,7 @@ import os
 import sys
 from contextlib import ExitStack
 from copy import copy
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -383,7 +384,7 @@ def bake(
     with progress() as report:
         summary = run(puppet, output, logs, targets=targets, tolerance=tolerance, progress=report)
     if as_json:
-        click.echo(json.dumps(summary.as_dict(), indent=2))
+        click.echo(json.dumps(asdict(summary), indent=2))
         return
     size = f"{summary.targets} morph targets, {summary.bytes / 1e6:.1f} MB"
     click.echo(f"{summary.output}: {size}, from {summary.frames:,} frames of motion")
@@ -401,11 +402,11 @@ def bake(
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def shader_mesh(puppet: Path, output: Path, as_json: bool) -> None:
     """Make a .glb of PUPPET with ladder coordinates, whose vertices an engine's shader moves by live controls."""
-    from engine_bridge.export.shader_mesh import write_ladder
+    from engine_bridge.export.shader_mesh import write_shader_mesh
 
-    summary = write_ladder(puppet, output)
+    summary = write_shader_mesh(puppet, output)
     if as_json:
-        click.echo(json.dumps(summary.as_dict(), indent=2))
+        click.echo(json.dumps(asdict(summary), indent=2))
         return
     surfaces = f"{summary.surfaces} surface{'s' if summary.surfaces > 1 else ''}"
     size = f"{summary.vertices:,} vertices in {surfaces}, {summary.bytes / 1e6:.1f} MB"

@@ -4,6 +4,7 @@ import json
 import logging
 import os
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,7 +143,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
         if preview is not None:
             sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
     if as_json:
-        click.echo(json.dumps(summary.as_dict(), indent=2))
+        click.echo(json.dumps(asdict(summary), indent=2))
     else:
         click.echo(_describe(summary))
 
@@ -234,7 +235,7 @@ def new(
 ) -> None:
     """Propose a puppet file for a MESH: its limbs, or handles where it has none, and joints to move them."""
     from engine_bridge.pictures import portrait
-    from engine_bridge.puppet import proposal, puppet
+    from engine_bridge.puppet import proposal, puppet_file
     from puppetline.files import check_writable
 
     # not the plain name with .png, which is a texture's or a contact sheet's
@@ -255,7 +256,7 @@ def new(
         mirror=mirror,
     )
     made = proposed.puppet
-    puppet.dump(made, output)
+    puppet_file.dump(made, output)
     portrait.draw(made, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(made.limb), "handles": len(made.handle)}
     listed = ", ".join(f"{count} {what}" for what, count in counts.items() if count)

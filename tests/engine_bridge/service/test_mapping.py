@@ -285,7 +285,7 @@ def test_a_file_that_somebody_else_has_changed_is_left_alone(serve, dog, sender)
     dog.write_text(mine)
     refused = service.ask("save_puppet", character="dog")
     assert refused["where"] == str(dog)
-    assert "somebody has changed" in refused["found"]
+    assert "has changed since it was loaded" in refused["found"]
     assert dog.read_text() == mine
     service.ask("reload")
     service.ask("set_handle", character="dog", handle="head", gain=3)

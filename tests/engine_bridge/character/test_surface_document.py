@@ -1,13 +1,12 @@
-import logging
 import shutil
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.character import parsed
+from engine_bridge.character import surface_document
 from engine_bridge.character.character import load_character
-from engine_bridge.character.parsed import read_document
+from engine_bridge.character.surface_document import read_document
 
 OBJ = """mtllib a.mtl
 v 0 0 0
@@ -37,10 +36,10 @@ def mesh(tmp_path):
 
 @pytest.fixture
 def read(tmp_path, mesh, monkeypatch):
-    """Read the mesh, and say whether it was parsed."""
+    """Read the mesh, and say whether it was surface_document."""
     parses = []
-    parse = parsed.read_surface
-    monkeypatch.setattr(parsed, "read_surface", lambda *files: parses.append(1) or parse(*files))
+    parse = surface_document.read_surface
+    monkeypatch.setattr(surface_document, "read_surface", lambda *files: parses.append(1) or parse(*files))
 
     def run(path=mesh):
         parses.clear()
@@ -93,7 +92,7 @@ def test_a_change_of_the_mesh_or_of_a_file_that_it_names_is_seen(read, mesh, cha
 
 def test_a_picture_that_was_missing_is_seen_when_it_comes_and_so_is_what_new_materials_name(read, mesh):
     (mesh.parent / "skin.png").rename(mesh.parent / "fur.png")
-    assert read()[0].notes == ["'skin.png' is not there."]
+    assert read()[0].notes == ["'skin.png' is missing."]
     shutil.copyfile(mesh.parent / "fur.png", mesh.parent / "skin.png")
     assert read()[0].notes == []
     (mesh.parent / "a.mtl").write_text("newmtl skin\nmap_Kd fur.png\n")
@@ -117,19 +116,6 @@ def test_the_same_mesh_elsewhere_is_another_since_its_notes_say_where(read, mesh
     document, was_parsed = read(tmp_path / "other" / "a.obj")
     assert was_parsed
     assert document.name == str(tmp_path / "other" / "a.obj")
-
-
-def test_a_damaged_file_of_the_cache_is_made_anew(read, tmp_path, caplog):
-    first, _ = read()
-    (kept,) = (tmp_path / "cache").iterdir()
-    content = bytearray(kept.read_bytes())
-    content[len(content) // 2] ^= 1
-    kept.write_bytes(content)
-    with caplog.at_level(logging.WARNING):
-        second, was_parsed = read()
-    assert was_parsed
-    assert same(first, second)
-    assert "made anew" in caplog.text
 
 
 @pytest.mark.parametrize(

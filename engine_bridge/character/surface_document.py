@@ -1,4 +1,4 @@
-"""Mesh files of other kinds as glTF documents, kept for the next start."""
+"""Conversion of mesh files in other formats to glTF documents, with a cache."""
 
 import json
 from pathlib import Path
@@ -7,36 +7,35 @@ from typing import Any
 import numpy as np
 
 from engine_bridge.character.assembly import assemble
-from engine_bridge.character.cache import Arrays, key_of, recall
+from engine_bridge.character.cache import Arrays, cache_key, load_or_compute
 from engine_bridge.character.document import Document
 from engine_bridge.character.readers import read_surface
 from engine_bridge.character.surfaces.files import Folder
 
 DESCRIPTION, BUFFER = "description", "buffer"
-"""The arrays that are kept: JSON of the glTF, the notes and the fingerprints of files named; and the binary buffer."""
+"""Names of the cached arrays: JSON with the glTF, the notes and hashes of other files; and the binary buffer."""
 
 
 def read_document(path: Path, content: bytes, cache: Path | None = None) -> Document:
     """Read a mesh file that is not glTF as a glTF document.
 
-    With a cache, a file that was read before is not parsed again, as long as neither it nor a file that it names, such
-    as a picture, has changed.
+    With a cache, a file is not parsed again unless it, or a file that it names, such as an image, has changed.
 
     Parameters
     ----------
     path : Path
     content : bytes
-        Of that file.
+        Content of that file.
     cache : Path, optional
-        Folder for the documents, see `engine_bridge.character.cache.recall`.
+        Folder for documents, see `engine_bridge.character.cache.load_or_compute`.
 
     Raises
     ------
     MeshError
         See `engine_bridge.character.readers.read_surface`.
     """
-    key = key_of("document of a mesh file", str(path), np.frombuffer(content, np.uint8))
-    kept = recall(cache, key, lambda: _parsed(path, content), lambda kept: _is_current(path, kept))
+    key = cache_key("document of a mesh file", str(path), np.frombuffer(content, np.uint8))
+    kept = load_or_compute(cache, key, lambda: _parsed(path, content), lambda kept: _is_current(path, kept))
     description = _description(kept)
     document = Document(description["gltf"], kept[BUFFER].tobytes(), str(path))
     document.notes += description["notes"]
@@ -58,7 +57,7 @@ def _parsed(path: Path, content: bytes) -> Arrays:
 
 
 def _is_current(path: Path, kept: Arrays) -> bool:
-    """Tell whether all files that the mesh names, or a file beside it, are there and missing as they were."""
+    """Return whether all files that the mesh names are unchanged, or still missing."""
     folder = Folder(path, [])
     return all(folder.state(name, Path(below)) == state for name, below, state in _description(kept)["files"])
 

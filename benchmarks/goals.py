@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.processes import MODULE
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench import in_process, number
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import in_process, number
 
-LONG, SHORT = bench.CONVERTED, 180
+LONG, SHORT = benchmark.CONVERTED, 180
 """Frames of two logs whose conversion is compared."""
 
 
@@ -46,19 +46,19 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
     Parameters
     ----------
     folder : Path
-        As `bench.prepare` laid it out.
+        As `benchmark.prepare` laid it out.
     character : dict
         What that returned.
     points : list
         What `scaling.measured` returned.
     """
-    report = bench.measure(folder, character, bench.FRAMES, bench.ROUNDS)
+    report = benchmark.measure(folder, character, benchmark.FRAMES, benchmark.ROUNDS)
     beside = in_process(folder, "yardstick", module=MODULE)
-    bench.write_log(folder, islice(bench.performance(), SHORT))
+    benchmark.write_log(folder, islice(benchmark.performance(), SHORT))
     short = in_process(folder, "convert")
-    bench.write_log(folder, islice(bench.performance(), LONG))
+    benchmark.write_log(folder, islice(benchmark.performance(), LONG))
 
-    text = bench.describe(report).splitlines()
+    text = benchmark.describe(report).splitlines()
     yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(report, beside, short["peak_mb"], points))
     yield from ("", "Every figure of the run, as `puppetline bench` prints them:", "", "```text", *text[3:])
@@ -70,7 +70,7 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
 
 
 def _goals(
-    report: bench.Report, beside: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
+    report: benchmark.Report, beside: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
 ) -> list[Goal]:
     figures, ratios = report.figures, report.ratios
     solve = [point["solve_ms"] for point in points]

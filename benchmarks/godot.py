@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench import number
-from engine_bridge.cli.bench_process import CHARACTER, LOG
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import number
+from engine_bridge.cli.benchmark_process import CHARACTER, LOG
 from engine_bridge.performance.rig import load_rig
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
@@ -44,9 +44,9 @@ def main() -> None:
     godot = shutil.which(os.environ.get("GODOT", "godot"))
     if godot is None:
         parser.error("Godot is not here: put `godot` on PATH, or its path into GODOT")
-    with tempfile.TemporaryDirectory() as place, bench.own_cache(Path(place)):
+    with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
         folder = Path(place)
-        character = bench.prepare(folder, mesh, 900)
+        character = benchmark.prepare(folder, mesh, 900)
         load_rig(folder / CHARACTER)  # so that all processes find it
         project = _make_project(godot, folder / "project")
         found = {count: _measure(godot, project, folder, count) for count in CROWDS}

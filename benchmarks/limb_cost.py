@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.bench_process import Work, arap_iteration, interleaved
+from engine_bridge.cli.benchmark_process import Work, arap_iteration, interleaved
 from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig

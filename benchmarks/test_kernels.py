@@ -10,8 +10,8 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.smoothing import JointFilter, Smoothing
 from engine_bridge.character.character import make_character
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench_process import CHARACTER, LOG, Playing
+from engine_bridge.cli.benchmark import own_cache, prepare
+from engine_bridge.cli.benchmark_process import CHARACTER, LOG, Playing
 from engine_bridge.performance.rig import load_rig
 from solver.model import lanes
 from solver.model.polar import nearest_rotations
@@ -26,8 +26,8 @@ def playing(tmp_path_factory: pytest.TempPathFactory) -> Playing:
     folder: Path = tmp_path_factory.mktemp("bench")
     made = CHARACTERS["dinosaur"]()
     make_character("dinosaur", made.vertices, made.faces).document.save(folder / "dinosaur.glb")
-    bench.prepare(folder, folder / "dinosaur.glb", FRAMES)
-    with bench.own_cache(folder):
+    prepare(folder, folder / "dinosaur.glb", FRAMES)
+    with own_cache(folder):
         played = Playing(load_rig(folder / CHARACTER), folder / LOG)
     for _ in range(FRAMES // 2):
         played.controls()

@@ -119,7 +119,7 @@ def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
     assert told.exit_code == 0
     assert told.output.startswith(f"{output}: ")
-    assert "ladder coordinates of 5 fields" in told.output
+    assert "isoline coordinates of 5 fields" in told.output
     told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
     assert json.loads(told.output) == json.loads(json.dumps(write_ladder(blob_puppet, output).as_dict()))
 

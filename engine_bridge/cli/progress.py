@@ -1,28 +1,12 @@
-"""What the commands have in common: kinds of options, progress bars, Ctrl-C."""
+"""Progress bars and Ctrl-C."""
 
-import math
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
-import click
-
-FILE = click.Path(path_type=Path)
 Reporter = Callable[[str, float], None]
-
-
-class Finite(click.FloatRange):
-    """A number in a range, which "nan" and "inf" are not."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read a number, or say what is wrong with it."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return number
 
 
 @contextmanager

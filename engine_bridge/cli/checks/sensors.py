@@ -15,7 +15,7 @@ from capture.sensors import freenect, openni
 from capture.sensors.camera import opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import library as mediapipe
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import SourceError
 
 

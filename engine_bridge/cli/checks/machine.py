@@ -19,8 +19,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from engine_bridge.cli.doctor import sensors
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks import sensors
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import PuppetlineError
 
 LIBRARIES: dict[str, str] = {

@@ -1,6 +1,6 @@
-"""The measurements of `engine_bridge.cli.bench`, each in a process of its own: its result is a line of JSON.
+"""The measurements of `engine_bridge.cli.benchmark`, each in a process of its own: its result is a line of JSON.
 
-``python -m engine_bridge.cli.bench_process MEASUREMENT FOLDER [COUNT]``
+``python -m engine_bridge.cli.benchmark_process MEASUREMENT FOLDER [COUNT]``
 """
 
 import ctypes

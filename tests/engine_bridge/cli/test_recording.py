@@ -18,7 +18,7 @@ from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import RecordSummary, record
+from engine_bridge.cli.recording import RecordSummary, record
 from puppetline.errors import OutputError, SourceError
 
 
@@ -197,7 +197,7 @@ import sys
 from pathlib import Path
 from puppetline.examples.performances import PERFORMANCES
 from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import record
+from engine_bridge.cli.recording import record
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
 source = TakeSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
 print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)

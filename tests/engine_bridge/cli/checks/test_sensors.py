@@ -11,8 +11,8 @@ from capture.sensors import camera, freenect, openni
 from capture.sensors.openni import Sensor
 from capture.trackers import mediapipe
 from capture.trackers.nite import library_path
-from engine_bridge.cli.doctor import sensors
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks import sensors
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import SourceError
 
 

@@ -1,0 +1,110 @@
+"""Recordings of one performance by several sensors → where the sensors stand: `puppetline align`."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capture.formats import read_log
+from capture.fusion import fused_file
+from capture.fusion.alignment import align as align_clips
+from capture.fusion.source import Member
+from capture.pose import Pose
+from capture.sources.registry import RECORDED
+from capture.timeline import choose
+from puppetline.errors import SourceError
+from puppetline.files import check_writable
+
+
+@dataclass(frozen=True)
+class SensorSummary:
+    """How one recording fits the first.
+
+    Attributes
+    ----------
+    log, source : str
+    position : tuple
+        Metres, in the first sensor's frame.
+    rotation : tuple
+        Degrees: tilt, turn, roll.
+    clock : float
+        Seconds by which its clock is ahead of the first one's.
+    residual_cm : float
+        Mean distance between what the two say of a joint.
+    seconds : float
+        For how long both saw the performer.
+    swapped : float
+        Share of the frames in which they disagree about which side is left.
+    notes : tuple of str
+    """
+
+    log: str
+    source: str
+    position: tuple[float, ...]
+    rotation: tuple[float, ...]
+    clock: float
+    residual_cm: float
+    seconds: float
+    swapped: float
+    notes: tuple[str, ...]
+
+
+def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[SensorSummary]:
+    """Align recordings with the first of them, and write the file of ``fused:``.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+        Skeleton logs of any known format, two or more. Of each, the performer is taken who was tracked longest.
+    sources : sequence of str
+        URIs of the sensors that recorded them, for the file; none to have the recordings played.
+    output : Path
+        The .toml.
+
+    Returns
+    -------
+    list of SensorSummary
+        One for each but the first.
+
+    Raises
+    ------
+    PuppetlineError
+        A recording cannot be read or does not fit, or the file cannot be written.
+    """
+    check_writable(output, ".toml", logs)
+    if sources and len(sources) != len(logs):
+        raise SourceError(
+            "puppetline align",
+            found=f"{len(sources)} times --source and {len(logs)} recordings",
+            expected="a source for each recording, in their order",
+            fix="Name them all, or none to play the recordings.",
+        )
+    folder = output.resolve().parent
+    uris = sources or [f"replay:{Path(os.path.relpath(log.resolve(), folder)).as_posix()}" for log in logs]
+    clips = [choose(read_log(log))[0] for log in logs]
+    members = [Member(uris[0], Pose(np.eye(3), np.zeros(3)))]
+    summaries = []
+    for log, uri, clip in zip(logs[1:], uris[1:], clips[1:], strict=True):
+        found = align_clips(clips[0], clip, f"{logs[0]} and {log}")
+        clock = found.clock
+        notes: tuple[str, ...] = ()
+        if abs(clock) > fused_file.LATEST and not uri.startswith(RECORDED):
+            clock, notes = 0.0, ("The recordings' clocks differ: the live sensors are taken to be equally late.",)
+        members.append(Member(uri, found.pose, clock))
+        summaries.append(
+            SensorSummary(
+                str(log),
+                uri,
+                tuple(found.pose.position.tolist()),
+                found.pose.degrees,
+                found.clock,
+                100 * found.residual,
+                found.seconds,
+                found.swapped,
+                notes,
+            )
+        )
+    fused_file.write(output, members)
+    return summaries

@@ -29,7 +29,9 @@ def read_whole(
     try:
         return path.read_bytes()
     except OSError as error:
-        raise family(path, found=f"that it cannot be read ({error.strerror})", expected=expected, fix=fix) from error
+        raise family(
+            path, found=f"a file that cannot be read ({error.strerror})", expected=expected, fix=fix
+        ) from error
 
 
 def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None:
@@ -101,7 +103,7 @@ def _beside(path: Path) -> Path:
 def _refused(path: Path, error: OSError) -> OutputError:
     return OutputError(
         path,
-        found=f"that it cannot be written ({error.strerror})",
+        found=f"a file that cannot be written ({error.strerror})",
         expected="a folder that you may write to, with room left",
         fix="Choose another place with -o, or change the folder's permissions.",
     )

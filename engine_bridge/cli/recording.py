@@ -131,7 +131,7 @@ def _make_way(path: Path, force: bool) -> None:
     except OSError as error:
         raise OutputError(
             path,
-            found=f"that it cannot be replaced ({error.strerror})",
-            expected="a file of your own",
+            found=f"a file that cannot be replaced ({error.strerror})",
+            expected="a file that you may replace",
             fix="Choose another name with -o.",
         ) from error

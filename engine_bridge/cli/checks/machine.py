@@ -226,7 +226,7 @@ def _source(uri: str) -> Finding:
             works = bool(source.counts.received)
     except PuppetlineError as error:
         culprit = "" if uri in error.where else f"{error.where}: "  # a library or a file
-        return Finding(uri, False, culprit + error.found.removeprefix("that it "), error.fix)
+        return Finding(uri, False, culprit + error.found, error.fix)
     return Finding(uri, True, "works" if works else f"can be opened; no data within {FIRST_DATA_SECONDS:g} s")
 
 

@@ -132,7 +132,7 @@ def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -
     except NotInstalledError as error:
         return Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
     except SourceError as error:
-        return Finding(name, False, error.found.removeprefix("that it "), error.fix)
+        return Finding(name, False, error.found, error.fix)
 
 
 def _kinects(name: str) -> str:

@@ -143,7 +143,7 @@ class Failing:
     def receive(self):
         if self._events:
             return [self._events.pop(0)]
-        raise SourceError(self.name, found="that it was unplugged", expected="a sensor", fix="Plug it in.")
+        raise SourceError(self.name, found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
@@ -151,7 +151,7 @@ def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_pa
     path = tmp_path / "take"
     summary = record(Failing(*came), path)
     assert summary.ended == "source"
-    assert summary.why == "openni: found that it was unplugged; expected a sensor. Plug it in."
+    assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
 

@@ -148,7 +148,7 @@ def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_a
     for loaded in [each for each in sys.modules if each.partition(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
-    detail = "not installed; required by camera:" if ok is None else f"cannot be loaded ({reason})"
+    detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
     found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
     assert found == Finding("a library", ok, detail, mediapipe.EXTRA)
 

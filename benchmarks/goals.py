@@ -10,7 +10,7 @@ from benchmarks.processes import MODULE
 from engine_bridge.cli import benchmark
 from engine_bridge.cli.benchmark import in_process, number
 
-LONG, SHORT = benchmark.CONVERTED, 180
+LONG, SHORT = benchmark.CONVERTED_FRAMES, 180
 """Frames of two logs whose conversion is compared."""
 
 
@@ -52,7 +52,7 @@ def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]])
     points : list
         What `scaling.measured` returned.
     """
-    report = benchmark.measure(folder, character, benchmark.FRAMES, benchmark.ROUNDS)
+    report = benchmark.measure(folder, character, benchmark.TIMED_FRAMES, benchmark.PROCESSES)
     beside = in_process(folder, "yardstick", module=MODULE)
     benchmark.write_log(folder, islice(benchmark.performance(), SHORT))
     short = in_process(folder, "convert")

@@ -50,7 +50,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
-        character = benchmark.prepare(subject, mesh, benchmark.CONVERTED)
+        character = benchmark.prepare(subject, mesh, benchmark.CONVERTED_FRAMES)
         tables = {}
         if "goals" in todo:
             say("Cost against vertices")

@@ -1,4 +1,4 @@
-"""Recordings of one performance by several sensors → where the sensors stand: `puppetline align`."""
+"""Poses of several sensors from their recordings of the same motion."""
 
 import os
 from collections.abc import Sequence
@@ -20,23 +20,23 @@ from puppetline.files import check_writable
 
 @dataclass(frozen=True)
 class SensorSummary:
-    """How one recording fits the first.
+    """Pose of one sensor, and how well its recording fits the first one.
 
     Attributes
     ----------
     log, source : str
     position : tuple
-        Metres, in the first sensor's frame.
+        Metres, in the first sensor's coordinates.
     rotation : tuple
         Degrees: tilt, turn, roll.
     clock : float
-        Seconds by which its clock is ahead of the first one's.
+        Seconds by which its clock is ahead of the first sensor's.
     residual_cm : float
-        Mean distance between what the two say of a joint.
+        Mean distance between the two positions of a joint, in centimetres.
     seconds : float
-        For how long both saw the performer.
+        How long both sensors saw the performer.
     swapped : float
-        Share of the frames in which they disagree about which side is left.
+        Share of the frames in which the sensors disagree about left and right.
     notes : tuple of str
     """
 
@@ -52,21 +52,21 @@ class SensorSummary:
 
 
 def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[SensorSummary]:
-    """Align recordings with the first of them, and write the file of ``fused:``.
+    """Align recordings with the first one, and write the file for the source ``fused:``.
 
     Parameters
     ----------
     logs : sequence of Path
-        Skeleton logs of any known format, two or more. Of each, the performer is taken who was tracked longest.
+        Two or more recordings in any supported format. The performer who was tracked longest in each is used.
     sources : sequence of str
-        URIs of the sensors that recorded them, for the file; none to have the recordings played.
+        URIs of the sensors that made the recordings, for the file; empty to replay the recordings.
     output : Path
-        The .toml.
+        The .toml file.
 
     Returns
     -------
     list of SensorSummary
-        One for each but the first.
+        One for each recording but the first.
 
     Raises
     ------
@@ -78,8 +78,8 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
         raise SourceError(
             "puppetline align",
             found=f"{len(sources)} times --source and {len(logs)} recordings",
-            expected="a source for each recording, in their order",
-            fix="Name them all, or none to play the recordings.",
+            expected="one source for each recording, in the same order",
+            fix="Give all sources, or none to replay the recordings.",
         )
     folder = output.resolve().parent
     uris = sources or [f"replay:{Path(os.path.relpath(log.resolve(), folder)).as_posix()}" for log in logs]
@@ -91,7 +91,7 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
         clock = found.clock
         notes: tuple[str, ...] = ()
         if abs(clock) > fused_file.LATEST and not uri.startswith(RECORDED):
-            clock, notes = 0.0, ("The recordings' clocks differ: the live sensors are taken to be equally late.",)
+            clock, notes = 0.0, ("The clocks of the recordings differ; the live sensors are treated as equally late.",)
         members.append(Member(uri, found.pose, clock))
         summaries.append(
             SensorSummary(

@@ -33,17 +33,17 @@ from engine_bridge.puppet import puppet as puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
 
-EXAMPLE, VERTICES = "biped", 43_243
-"""The character that is measured where none is given, with as many vertices as the usual Armadillo has."""
+EXAMPLE_CHARACTER, EXAMPLE_VERTICES = "biped", 43_243
+"""The character that is measured by default, and its number of vertices, which is that of the Armadillo mesh."""
 
-FRAMES = 10_000
-"""Frames that are played one by one."""
+TIMED_FRAMES = 10_000
+"""Number of frames that are timed individually."""
 
-CONVERTED = 1800
-"""Frames of the log that is converted: a minute."""
+CONVERTED_FRAMES = 1800
+"""Number of frames of the recording that is converted: one minute."""
 
-ROUNDS = 3
-"""How often processes are started anew for one thing."""
+PROCESSES = 3
+"""Number of processes per measurement; the result is their median."""
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -56,7 +56,7 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-"""What keeps each library to one thread."""
+"""Environment variables that limit each library to one thread."""
 
 FIGURES: dict[str, tuple[str, str]] = {
     "solve_ms": ("ms", "a frame, controls only: filter, retarget, 4 iterations"),
@@ -69,7 +69,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "cached_load_ms": ("ms", "its second start, from the cache, after imports"),
     "first_load_ms": ("ms", "… including the first load of compiled code"),
     "character_mb": ("MB", "memory of a running character, without interpreter and libraries"),
-    "convert_s": ("s", "a minute's recording into a .glb"),
+    "convert_s": ("s", "conversion of a one-minute recording to a .glb"),
     "convert_fps": ("1/s", "… frames per second"),
     "peak_mb": ("MB", "… peak memory of that process"),
     "startup_ms": ("ms", "puppetline --help"),
@@ -78,7 +78,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     "constant_ms": ("ms", "for comparison: a constant loop in Python"),
     "constant_p99_ms": ("ms", "… slowest of 100 such loops: noise of the machine"),
 }
-"""Name to unit and meaning; a value is None where it cannot be measured."""
+"""Units and meanings of the measured values by name. A value is None if it cannot be measured."""
 
 RATIOS: dict[str, tuple[str, str, str]] = {
     "arap_to_solve": ("arap_iteration_ms", "solve_ms", "ARAP iteration / controls"),
@@ -89,23 +89,23 @@ RATIOS: dict[str, tuple[str, str, str]] = {
     "p99_to_frame": ("p99_ms", "frame_ms", "99th percentile / median, frame"),
     "p99_to_constant": ("constant_p99_ms", "constant_ms", "99th percentile / median, a constant loop"),
 }
-"""Name to the two figures and what their quotient is."""
+"""Numerators, denominators and meanings of ratios of measured values by name."""
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was measured.
+    """Result of all measurements.
 
     Attributes
     ----------
     machine : dict
         Processor, system and versions.
     character : dict
-        Name and size of what was measured.
+        Name and size of the character.
     figures : dict of float or None
-        By the names of `FIGURES`; medians.
+        Medians, by the names of `FIGURES`.
     """
 
     machine: dict[str, Any]
@@ -114,11 +114,11 @@ class Report:
 
     @property
     def ratios(self) -> dict[str, float | None]:
-        """By the names of `RATIOS`; None where a figure is missing."""
+        """Ratios by the names of `RATIOS`; None where a value is missing."""
         return {name: _quotient(self.figures[a], self.figures[b]) for name, (a, b, _) in RATIOS.items()}
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
+        """Return the report as plain values for JSON."""
         return {**asdict(self), "ratios": self.ratios}
 
 
@@ -127,40 +127,42 @@ def _quotient(a: float | None, b: float | None) -> float | None:
 
 
 def bench(mesh: Path | None = None, *, progress: Progress = lambda _stage, _share: None) -> Report:
-    """Measure every figure for a character.
+    """Measure all values for a character.
 
     Parameters
     ----------
     mesh : Path, optional
-        Any character file; by default an example of `VERTICES` vertices.
+        Any character file; by default an example with `EXAMPLE_VERTICES` vertices.
     progress : callable, optional
 
     Raises
     ------
     PuppetlineError
+        The mesh cannot be used.
     """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         progress("Preparing", 0.0)
-        character = prepare(folder, mesh, CONVERTED)
-        return measure(folder, character, FRAMES, ROUNDS, progress=progress)
+        character = prepare(folder, mesh, CONVERTED_FRAMES)
+        return measure(folder, character, TIMED_FRAMES, PROCESSES, progress=progress)
 
 
 def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
-    """Lay out in a folder what the measurements need, and return what the character is.
+    """Write the files that the measurements need to a folder, and return the character's name and size.
 
-    Handles and the joints that move them are those that `puppetline new` proposes; the log is of so many frames of
-    `performance`.
+    The handles and the joints that move them are those that `puppetline new` proposes. The recording has the first
+    `frames` frames of `performance`.
 
     Raises
     ------
     PuppetlineError
+        The mesh cannot be used.
     """
     if mesh is None:
-        mesh = folder / f"{EXAMPLE}.glb"
-        made = example_character(EXAMPLE)
-        v, f, *_ = igl.decimate(made.vertices, made.faces, 2 * VERTICES - 4)
-        make_character(EXAMPLE, v, f).document.save(mesh)
+        mesh = folder / f"{EXAMPLE_CHARACTER}.glb"
+        made = example_character(EXAMPLE_CHARACTER)
+        v, f, *_ = igl.decimate(made.vertices, made.faces, 2 * EXAMPLE_VERTICES - 4)
+        make_character(EXAMPLE_CHARACTER, v, f).document.save(mesh)
     character = load_character(mesh)
     _propose(mesh.resolve(), folder / CHARACTER)
     ball, faces = igl.upsample(*igl.icosahedron(), 3)
@@ -171,8 +173,8 @@ def prepare(folder: Path, mesh: Path | None, frames: int) -> dict[str, Any]:
 
 
 def write_log(folder: Path, frames: Iterable[SkeletonFrame]) -> None:
-    """Record the performance that is played in a folder, in place of the one before."""
-    (folder / LOG).unlink(missing_ok=True)  # a recorder would continue it
+    """Write the recording of a folder; an existing one is replaced."""
+    (folder / LOG).unlink(missing_ok=True)  # a recorder would append to it
     with Recorder(folder / LOG) as recorder:
         for frame in frames:
             recorder.write(frame)
@@ -185,7 +187,7 @@ def _propose(mesh: Path, output: Path) -> None:
 
 
 def performance() -> Iterator[SkeletonFrame]:
-    """Play the examples' performances at 30 frames a second, one after another, for ever."""
+    """Return the frames of all example performances in an endless loop, 30 per second."""
     clips = cycle([make() for make in performances().values()])
     poses = ((place, known) for clip in clips for place, known in zip(clip.positions, clip.confidence, strict=True))
     for number, (positions, confidence) in enumerate(poses):
@@ -200,16 +202,16 @@ def measure(
     *,
     progress: Progress = lambda _stage, _share: None,
 ) -> Report:
-    """Measure every figure for what `prepare` has laid out, with so many frames, and so many processes a figure."""
+    """Measure all values for a folder from `prepare`, with `rounds` processes per measurement."""
     with own_cache(folder):
         figures = in_process(folder, "frames", frames)
-        again: list[dict[str, float | None]] = []
+        results: list[dict[str, float | None]] = []
         for number in range(rounds):
             progress("Measuring", (1 + number) / (1 + rounds))
-            again += [in_process(folder, name) for name in ("precompute", "load", "convert")]
-            again += [{"startup_ms": startup_ms()} for _ in range(2)]
-    for name in {name for found in again for name in found}:
-        values = [found[name] for found in again if name in found]
+            results += [in_process(folder, name) for name in ("precompute", "load", "convert")]
+            results += [{"startup_ms": startup_ms()} for _ in range(2)]
+    for name in {name for result in results for name in result}:
+        values = [result[name] for result in results if name in result]
         known = [value for value in values if value is not None]
         figures[name] = median(known) if known else None
     figures["convert_fps"] = _quotient(figures["convert_frames"], figures["convert_s"])
@@ -219,7 +221,7 @@ def measure(
 
 @contextmanager
 def own_cache(folder: Path) -> Iterator[None]:
-    """Keep reduced models in a folder of their own, for this process and those that it starts."""
+    """Use an empty cache of reduced models in a folder, for this process and those that it starts."""
     cache = str(folder.resolve() / "cache")
     names = ("XDG_CACHE_HOME", "WIN_PD_OVERRIDE_LOCAL_APPDATA")  # platformdirs, the latter on Windows
     before = {name: os.environ.get(name) for name in names}
@@ -237,11 +239,12 @@ def own_cache(folder: Path) -> Iterator[None]:
 def in_process(
     folder: Path, measurement: str, *count: int, module: str = "engine_bridge.cli.benchmark_process"
 ) -> dict[str, Any]:
-    """Run a measurement in a process of its own that has one thread, and return what it found.
+    """Run a measurement in a separate process with one thread, and return its result.
 
     Raises
     ------
     PuppetlineError
+        The error of the other process.
     """
     command = [sys.executable, "-m", module, measurement, str(folder), *map(str, count)]
     done = subprocess.run(  # noqa: S603
@@ -250,7 +253,7 @@ def in_process(
         text=True,
         check=True,
         env=os.environ | ONE_THREAD,
-        start_new_session=True,  # Ctrl-C stops this process, which stops that one
+        start_new_session=True,  # Ctrl-C stops only this process, which then stops the other
     )
     result: dict[str, Any] = json.loads(done.stdout)
     if "error" in result:
@@ -260,14 +263,14 @@ def in_process(
 
 
 def startup_ms() -> float:
-    """Time the command until its help is printed."""
+    """Return the time that `puppetline --help` takes."""
     start = time.perf_counter()
     subprocess.run([sys.executable, "-m", "puppetline", "--help"], stdout=subprocess.DEVNULL, check=True)
     return 1000 * (time.perf_counter() - start)
 
 
 def machine() -> dict[str, Any]:
-    """Describe this machine and the libraries that count."""
+    """Describe this machine and the versions of the libraries that affect speed."""
     blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]
     return {
         "processor": _processor(),
@@ -293,24 +296,24 @@ def _processor() -> str:
 
 
 def describe(report: Report) -> str:
-    """Lay a report out as text: the character and the machine, then a figure a line, then ratios."""
-    it, on = report.character, report.machine
+    """Return a report as text: the character and the machine, then one value per line, then ratios."""
+    character, system = report.character, report.machine
     figures = [(name, report.figures[name], *of) for name, of in FIGURES.items()]
     ratios = [(name, report.ratios[name], "×", meaning) for name, (_, _, meaning) in RATIOS.items()]
-    return "\n".join(
-        [
-            f"{it['name']}: {it['vertices']:,} vertices, {it['triangles']:,} triangles, {it['handles']} handles; "
-            f"medians, {it['frames']:,} frames",
-            f"{on['processor']}, {on['cores']} cores, of which one is used; {on['system']}; Python {on['python']}, "
-            f"NumPy {on['numpy']} ({on['blas']}), Numba {on['numba']}, libigl {on['libigl']}",
-            "",
-            *(f"{name:20}{number(value):>8} {unit:4} {meaning}" for name, value, unit, meaning in figures + ratios),
-        ]
-    )
+    heading = [
+        f"{character['name']}: {character['vertices']:,} vertices, {character['triangles']:,} triangles, "
+        f"{character['handles']} handles; medians, {character['frames']:,} frames",
+        f"{system['processor']}, {system['cores']} cores, of which one is used; {system['system']}; "
+        f"Python {system['python']}, NumPy {system['numpy']} ({system['blas']}), Numba {system['numba']}, "
+        f"libigl {system['libigl']}",
+        "",
+    ]
+    values = [f"{name:20}{number(value):>8} {unit:4} {meaning}" for name, value, unit, meaning in figures + ratios]
+    return "\n".join(heading + values)
 
 
 def number(value: float | None) -> str:
-    """Write a value with three digits that count; a dash for what cannot be measured here."""
+    """Return a value with three significant digits, or a dash if it cannot be measured here."""
     if value is None:
         return "–"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:#.3g}".rstrip(".")

@@ -1,4 +1,4 @@
-"""Progress bars and Ctrl-C."""
+"""Progress bars, and interrupts that are not lost."""
 
 import signal
 import sys
@@ -11,9 +11,9 @@ Reporter = Callable[[str, float], None]
 
 @contextmanager
 def interrupts() -> Iterator[Callable[[], None]]:
-    """Remember Ctrl-C, and give a check that raises it again.
+    """Record Ctrl-C, and yield a function that raises it again.
 
-    Python loses the interrupt where it falls into a destructor or the edge of a compiled loop.
+    Python loses an interrupt that occurs in a destructor or at the edge of a compiled loop.
     """
     pressed: list[int] = []
 
@@ -29,7 +29,7 @@ def interrupts() -> Iterator[Callable[[], None]]:
     try:
         yield check
     except Exception:
-        check()  # an interrupt comes out of compiled code, or of a module that is being loaded, as any error
+        check()  # compiled code, and a module that is being loaded, turn an interrupt into another error
         raise
     finally:
         signal.signal(signal.SIGINT, before)
@@ -37,10 +37,10 @@ def interrupts() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def progress() -> Iterator[Reporter]:
-    """Show a bar for each stage on a terminal, and nothing elsewhere."""
+    """Yield a function that shows a step and its done share: a bar on a terminal, nothing elsewhere."""
     with interrupts() as check:
         if not sys.stderr.isatty():
-            yield lambda _stage, _share: check()
+            yield lambda _step, _share: check()
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -49,10 +49,10 @@ def progress() -> Iterator[Reporter]:
         with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
             tasks: dict[str, Any] = {}
 
-            def report(stage: str, share: float) -> None:
+            def report(step: str, share: float) -> None:
                 check()
-                if stage not in tasks:
-                    tasks[stage] = bars.add_task(stage, total=1.0)
-                bars.update(tasks[stage], completed=share)
+                if step not in tasks:
+                    tasks[step] = bars.add_task(step, total=1.0)
+                bars.update(tasks[step], completed=share)
 
             yield report

@@ -1,4 +1,4 @@
-"""From a live source into a take: `puppetline record`."""
+"""Recording of a source to a take."""
 
 import math
 import time
@@ -17,7 +17,7 @@ from puppetline.files import check_writable
 
 @dataclass(frozen=True)
 class RecordSummary:
-    """What was recorded.
+    """Summary of a take.
 
     Attributes
     ----------
@@ -25,18 +25,18 @@ class RecordSummary:
     source : str
         The URI that opened it.
     seconds : float
-        From the first event to the last.
+        Time from the first event to the last.
     frames : int
     users : tuple of int
-        The performers seen, in the order of their numbers.
+        User numbers of the performers, sorted.
     dropped : int
-        Frames that newer ones have overtaken.
+        Number of frames that were dropped for newer ones.
     refused : dict
-        Packets that were not understood, by the reason.
+        Number of packets that could not be read, by reason.
     ended : str
-        ``"time"``, ``"source"`` or ``"stopped"``: the seconds were over, the source has ended, somebody stopped it.
+        ``"time"``, ``"source"`` or ``"stopped"``: the seconds have passed, the source has ended, or Ctrl-C was pressed.
     why : str
-        What is wrong with a source that has ended, though no recording; empty for others.
+        The error that ended a live source; empty otherwise.
     """
 
     take: str
@@ -57,29 +57,28 @@ def record(
     report: Callable[[int, float], None] = lambda _frames, _seconds: None,
     force: bool = False,
 ) -> RecordSummary:
-    """Write what a source gives to a take, until the time is over, the source ends or Ctrl-C.
+    """Write the events of a source to a take, until the seconds have passed, the source ends or Ctrl-C is pressed.
 
-    Whatever happens, what has come so far is in the file and can be read. A source that fails before anything has come
-    leaves no file.
+    The file is readable at any time. A source that fails before its first event leaves no file.
 
     Parameters
     ----------
     source : SkeletonSource
-        It is not closed.
+        It is left open.
     path : Path
     seconds : float, optional
-        How long, on this machine's clock; as long as there is something to record where it is not given.
+        Duration on this machine's clock; without it, the source and Ctrl-C determine the end.
     report : callable
-        Told after each batch of events: how many frames there are, and how many seconds have passed.
+        Called after each batch of events with the number of frames so far and the seconds that have passed.
     force : bool
-        Whether a file of that name may be replaced.
+        Whether to replace an existing file.
 
     Raises
     ------
     OutputError
-        If the take cannot be written, or is there already.
+        The take cannot be written, or exists already.
     """
-    _make_way(path, force)
+    _remove_existing(path, force)
     started = time.monotonic()
     deadline = math.inf if seconds is None else started + seconds
     frames = 0
@@ -120,11 +119,14 @@ def record(
     )
 
 
-def _make_way(path: Path, force: bool) -> None:
+def _remove_existing(path: Path, force: bool) -> None:
     check_writable(path, path.suffix.lower())
     if path.exists() and not force:
         raise OutputError(
-            path, found="a file", expected="a new name", fix="Choose another name, or replace it with --force."
+            path,
+            found="an existing file",
+            expected="a new name",
+            fix="Choose another name, or replace it with --force.",
         )
     try:
         path.unlink(missing_ok=True)

@@ -95,8 +95,8 @@ def test_each_bad_place_says_what_to_do(tmp_path):
         (tmp_path, "a folder or device", "Add a file name to the path."),
         (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
         (taken, "a folder or device", "Add a file name to the path."),
-        (folder / "out.glb", f"no folder {folder}", f"Make it: mkdir -p {folder}"),
-        (file / "out.glb", f"no folder {file}", "Choose another."),
+        (folder / "out.glb", f"no folder {folder}", f"Create it: mkdir -p {folder}"),
+        (file / "out.glb", f"no folder {file}", "Choose another folder."),
     ):
         with pytest.raises(OutputError) as error:
             check_writable(path, ".glb")
@@ -128,7 +128,7 @@ def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_pat
     other_name = tmp_path / "link.glb"
     other_name.symlink_to(source)
     for output in (source, other_name, tmp_path / ".." / tmp_path.name / "dog.glb"):
-        with pytest.raises(OutputError, match="a file that is read from"):
+        with pytest.raises(OutputError, match="an input file"):
             check_writable(output, ".glb", inputs=(tmp_path / "take.log", source))
     assert source.read_text() == "the only copy"
 

@@ -1,1 +1,1 @@
-"""`puppetline doctor`: what works on this machine and what does not."""
+"""Checks of `puppetline doctor`."""

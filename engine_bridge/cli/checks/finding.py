@@ -1,22 +1,22 @@
-"""What `puppetline doctor` found of one thing."""
+"""The result of one check."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one check of `puppetline doctor`.
 
     Attributes
     ----------
     name : str
     ok : bool or None
-        True for what works. False for what does not, although Puppetline requires it or the user has asked for it: only
-        this is a fault. None for what is optional and not there, or cannot be used now.
+        True if it works. False if it does not, although Puppetline requires it or the user has asked for it. None if it
+        is optional, and missing or unusable at present.
     detail : str
         What was found.
     fix : str
-        What would install, free or improve it, empty where there is nothing to do.
+        What would install, free or improve it; empty if there is nothing to do.
     """
 
     name: str

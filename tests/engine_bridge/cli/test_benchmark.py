@@ -24,7 +24,11 @@ UNKNOWN_ELSEWHERE = {"precompute_peak_mb", "character_mb", "peak_mb"}
 def measured(blob_file):
     """What the command prints as JSON about the figure, measured in short."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, short in (("FRAMES", benchmark_process.BLOCK), ("CONVERTED", 90), ("ROUNDS", 1)):
+        for name, short in (
+            ("TIMED_FRAMES", benchmark_process.BLOCK_FRAMES),
+            ("CONVERTED_FRAMES", 90),
+            ("PROCESSES", 1),
+        ):
             patch.setattr(benchmark, name, short)
         result = CliRunner().invoke(main, ["bench", "--mesh", str(blob_file), "--json"], catch_exceptions=False)
     return json.loads(result.stdout)
@@ -106,7 +110,7 @@ def test_every_figure_is_measured(measured):
 def test_figures_fit_together(measured, blob):
     figures, character = measured["figures"], measured["character"]
     assert (character["vertices"], character["triangles"]) == (len(blob.vertices), len(blob.faces))
-    assert character["frames"] == benchmark_process.BLOCK
+    assert character["frames"] == benchmark_process.BLOCK_FRAMES
     assert figures["p99_ms"] >= figures["frame_ms"]
     assert figures["solve_p99_ms"] >= figures["solve_ms"]
     assert figures["convert_fps"] * figures["convert_s"] == pytest.approx(90)
@@ -124,6 +128,6 @@ def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_fi
 
 @pytest.mark.slow
 def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path, example_character, monkeypatch):
-    made = example_character(benchmark.EXAMPLE)
-    monkeypatch.setitem(CHARACTERS, benchmark.EXAMPLE, lambda: made)
+    made = example_character(benchmark.EXAMPLE_CHARACTER)
+    monkeypatch.setitem(CHARACTERS, benchmark.EXAMPLE_CHARACTER, lambda: made)
     assert benchmark.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

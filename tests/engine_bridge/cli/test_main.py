@@ -367,7 +367,7 @@ def test_a_result_never_replaces_what_it_is_made_from(run, stage, tmp_path):
     before = mesh.read_bytes()
     result = run("convert", "take.log", "--puppet", stage, "-o", mesh.name)
     assert result.returncode == 1
-    assert_one_line(result, "blob.glb", "a file that is read from")
+    assert_one_line(result, "blob.glb", "an input file")
     assert mesh.read_bytes() == before
 
 

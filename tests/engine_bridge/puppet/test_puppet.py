@@ -273,7 +273,7 @@ MISTAKES = {
         PUPPET.replace("tail", ""),
         "[[handle]] 1 '', name",
         "''",
-        "a text that is not empty",
+        "a string that is not empty",
         "Change the value of that key.",
     ),
     "axes in another order": (
@@ -392,7 +392,7 @@ MISTAKES = {
         PUPPET + "[solver]\nfields = 7.5\n",
         "[solver], fields",
         "7.5",
-        "a whole number",
+        "an integer",
         "Change the value of that key.",
     ),
     "a limb with one point": (

@@ -63,8 +63,8 @@ def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monk
 @pytest.mark.parametrize(
     ("has", "detail", "fix"),
     [
-        (True, "CURVE there", ""),
-        (False, "no CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which brings CURVE."),
+        (True, "with CURVE", ""),
+        (False, "without CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which contains CURVE."),
     ],
 )
 def test_curve_is_optional(monkeypatch, has, detail, fix):
@@ -100,7 +100,7 @@ def test_a_machine_without_loopback_is_a_fault(monkeypatch):
 def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in(tmp_path):
     finding = machine._folder("takes", tmp_path / "a" / "b")
     assert finding.ok is True
-    assert "will be made" in finding.detail
+    assert "will be created" in finding.detail
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
@@ -132,9 +132,9 @@ def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
 
 
 def test_little_room_is_told_and_no_fault(tmp_path, monkeypatch):
-    monkeypatch.setattr(machine, "LITTLE_ROOM", 1e18)
+    monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
     finding = machine._folder("takes", tmp_path)
-    assert (finding.ok, finding.fix) == (True, "Make room on that disk.")
+    assert (finding.ok, finding.fix) == (True, "Free space on that disk.")
 
 
 def test_a_coarse_clock_is_told_and_no_fault(monkeypatch):
@@ -153,7 +153,7 @@ def test_a_machine_without_a_network_is_no_fault(monkeypatch):
         "multicast DNS",
         None,
         "not available: Network is unreachable",
-        "Give clients the address of the service; they do not find it automatically here.",
+        "Give clients the address of the service; they cannot discover it here.",
     )
 
 

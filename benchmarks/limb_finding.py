@@ -16,14 +16,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from engine_bridge.export.rig_bones import rig_bones
 from numpy.typing import NDArray
 from puppetline.examples.characters import biped, human
 from scipy.spatial.transform import Rotation
 
-from benchmarks.fidelity import followed
 from engine_bridge.character.character import Character, load_character
-from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import followed, rig_limbs
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld

@@ -1,6 +1,6 @@
 """All checks of this machine. They take a few seconds and change nothing.
 
-A check fails if something does not work that Puppetline requires or that the user has asked for: a required library, the
+A check fails if something does not work that Puppetline requires or the user has asked for: a required library, the
 loopback network, a source or folder that was named, an optional library that is installed but broken, a depth sensor
 that is plugged in. Anything else that is missing is optional, and `Finding.fix` says how to get it.
 """

@@ -73,7 +73,8 @@ def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, m
     (finding,) = sensors._depth_sensors([*sensors._plugged()])
     assert (finding.ok, finding.detail) == (False, f"{nodes}/000: no permission")
     assert finding.fix == (
-        f"Install the udev rules {rules} from Debian's {package}, run udevadm control --reload, and plug the sensor in again."
+        f"Install the udev rules {rules} from Debian's {package}, run udevadm control --reload, "
+        "and plug the sensor in again."
     )
 
 

@@ -37,7 +37,7 @@ from capture.smoothing import FRAME_RATE, JointFilter, Smoothing
 from capture.trackers.mediapipe import MediaPipePose
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import Placing
-from engine_bridge.cli import demo
+from engine_bridge.cli import examples
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import load_rig
@@ -71,7 +71,7 @@ def main() -> None:
     found["errors"] = list(_show(_error_lines(errors(body, walk[WAVE]))))
     found["filters"] = list(_show(_filter_lines(unrest(body, walk[0]))))
     with tempfile.TemporaryDirectory() as folder:
-        puppet = demo.prepare("human", Path(folder))[1]
+        puppet = examples.prepare("human", Path(folder))[1]
         goals = [*fusion(), *added(puppet, body, walk), _pace(puppet, body, walk[WAVE])]
     print("| what | goal | measured | |\n| --- | --- | --- | --- |")
     for goal in goals:

@@ -56,7 +56,7 @@ def recognize(path: Path) -> ModuleType | None:
     except OSError as error:
         raise SkeletonLogError(
             path,
-            found=f"that it cannot be read ({error.strerror})",
+            found=f"a file that cannot be read ({error.strerror})",
             expected="a skeleton log",
             fix="Check the path and its permissions.",
         ) from error

@@ -102,7 +102,7 @@ def align(first: SkeletonClip, other: SkeletonClip, where: str) -> Alignment:
     if best.residual > WORST:
         raise SkeletonLogError(
             where,
-            found=f"that the joints are {100 * best.residual:.1f} cm apart (mean) however they are laid",
+            found=f"joints that are {100 * best.residual:.1f} cm apart (mean) in the best alignment",
             expected=f"at most {100 * WORST:.0f} cm",
             fix="Record one performer alone, with both sensors unmirrored and in metres; then try again.",
         )

@@ -135,9 +135,9 @@ class FusedSource:
         if self.recorded and not self._waiting and all(line.ended for line in self._lines):
             raise SourceError(
                 self.name,
-                found="that all its recordings have ended",
-                expected="recordings that go on",
-                fix="Open it again to play them once more.",
+                found="the end of all recordings",
+                expected="more frames",
+                fix="Open the source again to replay them.",
             )
         now = self._now()
         if self._ahead is None:

@@ -302,7 +302,7 @@ def _cannot_listen(name: str, address: Address, error: OSError) -> SourceError:
         )
     return SourceError(
         name,
-        found=f"that UDP port {address.port} cannot be opened ({error.strerror})",
+        found=f"UDP port {address.port}, which cannot be opened ({error.strerror})",
         expected="a port that this user may open, above 1023",
         fix=FIX,
     )

@@ -315,9 +315,9 @@ class SensorSource:
             log.debug("%s %s failed", heading(self.name), what, exc_info=error)
             error = SourceError(
                 self.name,
-                found=f"that {what} failed ({type(error).__name__}: {error})",
-                expected="pictures with people in them",
-                fix="Plug the device out and in again; puppetline doctor says what is installed.",
+                found=f"a failure of {what} ({type(error).__name__}: {error})",
+                expected="images with people in them",
+                fix="Unplug the device and plug it in again; puppetline doctor reports what is installed.",
             )
         with self._changed:
             self._failure = self._failure or error

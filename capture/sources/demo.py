@@ -1,7 +1,7 @@
 """The example performances as sources: ``demo:NAME``.
 
-This is the only place of the product that reaches performances made by code; `engine_bridge.cli.demo` is the only one
-that reaches characters made by code.
+This is the only module of the product that imports the example performances; `engine_bridge.cli.examples` is the only
+one that imports the example characters.
 """
 
 from collections.abc import Callable, Mapping

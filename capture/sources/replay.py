@@ -68,7 +68,10 @@ class TakeSource:
 
         self._events = self._endless() if loop else self._pass()
         self._end: PuppetlineError = SourceError(
-            name, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to play it in a loop."
+            name,
+            found="the end of the recording",
+            expected="more frames",
+            fix="Add ?loop to play it in a loop.",
         )
         self._next = self._following()
         if self._next is None:

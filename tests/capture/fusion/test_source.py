@@ -248,7 +248,7 @@ def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk,
     )
     start = time.monotonic()
     events, error = to_the_end(source)
-    assert error.found == "that all its recordings have ended"
+    assert error.found == "the end of all recordings"
     source.close()
     assert np.isfinite(source.now())
     times = np.array([event.time for event in events])

@@ -188,7 +188,7 @@ def test_a_recording_that_ends_leaves_who_was_in_it_and_says_so():
         sight = sights.watch(source, 60)
     assert {user: performer.frames for user, performer in sight.performers.items()} == {1: 3}
     assert [reason.what for reason in reasons(sight)] == [sight.failure]
-    assert "found that it has ended" in sight.failure
+    assert "found the end of the recording" in sight.failure
 
 
 def test_a_silent_port_is_given_up_and_packets_that_are_none_are_told_of(osc):
@@ -348,7 +348,7 @@ def test_a_port_that_was_taken_is_waited_for_and_then_listened_to(osc):
     def fail():
         raise failure
 
-    failure = SourceError("osc:7110", found="that the port is taken", expected="a free one", fix="Wait.")
+    failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
     played = Played()
     played.receive = fail
     sources = iter([played, osc])

@@ -139,7 +139,7 @@ def test_the_end_is_an_error_that_says_so_and_stays(clock):
     source = TakeSource.of_clips("demo:x", [make_clip([0.0])])
     assert len(source.receive()) == 1
     for _ in range(2):
-        with pytest.raises(SourceError, match=r"demo:x: found that it has ended; .* \?loop"):
+        with pytest.raises(SourceError, match=r"demo:x: found the end of the recording; .* \?loop"):
             source.receive()
         assert source.due() == clock.now
 
@@ -279,10 +279,10 @@ def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
 def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
     (tmp_path / "empty").write_bytes(HEADER)
     (tmp_path / "other").write_bytes(b"something else")
-    with pytest.raises(SourceError, match="ended"):
+    with pytest.raises(SourceError, match="the end of the recording"):
         TakeSource.of_file("r", tmp_path / "empty")
     for loop in (False, True):
-        with pytest.raises(SourceError, match="ended"):
+        with pytest.raises(SourceError, match="the end of the recording"):
             TakeSource.of_clips("r", [], loop)
     for name in ("other", "none"):
         with pytest.raises(SkeletonLogError):

@@ -18,7 +18,7 @@ from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import RecordSummary, record
+from engine_bridge.cli.recording import RecordSummary, record
 from puppetline.errors import OutputError, SourceError
 
 
@@ -143,7 +143,7 @@ class Failing:
     def receive(self):
         if self._events:
             return [self._events.pop(0)]
-        raise SourceError(self.name, found="that it was unplugged", expected="a sensor", fix="Plug it in.")
+        raise SourceError(self.name, found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
@@ -151,7 +151,7 @@ def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_pa
     path = tmp_path / "take"
     summary = record(Failing(*came), path)
     assert summary.ended == "source"
-    assert summary.why == "openni: found that it was unplugged; expected a sensor. Plug it in."
+    assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
 
@@ -197,7 +197,7 @@ import sys
 from pathlib import Path
 from puppetline.examples.performances import PERFORMANCES
 from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import record
+from engine_bridge.cli.recording import record
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
 source = TakeSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
 print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.body import ANKLE_HEIGHT
-from capture.orientations import turned
+from capture.orientations import rotated
 from capture.pose import Pose
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
@@ -80,7 +80,7 @@ class Level:
         """Return a frame with y straight up, and its bones turned with it."""
         if self == Level():
             return frame
-        turns = None if frame.orientations is None else turned(frame.orientations, self._pose.rotation)
+        turns = None if frame.orientations is None else rotated(frame.orientations, self._pose.rotation)
         return replace(frame, positions=self(frame.positions), orientations=turns)
 
     @property

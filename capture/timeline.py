@@ -188,7 +188,7 @@ def _resample_orientations(
     on_sample = np.abs(elapsed) <= SAME_MOMENT
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=~on_sample & (span > 0))[:, None]
     found = [
-        turns.between(joint[left], np.where(part == 0, joint[left], joint[right]), part)
+        turns.interpolated(joint[left], np.where(part == 0, joint[left], joint[right]), part)
         for joint in samples.swapaxes(0, 1)
     ]
     resampled = np.stack(found, axis=1)

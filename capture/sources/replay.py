@@ -23,7 +23,7 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.formats import FARTHEST, puppetline_log, read_log, recognize
+from capture.formats import MAX_DISTANCE_METRES, puppetline_log, read_log, recognize
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
@@ -92,7 +92,7 @@ class TakeSource:
         """
         if recognize(path) is not puppetline_log:
             return cls.of_clips(name, read_log(path), loop)
-        if puppetline_log.is_of_an_earlier_version(path):
+        if puppetline_log.has_old_state(path):
             log.warning("%s: recorded by an earlier version: performers are calibrated again", path)
         return cls(name, lambda: _within_reach(path), loop)
 
@@ -194,11 +194,11 @@ def _time(event: Event) -> float:
 def _within_reach(path: Path) -> Iterator[Event]:
     """Go through a take's events, refusing positions that are no performer's."""
     for event in puppetline_log.events(path):
-        if isinstance(event, SkeletonFrame) and (np.abs(event.positions) > FARTHEST).any():
+        if isinstance(event, SkeletonFrame) and (np.abs(event.positions) > MAX_DISTANCE_METRES).any():
             raise SkeletonLogError(
                 path,
                 found=f"a joint {np.nanmax(np.abs(event.positions)):.4g} m away at second {event.time:g}",
-                expected=f"a place within {FARTHEST:g} m of the sensor",
+                expected=f"a position within {MAX_DISTANCE_METRES:g} m of the sensor",
                 fix="Mend or delete that frame.",
             )
         yield event

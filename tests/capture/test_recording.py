@@ -255,7 +255,7 @@ def test_cut_off_at_any_byte_the_clip_has_all_whole_frames_and_says_what_was_tor
         complete = sum(size >= end for end in ends[1:])
         torn = size not in ends and size > 0
         line = 1 + sum(size >= end for end in ends)
-        notes = (f"Line {line} was cut off in mid-write: left out.",) if torn else ()
+        notes = (f"Line {line} is incomplete and was skipped.",) if torn else ()
         if complete:
             clip = read_one(cut)
             assert_clip_is(clip, frames[:complete])

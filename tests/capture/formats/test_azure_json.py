@@ -71,7 +71,7 @@ def test_the_right_side_of_someone_facing_the_camera_is_at_positive_x(tmp_path: 
 
 
 def test_the_turn_keeps_handedness() -> None:
-    assert np.linalg.det(np.diag(azure_json.TO_SENSOR_FRAME)) > 0
+    assert np.linalg.det(np.diag(azure_json.TO_SENSOR_METRES)) > 0
 
 
 def test_each_body_id_is_a_clip_on_the_recordings_clock(tmp_path: Path) -> None:
@@ -117,9 +117,9 @@ SECOND = ("frames", 1, "bodies", 1)
         (
             changed(*SECOND, "joint_confidence", value=[2] * 31 + [[]]),
             "joint_confidence[31]",
-            "a list of 0; expected a whole number",
+            "a list of 0; expected an integer",
         ),
-        (changed("frames", 1, "num_bodies", value=3), "frames[1].num_bodies", "2, the length of bodies"),
+        (changed("frames", 1, "num_bodies", value=3), "frames[1].num_bodies", "the length of bodies, 2"),
         (changed("frames", 1, "num_bodies", value=10**15), "frames[1].num_bodies", str(10**15)),
         (changed("frames", 1, "timestamp_usec", value=None), "frames[1]", "no 'timestamp_usec'"),
         (changed("frames", 1, "timestamp_usec", value="soon"), "frames[1].timestamp_usec", '"soon"'),
@@ -144,9 +144,3 @@ def test_recognised_however_its_keys_are_ordered() -> None:
     content = document(*[[]] * 2000, [body()])
     assert azure_json.matches(json.dumps(content).encode()[:65536])
     assert azure_json.matches(json.dumps(content, indent=4, sort_keys=True).encode()[:65536])
-
-
-def test_recognises_none_of_the_other_logs(real_data: Path) -> None:
-    for folder in ("logs", "bvh", "video"):
-        for path in (real_data / folder).rglob("*.*"):
-            assert not path.is_file() or not azure_json.matches(path.open("rb").read(65536))

@@ -8,7 +8,7 @@ from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
 MILLIMETRES = np.arange(1, 46).reshape(15, 3) * 64.0
-RATE = "The log has no clock: 30 frames a second assumed."
+RATE = "The recording has no clock; 30 frames per second are assumed."
 
 
 def _line(number, positions=MILLIMETRES, confidence=1):
@@ -42,7 +42,7 @@ def test_each_joint_is_found_by_its_place_in_metres(tmp_path):
     assert clip.positions[0, JOINT_INDEX["wrist_left"]] == pytest.approx(elbow / 4 + 3 * hand / 4)
     assert clip.confidence[0, JOINT_INDEX["wrist_left"]] == 0.5
     assert clip.notes[0] == RATE
-    assert "Hip centre, wrists and ankles" in clip.notes[1]
+    assert "no hip centre, wrists and ankles" in clip.notes[1]
     assert "may be mirrored" in clip.notes[2]
     assert len(clip.notes) == 3
 
@@ -65,7 +65,7 @@ def test_the_rate_can_be_given(tmp_path):
 
 def test_a_missing_end_is_noted(tmp_path):
     [clip] = cad60.read(_write(tmp_path, _line(1)), ReadOptions())
-    assert clip.notes[1] == "The log has no END line: frames after its last line may be missing."
+    assert clip.notes[1] == "The recording has no END line; frames after its last line may be missing."
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def test_microseconds_positions_and_flags_are_read(tmp_path):
 def test_a_repeated_time_is_left_out_with_a_note(tmp_path):
     [clip] = msrc12.read(_write(tmp_path, _line(5), _line(5), _line(6)), ReadOptions())
     assert len(clip.times) == 2
-    assert clip.notes == ("1 of 3 frames repeat or precede the time of an earlier one: left out.",)
+    assert clip.notes == ("Skipped 1 of 3 frames that repeat or precede an earlier time.",)
 
 
 @pytest.mark.parametrize(

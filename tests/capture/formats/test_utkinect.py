@@ -26,7 +26,7 @@ def test_joints_come_in_file_order_and_frame_numbers_are_thirtieths_of_a_second(
     assert clip.times.tolist() == [2.0, 62 / 30, 4.0]
     assert np.array_equal(clip.positions, np.tile(np.arange(1, 61).reshape(20, 3) / 16, (3, 1, 1)))
     assert np.array_equal(clip.confidence, np.ones((3, 20)))
-    assert clip.notes == ("The log has no clock: 30 frames a second assumed.",)
+    assert clip.notes == ("The recording has no clock; 30 frames per second are assumed.",)
 
 
 def test_another_rate_is_taken_from_the_options(tmp_path):
@@ -42,7 +42,7 @@ def test_repeated_frames_are_left_out_and_a_joint_at_zero_is_lost(tmp_path):
     [clip] = utkinect.read(log, ReadOptions())
     assert clip.positions[0, 0].tolist() == [1.0, 1.0, 1.0]
     assert clip.confidence[1].tolist() == [1.0, 1.0, 0.0] + [1.0] * 17
-    assert clip.notes[-1] == "1 of 3 frames repeat or precede the time of an earlier one: left out."
+    assert clip.notes[-1] == "Skipped 1 of 3 frames that repeat or precede an earlier time."
 
 
 def test_a_line_of_another_length_is_refused(tmp_path):
@@ -78,7 +78,7 @@ def test_other_texts_do_not_match(text):
 def test_real_logs_have_their_frames_without_the_repeats(real_logs, name, frames, repeats):
     [clip] = utkinect.read(real_logs / "utkinect" / name, ReadOptions())
     assert clip.tracked_frames == len(clip.times) == frames
-    assert clip.notes[1].startswith(f"{repeats} of {frames + repeats} frames repeat")
+    assert clip.notes[1].startswith(f"Skipped {repeats} of {frames + repeats} frames")
 
 
 def test_a_real_log_has_the_numbers_that_stand_in_it(real_logs):

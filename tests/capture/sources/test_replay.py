@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import capture.sources.replay
 from capture.clip import SkeletonClip
 from capture.events import TICK, Cue, Lost, Tick
-from capture.formats import FARTHEST, read_log, recognize
+from capture.formats import MAX_DISTANCE_METRES, read_log, recognize
 from capture.recording import HEADER, Recorder, as_recorded, encode
 from capture.skeleton import LOST, SkeletonFrame
 from capture.sources.replay import BATCH, GAP, PATIENCE, TakeSource
@@ -269,7 +269,7 @@ def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, 
 
 
 def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
-    far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * FARTHEST), np.ones(20, np.float32))
+    far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
     source = TakeSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
     with pytest.raises(SourceError, match=r"2000 m away at second 0\.01"):

@@ -106,7 +106,7 @@ def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
     log.write_bytes(log.read_bytes() + b'{"t": 1.4, "us')
     _, summary = convert(log, blob_puppet, tmp_path / "a.glb", Settings())
     assert summary.notes == (
-        "Line 42 was cut off in mid-write: left out.",
+        "Line 42 is incomplete and was skipped.",
         "40 frames at 30 a second, 2.5 % of the joint positions held while lost",
         "The log never knows head: what only they move stays still.",
     )

@@ -17,7 +17,7 @@ import numpy as np
 from capture.clip import SkeletonClip
 from capture.formats._files import opened
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINTS
+from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError, at
 
 FORMATS: dict[str, str] = {
@@ -35,9 +35,6 @@ FORMATS: dict[str, str] = {
     "msr_action3d": "MSR Action3D, 20 rows per frame",
 }
 """Name of each format module and the format's name for users, in the order in which the modules are tried."""
-
-MAX_DISTANCE_METRES = 1000.0
-"""Maximum distance of a joint from the origin along each axis; larger coordinates are errors in the recording."""
 
 HEAD_BYTES = 65536
 """Length of the part of a file that `matches` receives."""

@@ -23,8 +23,8 @@ import numpy as np
 
 from capture.clip import SkeletonClip
 from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.formats import MAX_DISTANCE_METRES, puppetline_log, read_log, recognize
-from capture.skeleton import SkeletonFrame
+from capture.formats import puppetline_log, read_log, recognize
+from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
 

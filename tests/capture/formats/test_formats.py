@@ -3,9 +3,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from capture.formats import FORMATS, HEAD_BYTES, MAX_DISTANCE_METRES, read_log
+from capture.formats import FORMATS, HEAD_BYTES, read_log
 from capture.recording import Recorder
-from capture.skeleton import SkeletonFrame
+from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from puppetline.errors import SkeletonLogError
 
 FORMAT_OF_FOLDER = {

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 import capture.sources.replay
 from capture.clip import SkeletonClip
 from capture.events import TICK, Cue, Lost, Tick
-from capture.formats import MAX_DISTANCE_METRES, read_log, recognize
+from capture.formats import read_log, recognize
 from capture.recording import HEADER, Recorder, as_recorded, encode
-from capture.skeleton import LOST, SkeletonFrame
+from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
 from capture.sources.replay import BATCH, GAP, PATIENCE, TakeSource
 from puppetline.errors import SkeletonLogError, SourceError
 

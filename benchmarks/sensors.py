@@ -29,7 +29,7 @@ from benchmarks.goals import Goal
 from benchmarks.live_peers import serving
 from benchmarks.rendered_body import HEIGHT, KINECT, LENS, NAMES, Body, Studio
 from benchmarks.smoothing import PRESETS
-from capture.fusion.people import People
+from capture.fusion.performers import Performers
 from capture.pose import Pose
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
@@ -203,8 +203,8 @@ def fusion() -> Iterator[Goal]:
             [(time, k, SkeletonFrame(time, 1, pose.apply(joints), sure)) for time, joints, sure in _rows(clip)]
             for k, (pose, clip) in enumerate(zip(poses, clips, strict=True))
         ]
-        people = People()
-        seen = [people.see(k, frame) for _, k, frame in merge(*streams, key=lambda each: each[:2])]
+        performers = Performers()
+        seen = [performers.observe(k, frame) for _, k, frame in merge(*streams, key=lambda each: each[:2])]
         frames = [frame for frame in seen if frame is not None]
         both.append(_turn_error(turn, np.array([f.time for f in frames]), np.stack([f.positions for f in frames])))
         told = [VirtualSensor(pose, seed=seed + k, swaps=False).record(turn) for k, pose in enumerate(poses)]

@@ -90,7 +90,7 @@ def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[Se
         found = align_clips(clips[0], clip, f"{logs[0]} and {log}")
         clock = found.clock
         notes: tuple[str, ...] = ()
-        if abs(clock) > fused_file.LATEST and not uri.startswith(RECORDED):
+        if abs(clock) > fused_file.MAX_CLOCK_DIFFERENCE_SECONDS and not uri.startswith(RECORDED):
             clock, notes = 0.0, ("The recordings' clocks differ: the live sensors are taken to be equally late.",)
         members.append(Member(uri, found.pose, clock))
         summaries.append(

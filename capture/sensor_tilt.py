@@ -23,12 +23,12 @@ STEEPEST = 50.0
 """Degrees of tilt beyond which a pose is taken for something else than standing."""
 
 
-MOVED = 2.0, 0.06
+MIN_TILT_CHANGE = 2.0, 0.06
 """Degrees and metres by which a sensor that was moved stands otherwise; less is how it was measured."""
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class SensorTilt:
     """How a sensor stands.
 
     Attributes
@@ -67,18 +67,18 @@ class Level:
         leans = f", leans by {abs(self.roll):.0f}°" if abs(self.roll) >= 1 else ""
         return f"{self.height:.2f} m above the floor, {looks}{leans}"
 
-    def near(self, other: "Level", degrees: float, metres: float) -> bool:
+    def near(self, other: "SensorTilt", degrees: float, metres: float) -> bool:
         """Tell whether another sensor stands about the same."""
         turned = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
         return turned <= degrees and abs(self.height - other.height) <= metres
 
     def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (..., 3) positions with y straight up, from the floor where its height is known."""
-        return positions if self == Level() else self._pose.apply(positions)
+        return positions if self == SensorTilt() else self._pose.apply(positions)
 
     def frame(self, frame: SkeletonFrame) -> SkeletonFrame:
         """Return a frame with y straight up, and its bones turned with it."""
-        if self == Level():
+        if self == SensorTilt():
             return frame
         turns = None if frame.orientations is None else rotated(frame.orientations, self._pose.rotation)
         return replace(frame, positions=self(frame.positions), orientations=turns)
@@ -88,7 +88,7 @@ class Level:
         return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0]))
 
 
-def level_of(pose: NDArray[np.float64]) -> Level | None:
+def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
     """Find out from somebody who stands upright how the sensor stands.
 
     Parameters
@@ -98,7 +98,7 @@ def level_of(pose: NDArray[np.float64]) -> Level | None:
 
     Returns
     -------
-    Level or None
+    SensorTilt or None
         None where legs or trunk are unknown or bent, so that nothing can be said.
     """
     joint = {name: pose[index] for name, index in JOINT_INDEX.items()}
@@ -114,8 +114,8 @@ def level_of(pose: NDArray[np.float64]) -> Level | None:
     tilt = math.degrees(math.atan2(-forward, up))
     if abs(tilt) > STEEPEST:
         return None
-    upright = Level(tilt if abs(tilt) > DEAD_ZONE else 0.0)
-    return Level(upright.tilt, ANKLE_HEIGHT - float(upright(ankles)[1]))
+    upright = SensorTilt(tilt if abs(tilt) > DEAD_ZONE else 0.0)
+    return SensorTilt(upright.tilt, ANKLE_HEIGHT - float(upright(ankles)[1]))
 
 
 def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
@@ -176,9 +176,9 @@ class Stage:
             )
         self.assignment.choose(self.players.index(player), user, time)
 
-    def _level_of(self, cue: Cue) -> Level:
+    def _level_of(self, cue: Cue) -> SensorTilt:
         try:
-            return Level.of_json(cue.arguments)
+            return SensorTilt.of_json(cue.arguments)
         except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",

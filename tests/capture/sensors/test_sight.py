@@ -12,7 +12,7 @@ from capture.events import Cue, Lost, Tick
 from capture.network.osc import encode
 from capture.network.source import open_osc
 from capture.reconnecting import Reopening
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.sensors import sight as sights
 from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
 from capture.sensors.source import SensorSource
@@ -304,7 +304,7 @@ def test_how_the_sensor_stands_is_said_once_and_holds():
     source.play(looking, Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
     source.play(looking, Cue(1.0, "level", {"tilt": "steep"}), Tick(9.0))
     sight = looking.sight()
-    assert sight.level == Level(12.2, 1.304, -2.6)
+    assert sight.level == SensorTilt(12.2, 1.304, -2.6)
     assert summary(sight, [])["sensor"] == {"tilt": 12.2, "height": 1.304, "roll": -2.6}
 
 

@@ -8,7 +8,7 @@ import pytest
 from capture.events import TICK, Cue, Lost, Tick
 from capture.pose import Pose
 from capture.recording import as_recorded
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.performance import Performance
@@ -527,7 +527,7 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
 def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
     stage = make_stage(manner=Manner(tilt=3.0, height=0.7))
     play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:60]])
-    assert stage.players[0].level == Level(3.0, 0.7, 4.0)
+    assert stage.players[0].level == SensorTilt(3.0, 0.7, 4.0)
 
 
 def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
@@ -540,7 +540,7 @@ def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage,
         np.testing.assert_array_equal(one.targets, other.targets)
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
-    assert moved_stage.players[0].level == Level(12.0, 1.3, 4.0)
+    assert moved_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
 
 
 def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
@@ -550,7 +550,7 @@ def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_st
     late_stage = make_stage()
     late = play(late_stage, [*seen[:moment], level(seen[moment - 1].time), *seen[moment:]])["dog"]
     assert late[moment].state == "performing"
-    assert late_stage.players[0].level == Level(12.0, 1.3, 4.0)
+    assert late_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
     settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK
     pairs = [(e, la) for e, la in zip(early[-len(late) :], late, strict=True) if la.time > settled]
     assert len(pairs) > 60
@@ -577,7 +577,7 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
         stage.step(level(1.0, **wrong), 0)
     with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(Cue(1.0, "level", {}), 0)
-    assert stage.players[0].level == Level()
+    assert stage.players[0].level == SensorTilt()
 
 
 def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
@@ -587,4 +587,4 @@ def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
     stage, other = make_stage(), make_stage()
     replay(stage, events[:100])
     replay(other, [beginning(stage)])
-    assert other.players[0].level == stage.players[0].level == Level(12.0, 1.3, 4.0)
+    assert other.players[0].level == stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)

@@ -6,15 +6,15 @@ import time
 from collections.abc import Callable
 
 from capture.events import Event, Tick
-from capture.source import Silence, SkeletonSource
+from capture.source import SilentSource, SkeletonSource
 
-AGAIN = 0.5
+RETRY_SECONDS = 0.5
 """Seconds between attempts to open a source that has failed."""
 
 log = logging.getLogger(__name__)
 
 
-class Reopening:
+class ReopeningSource:
     """Stands before a source that may fail and come back; implements `capture.source.SkeletonSource`.
 
     Its `receive` never raises. Trouble is logged once, and its end when something comes.
@@ -31,8 +31,8 @@ class Reopening:
     name, counts, recorded
         As of the source. A recording that has ended is not opened again.
     inner : SkeletonSource
-        What is open now, or the `Silence` in its place.
-    trouble : str
+        What is open now, or the `SilentSource` in its place.
+    failure : str
         Why nothing comes; empty once something does.
 
     Raises
@@ -49,7 +49,7 @@ class Reopening:
         self._opener = opener
         self._reopen_at = math.inf
         self._counted = 0  # until trouble came
-        self.trouble = ""
+        self.failure = ""
 
     def fileno(self) -> int | None:
         """Return what becomes readable now; it is another one when the source was opened again, and None between."""
@@ -73,8 +73,8 @@ class Reopening:
             self._go_silent(error)
             return []
         something = self.counts.received > self._counted or any(not isinstance(each, Tick) for each in events)
-        if self.trouble and something:
-            self.trouble = ""
+        if self.failure and something:
+            self.failure = ""
             log.info("the source is back", extra=self._fields())
         return events
 
@@ -84,26 +84,26 @@ class Reopening:
 
     def _go_silent(self, error: Exception) -> None:
         self._say("the source is silent", error)
-        silence = Silence(self.name, self.counts, self.inner.now())
+        silence = SilentSource(self.name, self.counts, self.inner.now())
         self.inner.close()
         self.inner, self._counted = silence, self.counts.received
         if not self.recorded:
-            self._reopen_at = time.monotonic() + AGAIN
+            self._reopen_at = time.monotonic() + RETRY_SECONDS
 
     def _reopen(self) -> None:
         try:
             source = self._opener()
         except Exception as error:
             self._say("the source cannot be opened", error)
-            self._reopen_at = time.monotonic() + AGAIN
+            self._reopen_at = time.monotonic() + RETRY_SECONDS
             return
         source.counts.add(self.counts)
         self.inner, self.counts, self._reopen_at = source, source.counts, math.inf
 
     def _say(self, what: str, error: Exception) -> None:
         """Log why nothing comes, and not again with each attempt."""
-        if str(error) != self.trouble:
-            self.trouble = str(error)
+        if str(error) != self.failure:
+            self.failure = str(error)
             log.warning("%s: %s", what, error, extra=self._fields())
 
     def _fields(self) -> dict[str, dict[str, str]]:

@@ -16,7 +16,7 @@ from typing import Protocol
 
 from capture.events import TICK, Event, Tick
 
-LONGEST_WAIT = 1.0
+MAX_WAIT_SECONDS = 1.0
 """Seconds, so that a report goes on while nothing comes."""
 
 
@@ -92,10 +92,10 @@ def wait(source: SkeletonSource, deadline: float) -> None:
     seconds = min(source.due(), deadline) - time.monotonic()
     descriptor = source.fileno()
     readable = [] if descriptor is None else [descriptor]
-    select.select(readable, [], [], min(max(seconds, 0.0), LONGEST_WAIT))
+    select.select(readable, [], [], min(max(seconds, 0.0), MAX_WAIT_SECONDS))
 
 
-class Silence:
+class SilentSource:
     """Stands in for a source that has ended or is gone: time passes, and nobody is there.
 
     Parameters

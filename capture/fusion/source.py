@@ -16,7 +16,7 @@ from typing import Any, TypeGuard
 from capture.events import TICK, Cue, Event, Lost, Tick
 from capture.fusion.performers import Performers
 from capture.pose import Pose
-from capture.reconnecting import Reopening
+from capture.reconnecting import ReopeningSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
 from puppetline.errors import SourceError
@@ -217,7 +217,7 @@ class _OpenMember:
         self.delay = delay
         self.ended = False
         self.watched: int | None = None
-        self.source: SkeletonSource = opened() if recorded else Reopening(member.uri, opened)
+        self.source: SkeletonSource = opened() if recorded else ReopeningSource(member.uri, opened)
         self._pose = member.pose
         self._reports_level = first and member.pose.is_identity
 

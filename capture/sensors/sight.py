@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import Cue, Event, Lost, Tick
-from capture.reconnecting import Reopening
+from capture.reconnecting import ReopeningSource
 from capture.sensor_tilt import SensorTilt
 from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
-from capture.source import Counts, Silence, SkeletonSource, wait
+from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
@@ -204,13 +204,13 @@ class Watch:
 
     @property
     def _inner(self) -> SkeletonSource:
-        return self._source.inner if isinstance(self._source, Reopening) else self._source
+        return self._source.inner if isinstance(self._source, ReopeningSource) else self._source
 
     @property
     def _trouble(self) -> str:
         """Why a source is opened again: until it is, and of a sensor until a picture comes, its sign of life."""
-        if isinstance(self._source, Reopening) and isinstance(self._source.inner, Silence | SensorSource):
-            return self._source.trouble
+        if isinstance(self._source, ReopeningSource) and isinstance(self._source.inner, SilentSource | SensorSource):
+            return self._source.failure
         return ""
 
     def take_in(self, deadline: float) -> None:

@@ -3,12 +3,12 @@ import time
 from select import select
 
 from capture.events import TICK, Tick
-from capture.source import Counts, Silence
+from capture.source import Counts, SilentSource
 
 
 def test_silence_ticks_on_the_clock_of_the_source_that_it_stands_in_for():
     counts = Counts(received=7)
-    silence = Silence("osc:1", counts, 1000.0)
+    silence = SilentSource("osc:1", counts, 1000.0)
     assert silence.counts is counts
     assert silence.receive() == []
     ticks = []

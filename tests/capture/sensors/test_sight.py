@@ -11,7 +11,7 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.events import Cue, Lost, Tick
 from capture.network.osc import encode
 from capture.network.source import open_osc
-from capture.reconnecting import Reopening
+from capture.reconnecting import ReopeningSource
 from capture.sensor_tilt import SensorTilt
 from capture.sensors import sight as sights
 from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
@@ -327,7 +327,7 @@ def test_a_sensor_that_fails_is_opened_again_until_a_picture_comes(watch, script
             raise absent
         return watch(answer, scripted_tracker).source
 
-    looking = Watch(source := Reopening("freenect:", opened), sights.RECENT)
+    looking = Watch(source := ReopeningSource("freenect:", opened), sights.RECENT)
     scripted_device.show(0.0)
     assert until(looking, lambda sight: sight.performers).picture is not None
     gone = SourceError("freenect:", found="it gone", expected="one", fix="Plug it in.")
@@ -352,7 +352,7 @@ def test_a_port_that_was_taken_is_waited_for_and_then_listened_to(osc):
     played = Played()
     played.receive = fail
     sources = iter([played, osc])
-    looking = Watch(source := Reopening("osc:7110", lambda: next(sources)))
+    looking = Watch(source := ReopeningSource("osc:7110", lambda: next(sources)))
     assert until(looking, lambda sight: sight.failure).failure == str(failure)
     assert until(looking, lambda sight: not sight.failure).retried is False
     assert source.inner is osc
@@ -364,7 +364,7 @@ def test_a_recording_that_has_ended_is_over(bare):
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
     again = TakeSource.of_clips("replay:short.log", [short])
-    with closing(again if bare else Reopening("replay:short.log", lambda: again)) as source:
+    with closing(again if bare else ReopeningSource("replay:short.log", lambda: again)) as source:
         looking = Watch(source)
         assert (looking.begun, looking.over) == (False, False)
         sight = until(looking, lambda _: looking.over)

@@ -58,5 +58,5 @@ class Cue:
 
 Event = SkeletonFrame | Lost | Tick | Cue
 
-TICK = 1 / 30
+TICK_SECONDS = 1 / 30
 """Seconds of silence after which a source gives a tick, and then another one."""

@@ -14,7 +14,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from capture.events import TICK, Event, Tick
+from capture.events import TICK_SECONDS, Event, Tick
 
 MAX_WAIT_SECONDS = 1.0
 """Seconds, so that a report goes on while nothing comes."""
@@ -74,7 +74,7 @@ class SkeletonSource(Protocol):
         """Return what has come since the last call, oldest first, without waiting.
 
         Frames of one performer increase strictly in time. A live source keeps the latest frame of each performer and
-        drops what it has overtaken; a recording gives every frame. Where nothing came for `capture.events.TICK`, there
+        drops what it has overtaken; a recording gives every frame. Where nothing came for `capture.events.TICK_SECONDS`, there
         is a tick.
 
         Raises
@@ -121,7 +121,7 @@ class SilentSource:
 
     def due(self) -> float:
         """Return when the next tick is due."""
-        return self._last + TICK - self._ahead
+        return self._last + TICK_SECONDS - self._ahead
 
     def now(self) -> float:
         """Return the time on the source's clock."""

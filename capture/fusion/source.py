@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, TypeGuard
 
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.fusion.performers import Performers
 from capture.pose import Pose
 from capture.reconnecting import ReopeningSource
@@ -104,7 +104,7 @@ class FusedSource:
         if self._waiting:
             dues.append(time.monotonic() + self._waiting[0][0] - self._now())
         if not self.recorded:
-            dues.append(self._last_time + TICK + self._delay)
+            dues.append(self._last_time + TICK_SECONDS + self._delay)
         polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLL_SECONDS
         return min(*dues, polled) if dues else time.monotonic()
 
@@ -145,7 +145,7 @@ class FusedSource:
         if not self.recorded:
             fused = self._newest(fused)
         events: list[Event] = [self._in_order(replace(event, time=event.time + self._offset)) for event in fused]
-        if not events and self.now() - self._delay - self._last_time >= TICK:
+        if not events and self.now() - self._delay - self._last_time >= TICK_SECONDS:
             events.append(self._in_order(Tick(self.now() - self._delay)))
         return events
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capture.events import TICK, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Event, Lost, Tick
 from capture.formats.layouts import synthesise_missing
 from capture.network.address import ANY_SENDER, FIX, Address, parse
 from capture.network.assembly import PART_TIMEOUT_SECONDS, CompleteFrame, FrameAssembly
@@ -111,7 +111,7 @@ class OscSource:
     def due(self) -> float:
         """Return the time of the next tick, or the earliest time at which an incomplete frame ends."""
         ends = [assembly.time + PART_TIMEOUT_SECONDS for assembly in self._assemblies.values() if assembly.parts]
-        return min([self._last_return + TICK, *ends])
+        return min([self._last_return + TICK_SECONDS, *ends])
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
@@ -129,7 +129,7 @@ class OscSource:
                 self._queue_frames(*key, assembly.end())
         events = [event for pending in self._pending.values() if (event := self._event(pending))]
         self._pending.clear()
-        if not events and now - self._last_return >= TICK:
+        if not events and now - self._last_return >= TICK_SECONDS:
             events.append(Tick(self._next_time(now)))
         if events:
             self._last_return = events[-1].time

@@ -22,7 +22,7 @@ from typing import Self
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.formats import puppetline_log, read_log, recognize
 from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from capture.source import Counts
@@ -30,7 +30,7 @@ from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
 
 log = logging.getLogger(__name__)
 
-GAP = 3 * TICK
+GAP = 3 * TICK_SECONDS
 """Seconds of silence in a recording that are not filled with ticks: slow sensors give 10 frames a second."""
 
 PATIENCE = 1.0
@@ -162,7 +162,7 @@ class TakeSource:
             users: set[int] = set()
             for k, event in enumerate(self._pass()):
                 if start is not None and k == 0:
-                    shift = start + TICK - event.time
+                    shift = start + TICK_SECONDS - event.time
                 if isinstance(event, SkeletonFrame):
                     users.add(event.user)
                 yield replace(event, time=event.time + shift) if shift else event
@@ -210,7 +210,7 @@ def _with_ticks(events: Iterable[Event]) -> Generator[Event, None, None]:
     for event in events:
         if event.time - before > GAP:
             for k in count(1):
-                tick = before + k * TICK
+                tick = before + k * TICK_SECONDS
                 if tick >= event.time:
                     break
                 yield Tick(tick)

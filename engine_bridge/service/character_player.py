@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK
+from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
@@ -292,7 +292,7 @@ class CharacterPlayer:
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK:
+        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK_SECONDS:
             return None
         if self.state == "leaving" and self._easing.finished(time):
             self.state = "waiting"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
@@ -21,7 +21,7 @@ from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
 
-SOURCE_GAP_SECONDS = 5 * TICK
+SOURCE_GAP_SECONDS = 5 * TICK_SECONDS
 """Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
 
 A running source emits ticks.

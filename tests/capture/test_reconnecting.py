@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from capture.events import TICK, Lost, Tick
+from capture.events import TICK_SECONDS, Lost, Tick
 from capture.reconnecting import RETRY_SECONDS, ReopeningSource
 from capture.source import Counts, SilentSource, wait
 from puppetline.errors import SourceError
@@ -129,7 +129,7 @@ def test_a_recording_that_has_ended_is_not_opened_again(reopening):
     assert source.receive() == []
     silence = source.inner
     ticks = []
-    while len(ticks) * TICK < 1.5 * RETRY_SECONDS:
+    while len(ticks) * TICK_SECONDS < 1.5 * RETRY_SECONDS:
         wait(source, time.monotonic() + PATIENCE)
         ticks += source.receive()
     assert source.inner is silence

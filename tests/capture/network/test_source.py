@@ -16,7 +16,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from capture.events import TICK, Lost, Tick
+from capture.events import TICK_SECONDS, Lost, Tick
 from capture.network.assembly import PART_TIMEOUT_SECONDS
 from capture.network.osc import REASONS, encode
 from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, open_osc, open_vmc
@@ -156,13 +156,13 @@ def test_silence_ticks(listen):
     ticks = []
     while len(ticks) < 5:
         due = source.due()
-        assert due <= source.now() + TICK
+        assert due <= source.now() + TICK_SECONDS
         events = source.receive()
         if not events:
             time.sleep(max(0, due - source.now()))
         assert all(isinstance(event, Tick) and event.time >= due for event in events)
         ticks += events
-    assert all(later.time - earlier.time >= TICK for earlier, later in pairwise(ticks))
+    assert all(later.time - earlier.time >= TICK_SECONDS for earlier, later in pairwise(ticks))
 
 
 def test_what_is_refused_does_not_stop_the_ticks(listen):
@@ -187,7 +187,7 @@ def test_a_frame_that_lacks_a_joint_is_due_when_it_has_waited(listen, osc_messag
     frame = wire.frame(*joints("head", "neck"))
     assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["shoulder_center"], JOINT_INDEX["head"]]
     assert sent < frame.time <= time.monotonic() - PART_TIMEOUT_SECONDS
-    assert wire.source.due() == frame.time + TICK
+    assert wire.source.due() == frame.time + TICK_SECONDS
 
 
 def test_several_dialects_are_understood_at_once(listen, body, osc_message):
@@ -214,7 +214,7 @@ def test_at_most_so_many_performers_are_remembered(listen, body):
         wire.send(body(user))
         if user % 20 == 0:
             wire.source.receive()
-            assert wire.source.due() <= wire.source.now() + TICK
+            assert wire.source.due() <= wire.source.now() + TICK_SECONDS
     assert len(wire.source._assemblies) == MAX_PERFORMERS
     assert len(wire.source._present) <= MAX_PERFORMERS
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import capture.sources.replay
 from capture.clip import SkeletonClip
-from capture.events import TICK, Cue, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.formats import read_log, recognize
 from capture.recording import HEADER, Recorder, as_recorded, encode
 from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
@@ -112,7 +112,7 @@ def test_the_recordings_clock_stands_still_until_somebody_listens(clock):
     assert source.now() == 3.0
     assert source.due() == clock.now
     assert [event.time for event in source.receive()] == [3.0]
-    assert source.due() == clock.now + GAP - 2 * TICK
+    assert source.due() == clock.now + GAP - 2 * TICK_SECONDS
 
 
 def test_a_late_caller_gets_all_that_is_due_in_order(clock):
@@ -156,7 +156,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
     passes = [came[k * whole : (k + 1) * whole] for k in range(3)]
     first, second, third = (each[: len(written)] for each in passes)
     assert [key(e) for e in first] == [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
-    period = first[-1].time - first[0].time + TICK
+    period = first[-1].time - first[0].time + TICK_SECONDS
     for number, again in ((1, second), (2, third)):
         shifts = [event.time - earlier.time for event, earlier in zip(again, first, strict=True)]
         np.testing.assert_allclose(shifts, number * period, rtol=0, atol=1e-9)
@@ -176,7 +176,7 @@ def test_several_performers_play_together(clock):
 
 def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
     clip = make_clip([1.0, 1.05, 2.0, 2.09])
-    ticks = [1.05 + k * TICK for k in range(1, 29)]
+    ticks = [1.05 + k * TICK_SECONDS for k in range(1, 29)]
     expected = [1.0, 1.05, *ticks, 2.0, 2.09]
     for source in (
         TakeSource.of_clips("demo:x", [clip]),
@@ -246,7 +246,7 @@ def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
     while len(times) < 6:
         times += [event.time for event in source.receive() if not isinstance(event, Lost)]
         clock.now = source.due()
-    np.testing.assert_allclose(np.diff(times), [0.01, TICK, 0.01, TICK, 0.01], atol=1e-9)
+    np.testing.assert_allclose(np.diff(times), [0.01, TICK_SECONDS, 0.01, TICK_SECONDS, 0.01], atol=1e-9)
 
 
 @pytest.mark.parametrize(

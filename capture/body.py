@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST, PARENTS
 
-TYPICAL_BONES: dict[str, float] = {
+TYPICAL_BONE_METRES: dict[str, float] = {
     "spine": 0.069,
     "shoulder_center": 0.339,
     "head": 0.202,
@@ -39,13 +39,13 @@ LIMBS: dict[str, tuple[str, ...]] = {
 }
 """Joints that move together; each joint belongs to one limb."""
 
-HEAD_TOP, ANKLE_HEIGHT = 0.11, 0.09
+HEAD_TOP_METRES, ANKLE_HEIGHT_METRES = 0.11, 0.09
 """Metres from the head joint to the top of the head, and from the sole to the ankle."""
 
 
-def typical(joint: str) -> float:
+def typical_bone_length(joint: str) -> float:
     """Return the typical length of the bone between a joint and its parent, metres."""
-    return TYPICAL_BONES[joint.removesuffix("_left").removesuffix("_right")]
+    return TYPICAL_BONE_METRES[joint.removesuffix("_left").removesuffix("_right")]
 
 
 def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
@@ -66,8 +66,13 @@ def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
         for joint, parent in PARENTS.items()
     }
     known = [joint for joint, length in measured.items() if np.isfinite(length)]
-    size = sum(measured[joint] for joint in known) / sum(typical(joint) for joint in known) if known else 1.0
-    return {joint: length if np.isfinite(length) else size * typical(joint) for joint, length in measured.items()}
+    size = (
+        sum(measured[joint] for joint in known) / sum(typical_bone_length(joint) for joint in known) if known else 1.0
+    )
+    return {
+        joint: length if np.isfinite(length) else size * typical_bone_length(joint)
+        for joint, length in measured.items()
+    }
 
 
 def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,7 +105,9 @@ def height(pose: NDArray[np.float64]) -> float:
     """Return a performer's height standing upright, metres, from the bones of the legs, the trunk and the head."""
     bones = bone_lengths(pose)
     legs = np.mean([bones[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")]) * 2
-    return float(legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP + ANKLE_HEIGHT)
+    return float(
+        legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP_METRES + ANKLE_HEIGHT_METRES
+    )
 
 
 def resting_pose(

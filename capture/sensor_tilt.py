@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT
+from capture.body import ANKLE_HEIGHT_METRES
 from capture.orientations import rotated
 from capture.pose import Pose
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
@@ -115,7 +115,7 @@ def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
     if abs(tilt) > STEEPEST:
         return None
     upright = SensorTilt(tilt if abs(tilt) > DEAD_ZONE else 0.0)
-    return SensorTilt(upright.tilt, ANKLE_HEIGHT - float(upright(ankles)[1]))
+    return SensorTilt(upright.tilt, ANKLE_HEIGHT_METRES - float(upright(ankles)[1]))
 
 
 def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:

@@ -74,8 +74,8 @@ class SkeletonSource(Protocol):
         """Return what has come since the last call, oldest first, without waiting.
 
         Frames of one performer increase strictly in time. A live source keeps the latest frame of each performer and
-        drops what it has overtaken; a recording gives every frame. Where nothing came for `capture.events.TICK_SECONDS`, there
-        is a tick.
+        drops what it has overtaken; a recording gives every frame. Where nothing came for
+        `capture.events.TICK_SECONDS`, there is a tick.
 
         Raises
         ------

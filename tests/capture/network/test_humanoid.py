@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from capture.body import bone_lengths, typical
+from capture.body import bone_lengths, typical_bone_length
 from capture.network.humanoid import (
     DRIVING_BONES,
     IDENTITY,
@@ -28,7 +28,7 @@ def _pose(joints):
 def test_at_rest_every_bone_has_its_typical_length_and_both_sides_are_alike():
     pose = _pose(joint_positions(HIPS, {}))
     for joint, length in bone_lengths(pose).items():
-        assert length == pytest.approx(typical(joint), abs=1e-12), joint
+        assert length == pytest.approx(typical_bone_length(joint), abs=1e-12), joint
     for joint in PARENTS:
         if joint.endswith("_left"):
             left, right = (pose[JOINT_INDEX[name]] for name in (joint, joint.replace("left", "right")))

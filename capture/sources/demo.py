@@ -7,7 +7,7 @@ that reaches characters made by code.
 from collections.abc import Callable, Mapping
 
 from capture.clip import SkeletonClip
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 
@@ -20,7 +20,7 @@ def performances() -> Mapping[str, Callable[[], SkeletonClip]]:
     return made
 
 
-def open_demo(uri: str, name: str, loop: bool) -> TakeSource:
+def open_demo(uri: str, name: str, loop: bool) -> RecordingSource:
     """Play an example performance as a live source.
 
     Parameters
@@ -45,4 +45,4 @@ def open_demo(uri: str, name: str, loop: bool) -> TakeSource:
             expected=f"one of {', '.join(known)}",
             fix="Name one of these, as in demo:walk?loop.",
         )
-    return TakeSource.of_clips(uri, [known[name]()], loop)
+    return RecordingSource.of_clips(uri, [known[name]()], loop)

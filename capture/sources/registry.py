@@ -6,12 +6,12 @@ from pathlib import Path
 from capture.network.source import open_osc, open_vmc
 from capture.source import SkeletonSource
 from capture.sources.demo import open_demo
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
-LOOP = "?loop"
+LOOP_SUFFIX = "?loop"
 
-RECORDED = ("demo:", "replay:", "video:", "openni:file=")
+RECORDED_PREFIXES = ("demo:", "replay:", "video:", "openni:file=")
 """Sources that end."""
 
 
@@ -42,11 +42,11 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
 
 
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
-    return open_demo(uri, rest.removesuffix(LOOP), rest.endswith(LOOP))
+    return open_demo(uri, rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
 
 def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:
-    return TakeSource.of_file(uri, folder / rest.removesuffix(LOOP), rest.endswith(LOOP))
+    return RecordingSource.of_file(uri, folder / rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
 
 def _freenect(uri: str, rest: str, _folder: Path) -> SkeletonSource:
@@ -76,7 +76,7 @@ def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
 def _fused(uri: str, rest: str, folder: Path) -> SkeletonSource:
     from capture.fusion.fused_file import open_fused
 
-    return open_fused(uri, folder / rest, RECORDED, open_source)
+    return open_fused(uri, folder / rest, RECORDED_PREFIXES, open_source)
 
 
 SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {

@@ -40,7 +40,7 @@ BATCH = 1000
 """Events given at a time, however many a recording has at one moment."""
 
 
-class TakeSource:
+class RecordingSource:
     """A recording as a `capture.source.SkeletonSource`.
 
     Parameters

@@ -133,11 +133,11 @@ def _settings(config: Path | None, options: dict[str, Any]) -> "tuple[ServiceFil
 
 
 def _looped(uri: str) -> str:
-    from capture.sources.registry import LOOP, RECORDED
+    from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
 
-    if not uri.startswith(RECORDED) or uri.endswith(("?loop", "&loop")):
+    if not uri.startswith(RECORDED_PREFIXES) or uri.endswith(("?loop", "&loop")):
         return uri
-    return uri + ("&loop" if "?" in uri else LOOP)
+    return uri + ("&loop" if "?" in uri else LOOP_SUFFIX)
 
 
 def _target(text: str, rate: float | None) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, wait
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 TIMEOUT_SECONDS = 20.0
@@ -243,7 +243,7 @@ def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk,
     source = FusedSource(
         "fused:",
         [Member("a", here), Member("b", beside, 100.0)],
-        lambda uri: TakeSource.of_clips(uri, [clips[uri]]),
+        lambda uri: RecordingSource.of_clips(uri, [clips[uri]]),
         recorded=True,
     )
     start = time.monotonic()

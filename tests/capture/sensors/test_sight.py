@@ -18,7 +18,7 @@ from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reaso
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
@@ -184,7 +184,7 @@ def test_a_recording_that_ends_leaves_who_was_in_it_and_says_so():
     short = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    with closing(TakeSource.of_clips("replay:short.log", [short])) as source:
+    with closing(RecordingSource.of_clips("replay:short.log", [short])) as source:
         sight = sights.watch(source, 60)
     assert {user: performer.frames for user, performer in sight.performers.items()} == {1: 3}
     assert [reason.what for reason in reasons(sight)] == [sight.failure]
@@ -363,7 +363,7 @@ def test_a_recording_that_has_ended_is_over(bare):
     short = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    again = TakeSource.of_clips("replay:short.log", [short])
+    again = RecordingSource.of_clips("replay:short.log", [short])
     with closing(again if bare else ReopeningSource("replay:short.log", lambda: again)) as source:
         looking = Watch(source)
         assert (looking.begun, looking.over) == (False, False)

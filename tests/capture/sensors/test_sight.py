@@ -188,7 +188,7 @@ def test_a_recording_that_ends_leaves_who_was_in_it_and_says_so():
         sight = sights.watch(source, 60)
     assert {user: performer.frames for user, performer in sight.performers.items()} == {1: 3}
     assert [reason.what for reason in reasons(sight)] == [sight.failure]
-    assert "found that it has ended" in sight.failure
+    assert "found the end of the recording" in sight.failure
 
 
 def test_a_silent_port_is_given_up_and_packets_that_are_none_are_told_of(osc):

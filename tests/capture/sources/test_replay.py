@@ -12,7 +12,7 @@ from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.formats import read_log, recognize
 from capture.recording import HEADER, Recorder, as_recorded, encode
 from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
-from capture.sources.replay import BATCH, GAP, PATIENCE, RecordingSource
+from capture.sources.replay import MAX_EVENTS, MAX_LATENESS_SECONDS, MAX_SILENCE_SECONDS, RecordingSource
 from puppetline.errors import SkeletonLogError, SourceError
 
 
@@ -112,13 +112,13 @@ def test_the_recordings_clock_stands_still_until_somebody_listens(clock):
     assert source.now() == 3.0
     assert source.due() == clock.now
     assert [event.time for event in source.receive()] == [3.0]
-    assert source.due() == clock.now + GAP - 2 * TICK_SECONDS
+    assert source.due() == clock.now + MAX_SILENCE_SECONDS - 2 * TICK_SECONDS
 
 
 def test_a_late_caller_gets_all_that_is_due_in_order(clock):
     source = RecordingSource.of_clips("demo:x", [make_clip(np.arange(90) / 30)])
     source.receive()
-    clock.now += PATIENCE - 0.01
+    clock.now += MAX_LATENESS_SECONDS - 0.01
     assert [event.time for event in source.receive()] == [k / 30 for k in range(1, 30)]
     assert source.counts.dropped == 0
 
@@ -139,7 +139,7 @@ def test_the_end_is_an_error_that_says_so_and_stays(clock):
     source = RecordingSource.of_clips("demo:x", [make_clip([0.0])])
     assert len(source.receive()) == 1
     for _ in range(2):
-        with pytest.raises(SourceError, match=r"demo:x: found that it has ended; .* \?loop"):
+        with pytest.raises(SourceError, match=r"demo:x: found the end of the recording; .* \?loop"):
             source.receive()
         assert source.due() == clock.now
 
@@ -281,10 +281,10 @@ def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
 def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
     (tmp_path / "empty").write_bytes(HEADER)
     (tmp_path / "other").write_bytes(b"something else")
-    with pytest.raises(SourceError, match="ended"):
+    with pytest.raises(SourceError, match="the end of the recording"):
         RecordingSource.of_file("r", tmp_path / "empty")
     for loop in (False, True):
-        with pytest.raises(SourceError, match="ended"):
+        with pytest.raises(SourceError, match="the end of the recording"):
             RecordingSource.of_clips("r", [], loop)
     for name in ("other", "none"):
         with pytest.raises(SkeletonLogError):
@@ -292,8 +292,8 @@ def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
 
 
 def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
-    source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * BATCH + 5)))
-    assert [len(source.receive()) for _ in range(3)] == [BATCH, BATCH, 5]
+    source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
+    assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
 
 @given(

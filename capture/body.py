@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.skeleton import JOINT_INDEX, JOINTS, LOST, PARENTS
+from capture.skeleton import JOINT_INDEX, JOINTS, LIMBS, LOST, PARENTS
 
 TYPICAL_BONE_METRES: dict[str, float] = {
     "spine": 0.069,
@@ -23,21 +23,8 @@ TYPICAL_BONE_METRES: dict[str, float] = {
 LIMB_ROOTS = ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
 """Joints at which arms and legs begin."""
 
-TRUNK = ("spine", "shoulder_center", "head")
+TRUNK = LIMBS["trunk"][1:]
 """Joints of the trunk above the hips."""
-
-LIMBS: dict[str, tuple[str, ...]] = {
-    "trunk": ("hip_center", *TRUNK),
-    **{
-        f"{side} arm": tuple(f"{bone}_{side}" for bone in ("shoulder", "elbow", "wrist", "hand"))
-        for side in ("left", "right")
-    },
-    **{
-        f"{side} leg": tuple(f"{bone}_{side}" for bone in ("hip", "knee", "ankle", "foot"))
-        for side in ("left", "right")
-    },
-}
-"""Joints of each limb; each joint belongs to one limb."""
 
 HEAD_TOP_METRES, ANKLE_HEIGHT_METRES = 0.11, 0.09
 """Distances from the head joint to the top of the head, and from the sole to the ankle."""

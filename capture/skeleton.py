@@ -6,56 +6,30 @@ name are the performer's.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-JOINTS: tuple[str, ...] = (
-    "hip_center",
-    "spine",
-    "shoulder_center",
-    "head",
-    "shoulder_left",
-    "elbow_left",
-    "wrist_left",
-    "hand_left",
-    "shoulder_right",
-    "elbow_right",
-    "wrist_right",
-    "hand_right",
-    "hip_left",
-    "knee_left",
-    "ankle_left",
-    "foot_left",
-    "hip_right",
-    "knee_right",
-    "ankle_right",
-    "foot_right",
-)
+LIMBS: dict[str, tuple[str, ...]] = {
+    "trunk": ("hip_center", "spine", "shoulder_center", "head"),
+    "left arm": ("shoulder_left", "elbow_left", "wrist_left", "hand_left"),
+    "right arm": ("shoulder_right", "elbow_right", "wrist_right", "hand_right"),
+    "left leg": ("hip_left", "knee_left", "ankle_left", "foot_left"),
+    "right leg": ("hip_right", "knee_right", "ankle_right", "foot_right"),
+}
+"""Joints of each limb, from its root to its tip."""
+
+JOINTS: tuple[str, ...] = tuple(joint for limb in LIMBS.values() for joint in limb)
 """Joint names in the order of the Kinect SDK v1, which is the order of every (20, …) array."""
 
 JOINT_INDEX: dict[str, int] = {name: index for index, name in enumerate(JOINTS)}
 
+_LIMB_PARENTS = {"arm": "shoulder_center", "leg": "hip_center"}
 PARENTS: dict[str, str] = {
-    "spine": "hip_center",
-    "shoulder_center": "spine",
-    "head": "shoulder_center",
-    "shoulder_left": "shoulder_center",
-    "elbow_left": "shoulder_left",
-    "wrist_left": "elbow_left",
-    "hand_left": "wrist_left",
-    "shoulder_right": "shoulder_center",
-    "elbow_right": "shoulder_right",
-    "wrist_right": "elbow_right",
-    "hand_right": "wrist_right",
-    "hip_left": "hip_center",
-    "knee_left": "hip_left",
-    "ankle_left": "knee_left",
-    "foot_left": "ankle_left",
-    "hip_right": "hip_center",
-    "knee_right": "hip_right",
-    "ankle_right": "knee_right",
-    "foot_right": "ankle_right",
+    joint: parent
+    for limb, joints in LIMBS.items()
+    for parent, joint in pairwise(joints if limb == "trunk" else (_LIMB_PARENTS[limb.split()[1]], *joints))
 }
 """Neighbour of each joint towards the hips; the 19 pairs are the skeleton's bones."""
 

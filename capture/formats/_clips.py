@@ -10,7 +10,7 @@ from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
 from capture.orientations import unit_or_unknown, unknown
 from capture.skeleton import LOST, TRACKED, SkeletonFrame
-from puppetline.errors import SkeletonLogError, at
+from puppetline.errors import SkeletonLogError
 
 
 def build_clip(
@@ -24,29 +24,10 @@ def build_clip(
 ) -> SkeletonClip:
     """Build one performer's clip from the frames of a recording.
 
-    Frames whose times do not increase are skipped, and a note counts them. A joint is lost if its confidence is 0 or
-    its position is exactly (0, 0, 0), the position of the sensor, which recorders write for a lost joint.
-
-    Parameters
-    ----------
-    path : Path
-        The recording, for error messages.
-    log_format : str
-        The clip's `format`.
-    times : (T,) float64
-        Seconds, in the order of the file.
-    positions : (T, 20, 3) float64
-        Metres, sensor coordinates.
-    confidence : (T, 20) float32
-    notes : tuple of str
-    orientations : (T, 20, 4) float64, optional
-        Quaternions as in `capture.orientations`. A quaternion becomes NaN if its length is not 1 or if its joint is
-        not tracked.
-
-    Returns
-    -------
-    SkeletonClip
-        The clip of user 0.
+    The arrays are those of `SkeletonClip`, in the order of the file, and the clip has user 0. Frames whose times do not
+    increase are skipped, and a note counts them. A joint is lost if its confidence is 0 or its position is exactly
+    (0, 0, 0), which recorders write for a lost joint. A quaternion becomes NaN if its length is not 1 or if its joint
+    is not tracked.
 
     Raises
     ------
@@ -60,12 +41,7 @@ def build_clip(
     times, positions, confidence = times[keep], positions[keep], confidence[keep]
     known = (confidence > LOST) & (positions != 0).any(axis=2)
     if not known.any():
-        raise SkeletonLogError(
-            at(path),
-            found=f"no tracked performer in any of {len(times)} frames",
-            expected="at least one tracked frame",
-            fix="Record again with the performer in the sensor's view.",
-        )
+        raise _no_performer(path, f"no tracked performer in any of {len(times)} frames")
     positions = np.where(known[..., None], positions, np.nan)
     confidence = np.where(known, confidence, LOST).astype(np.float32)
     if orientations is not None:
@@ -80,23 +56,7 @@ def clips_by_performer(
     """Build one clip per user number from the frames of a recording of several performers.
 
     A performer's clip holds only the frames that show the performer, so it may start late and have gaps. A performer
-    of whom no joint is ever tracked has no clip.
-
-    Parameters
-    ----------
-    path : Path
-        The recording, for error messages.
-    log_format : str
-        The clips' `format`.
-    frames : list of SkeletonFrame
-        In the order of the file.
-    notes : tuple of str
-        Notes for every clip.
-
-    Returns
-    -------
-    list of SkeletonClip
-        In the order in which the performers first appear.
+    of whom no joint is ever tracked has no clip. The clips are in the order in which the performers first appear.
 
     Raises
     ------
@@ -117,12 +77,7 @@ def clips_by_performer(
             clip = build_clip(path, log_format, times, positions, confidence, notes, orientations)
             clips.append(replace(clip, user=user))
     if not clips:
-        raise SkeletonLogError(
-            path,
-            found="no frame with a tracked performer",
-            expected="at least one tracked frame",
-            fix="Record again with the performer in the sensor's view.",
-        )
+        raise _no_performer(path, "no frame with a tracked performer")
     return clips
 
 
@@ -131,3 +86,12 @@ def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, 
     if options.fps is not None:
         return options.fps, ()
     return default, (f"The recording has no clock; {default:g} frames per second are assumed.",)
+
+
+def _no_performer(path: Path, found: str) -> SkeletonLogError:
+    return SkeletonLogError(
+        path,
+        found=found,
+        expected="at least one tracked frame",
+        fix="Record again with the performer in the sensor's view.",
+    )

@@ -145,14 +145,7 @@ def head_lines(head: bytes, count: int | None = None) -> list[str]:
 
 
 class LineSource:
-    """A file's lines, taken one by one.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for error messages.
-    lines : iterable of Line
-    """
+    """A file's lines, taken one by one; errors name the last line that was taken."""
 
     def __init__(self, path: Path, lines: Iterable[Line]) -> None:
         self.path = path
@@ -165,18 +158,7 @@ class LineSource:
             yield line
 
     def take(self, expected: str) -> Line:
-        """Return the next line.
-
-        Parameters
-        ----------
-        expected : str
-            What the line should hold, for the error message.
-
-        Raises
-        ------
-        CutOffError
-            No line is left.
-        """
+        """Return the next line, which should hold what `expected` describes; raise `CutOffError` at the end."""
         line = next(self._lines, None)
         if line is None:
             raise CutOffError(
@@ -219,22 +201,12 @@ def count_note(stated: int, real: int) -> str:
 def confidence_from_states(
     path: Path, lines: Sequence[Line], states: NDArray[np.float64], levels: Sequence[float]
 ) -> NDArray[np.float32]:
-    """Convert a recorder's joint states to confidences (T, J) float32.
-
-    Parameters
-    ----------
-    path : Path
-        The recording, for error messages.
-    lines : sequence of Line
-        The T lines of the states, for error messages.
-    states : (T, J) float64
-    levels : sequence of float
-        Confidence of each of the states 0, 1, ….
+    """Convert a recorder's joint states (T, J), one line each, to confidences (T, J): state k to `levels[k]`.
 
     Raises
     ------
     SkeletonLogError
-        A state has no confidence.
+        A state is not an index of `levels`; the error names the line.
     """
     wrong = ~np.isin(states, range(len(levels)))
     if wrong.any():

@@ -100,19 +100,10 @@ def fuse(
 
 
 def _outliers(positions: Array, weights: Array, before: Array | None) -> NDArray[np.bool_]:
-    """Return the positions that are far from the most likely one, which is nearest to all others and to `before`.
+    """Return which positions (sensors, 20, 3) are far from the most likely one.
 
-    Parameters
-    ----------
-    positions : (sensors, 20, 3) float64
-    weights : (sensors, 20) float64
-        0 for joints that are not tracked.
-    before : (20, 3) float64 or None
-        Positions in the previous frame.
-
-    Returns
-    -------
-    (sensors, 20) bool
+    The most likely position of a joint is nearest to all others and to the previous frame, `before`. Joints of weight
+    0 are not tracked.
     """
     apart = np.linalg.norm(positions[:, None] - positions, axis=3)
     far = (apart > MAX_SENSOR_DISTANCE_METRES) & (weights[:, None] > 0) & (weights > 0)
@@ -126,15 +117,7 @@ def _outliers(positions: Array, weights: Array, before: Array | None) -> NDArray
 
 
 def is_swapped(positions: Array, confidence: NDArray[np.float32], like: Array, trust: NDArray[np.float32]) -> bool:
-    """Return whether a body is nearer to another one with left and right swapped.
-
-    Parameters
-    ----------
-    positions, like : (20, 3) float64
-        Metres.
-    confidence, trust : (20,) float32
-        Confidence of the two.
-    """
+    """Return whether a body (20, 3) is nearer to another one, `like`, with left and right swapped."""
     weights = confidence[_SIDE_ORDERS] * trust
     apart = np.nan_to_num(np.linalg.norm(positions[_SIDE_ORDERS] - like, axis=2))
     total = weights.sum(axis=1)

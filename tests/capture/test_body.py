@@ -1,12 +1,9 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from capture.body import (
     ANKLE_HEIGHT_METRES,
     HEAD_TOP_METRES,
-    LIMBS,
     TYPICAL_BONE_METRES,
     bone_lengths,
     height,
@@ -125,12 +122,6 @@ def test_what_leaning_carries_reaches_as_far_as_the_trunk_is_long():
     found = dict(zip(JOINTS, reach(simple_pose()), strict=True))
     for joint in (*JOINTS[:4], "shoulder_left", "shoulder_right", "hip_left", "hip_right"):
         assert found[joint] == pytest.approx(0.1 + 0.4 + 0.3)
-
-
-def test_each_joint_belongs_to_one_limb_that_hangs_together():
-    assert sorted(joint for joints in LIMBS.values() for joint in joints) == sorted(JOINTS)
-    for joints in LIMBS.values():
-        assert all(PARENTS[joint] == before for before, joint in pairwise(joints))
 
 
 def test_reach_does_not_depend_on_the_pose():

@@ -4,7 +4,6 @@ import pytest
 from capture.formats import utkinect
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
-from puppetline.errors import SkeletonLogError
 
 
 def _line(number, joints=None):
@@ -43,26 +42,6 @@ def test_repeated_frames_are_left_out_and_a_joint_at_zero_is_lost(tmp_path):
     assert clip.positions[0, 0].tolist() == [1.0, 1.0, 1.0]
     assert clip.confidence[1].tolist() == [1.0, 1.0, 0.0] + [1.0] * 17
     assert clip.notes[-1] == "Skipped 1 of 3 frames that repeat or precede an earlier time."
-
-
-def test_a_line_of_another_length_is_refused(tmp_path):
-    with pytest.raises(SkeletonLogError, match=r"line 2: found 60 columns; expected 61 columns \(frame number"):
-        utkinect.read(_write(tmp_path, _line(1), _line(2).rsplit(maxsplit=1)[0]), ReadOptions())
-
-
-def test_a_field_that_is_not_finite_is_refused(tmp_path):
-    with pytest.raises(SkeletonLogError, match="line 2: found 'NaN' in column 1; expected a finite number"):
-        utkinect.read(_write(tmp_path, _line(1), _line("NaN")), ReadOptions())
-
-
-def test_a_log_without_a_tracked_frame_is_refused(tmp_path):
-    with pytest.raises(SkeletonLogError, match="no tracked performer in any of 1 frames"):
-        utkinect.read(_write(tmp_path, _line(1, np.zeros((20, 3)))), ReadOptions())
-
-
-@pytest.mark.parametrize("text", ["", "1 2 3\n", "word " * 61, ",".join("1" * 61), _line(1) + " 1.0\n"])
-def test_other_texts_do_not_match(text):
-    assert not utkinect.matches(text.encode())
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from capture.formats import azure_json
 from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
-from puppetline.errors import SkeletonLogError
 
-from . import conftest
+from .conftest import assert_refused
+from .conftest import changed as changed_document
 
 JOINTS32 = """
 PELVIS SPINE_NAVEL SPINE_CHEST NECK
@@ -96,7 +96,7 @@ def test_confidence_levels(tmp_path: Path, wrapped: bool) -> None:
 
 
 def changed(*path: object, value: object) -> object:
-    return conftest.changed(document([body()], [body(2), body(3)]), *path, value=value)
+    return changed_document(document([body()], [body(2), body(3)]), *path, value=value)
 
 
 SECOND = ("frames", 1, "bodies", 1)
@@ -134,10 +134,7 @@ SECOND = ("frames", 1, "bodies", 1)
     ],
 )
 def test_what_does_not_fit_is_refused_with_its_place(tmp_path: Path, content: object, place: str, message: str) -> None:
-    with pytest.raises(SkeletonLogError) as caught:
-        azure_json.read(write(tmp_path, content), ReadOptions())
-    assert caught.value.where.endswith(place)
-    assert message in str(caught.value)
+    assert_refused(azure_json, write(tmp_path, content), place, message)
 
 
 def test_recognised_however_its_keys_are_ordered() -> None:

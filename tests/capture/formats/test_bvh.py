@@ -13,6 +13,8 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
+from .conftest import assert_refused
+
 ROTATIONS = ("Zrotation", "Yrotation", "Xrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 RIGID = [name for name in PARENTS if name.split("_")[0] in ("knee", "ankle", "elbow", "wrist")]
@@ -383,10 +385,7 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
 def test_what_does_not_fit_is_refused_with_its_place(
     tmp_path: Path, lines: list[str], place: str, message: str
 ) -> None:
-    with pytest.raises(SkeletonLogError) as caught:
-        bvh.read(write(tmp_path, lines), ReadOptions())
-    assert caught.value.where.endswith(place)
-    assert message in str(caught.value)
+    assert_refused(bvh, write(tmp_path, lines), place, message)
 
 
 def clips_of(path: Path, **options: object) -> tuple[SkeletonClip, ...]:

@@ -9,7 +9,8 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX, PARENTS
 from puppetline.errors import SkeletonLogError
 
-from . import conftest
+from .conftest import assert_refused
+from .conftest import changed as changed_document
 
 
 def joint(x: float = 256, y: float = 212, z: float = 0) -> dict[str, object]:
@@ -62,7 +63,7 @@ def test_each_tracking_id_is_a_clip(tmp_path: Path) -> None:
 
 
 def changed(*path: object, value: object) -> object:
-    return conftest.changed([[body()], [body()]], *path, value=value)
+    return changed_document([[body()], [body()]], *path, value=value)
 
 
 @pytest.mark.parametrize(
@@ -94,10 +95,7 @@ def changed(*path: object, value: object) -> object:
 def test_what_does_not_fit_is_refused_with_its_place(
     tmp_path: Path, document: object, place: str, message: str
 ) -> None:
-    with pytest.raises(SkeletonLogError) as caught:
-        kinect_v2_json.read(write(tmp_path, document), ReadOptions())
-    assert caught.value.where.endswith(place)
-    assert message in str(caught.value)
+    assert_refused(kinect_v2_json, write(tmp_path, document), place, message)
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:

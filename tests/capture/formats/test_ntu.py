@@ -8,6 +8,8 @@ from capture.formats.options import ReadOptions
 from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
+from .conftest import assert_refused
+
 KINECT2_INDEX_OF = {"hip_center": 0, "spine": 1, "head": 3, "hand_left": 7, "hand_right": 11, "foot_right": 19}
 NECK, SPINE_SHOULDER = 2, 20
 
@@ -107,10 +109,7 @@ def broken(line: int, text: str | None) -> list[str]:
 def test_what_does_not_fit_is_refused_with_its_place(
     tmp_path: Path, lines: list[str], place: str, message: str
 ) -> None:
-    with pytest.raises(SkeletonLogError) as caught:
-        ntu.read(write(tmp_path, lines), ReadOptions())
-    assert caught.value.where.endswith(place)
-    assert message in str(caught.value)
+    assert_refused(ntu, write(tmp_path, lines), place, message)
 
 
 @pytest.mark.parametrize("stated", [0, 1, 3, 999_999_999])

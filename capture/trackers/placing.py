@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
+from capture.body import ANKLE_HEIGHT_METRES, HEAD_TOP_METRES, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
 from capture.trackers.lifting import NEIGHBORS, lift
 from capture.trackers.picture import Lens
@@ -116,7 +116,7 @@ class Placing:
         return self._lengths.value
 
     def _by_height(self, placed: Floats) -> float:
-        feet_and_crown = ANKLE_HEIGHT + HEAD_TOP
+        feet_and_crown = ANKLE_HEIGHT_METRES + HEAD_TOP_METRES
         return (self._height - feet_and_crown) / (height(placed) - feet_and_crown)
 
 

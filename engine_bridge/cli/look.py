@@ -91,7 +91,7 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from rich.live import Live
     from rich.text import Text
 
-    from capture.reconnecting import Reopening
+    from capture.reconnecting import ReopeningSource
     from capture.sensors.sight import RECENT, Watch, status_line
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
@@ -100,7 +100,7 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         stack.enter_context(native_output.logged())
-        opened = Reopening(source, lambda: open_source(source))
+        opened = ReopeningSource(source, lambda: open_source(source))
         stack.callback(opened.close)
         signals.waiting = True
         watched, end = Watch(opened, RECENT), time.monotonic() + (math.inf if seconds is None else seconds)

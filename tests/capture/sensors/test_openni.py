@@ -28,7 +28,7 @@ from capture.sensors.openni import (
     usb_node,
 )
 from capture.skeleton import SkeletonFrame
-from capture.source import Silence
+from capture.source import SilentSource
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
@@ -281,7 +281,7 @@ def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted
             sensor.show(*_noise(rng), float(count))
             perform_until(lambda count=count: len(frames()) == count)
             sensor.unplug()
-            perform_until(lambda: isinstance(line.source.inner, Silence))
+            perform_until(lambda: isinstance(line.source.inner, SilentSource))
             sensor.plug()
         times = [event.time for event in stage.events]
         assert times == sorted(times)

@@ -120,7 +120,7 @@ BAD_LOGS = {
     "a number that is none": (columns(61) + columns(61, 1, "nan"), ["bad.log, line 6", "'nan'", "finite"]),
     "a line that is too short": (columns(61)[:-100] + "\n", ["bad.log, line 5", "columns", "61 columns"]),
     "nothing": ("", ["bad.log", "an empty file"]),
-    "something else": ("Dear diary\n", ["bad.log", "no skeleton log that is known here"]),
+    "something else": ("Dear diary\n", ["bad.log", "an unknown file format"]),
 }
 
 

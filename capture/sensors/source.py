@@ -23,7 +23,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
@@ -117,7 +117,9 @@ class SensorSource:
         """Return when a tick is due, or when a silent device counts as failed."""
         if self._closed:
             return time.monotonic()
-        return self._deadline if self.recorded else min(self._deadline, self._last_time + TICK + self._tick_delay)
+        return (
+            self._deadline if self.recorded else min(self._deadline, self._last_time + TICK_SECONDS + self._tick_delay)
+        )
 
     def now(self) -> float:
         """Return the time on the clock of the events, in seconds."""
@@ -143,7 +145,7 @@ class SensorSource:
         if not results and silent:
             raise self._silence_error()
         tick = time.monotonic() - self._tick_delay
-        if not (results or self.recorded) and tick - self._last_time >= TICK:
+        if not (results or self.recorded) and tick - self._last_time >= TICK_SECONDS:
             results.append(Tick(tick))
         return [self._in_order(event) for event in results]
 

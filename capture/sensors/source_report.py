@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import Cue, Event, Lost, Tick
-from capture.reconnecting import Reopening
-from capture.sensor_tilt import Level
+from capture.reconnecting import ReopeningSource
+from capture.sensor_tilt import SensorTilt
 from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, LOST, SkeletonFrame
-from capture.source import Counts, Silence, SkeletonSource, wait
+from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
@@ -97,7 +97,7 @@ class SourceReport:
         Whether the source is opened again until it works.
     silent : float
         Time since data arrived, in seconds; since the start if none arrived.
-    sensor_tilt : Level or None
+    sensor_tilt : SensorTilt or None
         Tilt, roll and height of the sensor, if it sees the floor.
     """
 
@@ -112,7 +112,7 @@ class SourceReport:
     failure: str = ""
     retried: bool = False
     silent: float = 0.0
-    sensor_tilt: Level | None = None
+    sensor_tilt: SensorTilt | None = None
 
     def add(self, event: Event) -> None:
         """Add an event of the source."""
@@ -161,7 +161,7 @@ class SourceMonitor:
         self._counted = Counts()
         self._start = self._last_arrival = time.monotonic()
         self._failure = ""
-        self._sensor_tilt: Level | None = None
+        self._sensor_tilt: SensorTilt | None = None
 
     @property
     def ended(self) -> bool:
@@ -170,13 +170,13 @@ class SourceMonitor:
 
     @property
     def _inner(self) -> SkeletonSource:
-        return self._source.inner if isinstance(self._source, Reopening) else self._source
+        return self._source.inner if isinstance(self._source, ReopeningSource) else self._source
 
     @property
     def _retried_error(self) -> str:
         """Why a source is being opened again; a sensor works again only when its first image has arrived."""
-        if isinstance(self._source, Reopening) and isinstance(self._source.inner, Silence | SensorSource):
-            return self._source.trouble
+        if isinstance(self._source, ReopeningSource) and isinstance(self._source.inner, SilentSource | SensorSource):
+            return self._source.failure
         return ""
 
     def receive(self, deadline: float) -> None:
@@ -224,7 +224,7 @@ class SourceMonitor:
         for event in events:
             if isinstance(event, Cue) and event.do == "level":  # a sensor sends it once, so it outlasts the period
                 with suppress(ValueError):  # the cue of a take may hold anything
-                    self._sensor_tilt = Level.of_json(event.arguments)
+                    self._sensor_tilt = SensorTilt.of_json(event.arguments)
         if received or events:
             self._arrivals.append(_Arrivals(now, events, received, refused))
         while self._arrivals and now - self._arrivals[0].time > self._period:

@@ -12,7 +12,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.sensor_tilt import MOVED, Level
+from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt
 from capture.trackers.picture import Lens, Picture
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ _FIRST_SECONDS, _LATER_SECONDS = 0.2, 1.0  # time between measurements, before a
 _MIN_EXTENT_METRES = 0.6  # of the floor, across and away, because a strip does not determine the tilt
 
 
-def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
+def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
     """Return tilt, roll and height of the sensor that took a depth image.
 
     Parameters
@@ -48,7 +48,7 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
 
     Returns
     -------
-    Level or None
+    SensorTilt or None
         None if the sensor sees too little of the floor.
     """
     points = _points(depth, lens)
@@ -66,7 +66,7 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
     if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _MIN_EXTENT_METRES:
         return None
     right, up, away, height = plane
-    level = Level(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    level = SensorTilt(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
     steepest = max(abs(level.tilt), abs(level.roll))
     return level if level.height >= MIN_HEIGHT_METRES and steepest <= MAX_TILT_DEGREES else None
 
@@ -111,11 +111,11 @@ class FloorTracker:
     """Reports tilt, roll and height of a sensor once measurements agree, and again after the sensor was moved."""
 
     def __init__(self) -> None:
-        self._recent: deque[Level] = deque(maxlen=_AGREEING_COUNT)
-        self._reported: Level | None = None
+        self._recent: deque[SensorTilt] = deque(maxlen=_AGREEING_COUNT)
+        self._reported: SensorTilt | None = None
         self._next = -math.inf
 
-    def update(self, time: float, picture: Picture) -> Level | None:
+    def update(self, time: float, picture: Picture) -> SensorTilt | None:
         """Return tilt, roll and height if this image makes them certain and they were not reported before.
 
         Parameters
@@ -131,11 +131,11 @@ class FloorTracker:
         if found is None:
             return None
         self._recent.append(found)
-        middle = Level(*np.median([astuple(each) for each in self._recent], axis=0).tolist())
+        middle = SensorTilt(*np.median([astuple(each) for each in self._recent], axis=0).tolist())
         agreed = len(self._recent) == _AGREEING_COUNT and all(
             each.near(middle, _SAME_DEGREES, _SAME_METRES) for each in self._recent
         )
-        if not agreed or (self._reported is not None and self._reported.near(middle, *MOVED)):
+        if not agreed or (self._reported is not None and self._reported.near(middle, *MIN_TILT_CHANGE)):
             return None
         self._reported = middle
         return middle

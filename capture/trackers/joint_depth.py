@@ -10,11 +10,11 @@ these is true:
 A joint without depth keeps the tracker's estimate of its offset from the parent joint.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -93,8 +93,8 @@ def measure_depths(
     return None if np.isnan(scale) else (depths, known, scale)
 
 
-@numba.njit(cache=True, nogil=True)
-def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _window(depth, pixel, radius):
     """Return the known depths around a pixel, in metres, sorted."""
     height, width = depth.shape
     column, row, reach = int(pixel[0]), int(pixel[1]), min(max(_MIN_WINDOW, round(radius)), _MAX_WINDOW)
@@ -109,13 +109,13 @@ def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return np.sort(values[:count])
 
 
-@numba.njit(cache=True, nogil=True)
-def _median(ordered):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _median(ordered):
     return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
 
 
-@numba.njit(cache=True, nogil=True)
-def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):
     """Return whether a joint can be at depth z; `parent_z` is NaN if unknown."""
     square = 0.0
     for axis in range(3):
@@ -126,8 +126,8 @@ def _is_plausible(ray, z, estimate, bone, parent_ray, parent_z):  # type: ignore
     return abs(z - estimate) < _MAX_ESTIMATE_ERROR or abs(length - bone) < _MAX_BONE_ERROR * bone
 
 
-@numba.njit(cache=True, nogil=True)
-def _surface_depth(window, skin, ray, estimate, bone, parent_ray, parent_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _surface_depth(window, skin, ray, estimate, bone, parent_ray, parent_z):
     """Return the depth of a joint behind the nearest plausible surface; NaN if there is none."""
     enough = _MIN_SURFACE_SHARE * len(window)
     start = 0
@@ -142,8 +142,8 @@ def _surface_depth(window, skin, ray, estimate, bone, parent_ray, parent_z):  # 
     return np.nan
 
 
-@numba.njit(cache=True, nogil=True)
-def _measure(depth, focal, pixels, rays, estimated, lengths, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _measure(depth, focal, pixels, rays, estimated, lengths, confidence):
     joints = len(pixels)
     depths, known = np.empty(joints), np.zeros(joints, np.bool_)
     scales, count = np.empty(joints), 0

@@ -11,14 +11,14 @@ A joint with measured depth is placed there (`capture.trackers.joint_depth`).
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
+from capture.body import ANKLE_HEIGHT_METRES, HEAD_TOP_METRES, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
 from capture.trackers.joint_depth import PARENT_INDICES, measure_depths
 from capture.trackers.picture import Lens
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ class BodyPlacer:
         return self._lengths.value
 
     def _by_height(self, placed: Floats) -> float:
-        feet_and_crown = ANKLE_HEIGHT + HEAD_TOP
+        feet_and_crown = ANKLE_HEIGHT_METRES + HEAD_TOP_METRES
         return (self._height - feet_and_crown) / (height(placed) - feet_and_crown)
 
 
@@ -152,8 +152,8 @@ def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) ->
         return float(-(weights * slopes * offsets).sum() / (weights * slopes**2).sum())
 
 
-@numba.njit(cache=True, nogil=True)
-def _fit_bones(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _fit_bones(rays, depths, lengths, known):
     """Give bones their lengths, with joints near their rays; joints of known depth stay."""
     placed = rays * depths.reshape(-1, 1)
     for _ in range(_PASS_COUNT):

@@ -6,11 +6,11 @@ with the ground are then one sum over the lights.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.pictures.rasteriser import camera_axes, pixel_matrix, rasterise, transform
+from puppetline.compiled import compiled
 
 MAP_SIZE = 256
 """Width and height of a light's depth map, in pixels."""
@@ -82,8 +82,8 @@ def dome_lights(mesh: NDArray[np.float64], triangles: NDArray[np.int64], azimuth
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _irradiance(points, normals, directions, irradiances, matrices, depths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _irradiance(points, normals, directions, irradiances, matrices, depths):
     out = np.zeros((len(points), 3), np.float32)
     size = depths.shape[1]
     for k in range(len(directions)):

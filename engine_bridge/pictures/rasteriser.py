@@ -1,12 +1,13 @@
 """The rasteriser: which triangle each pixel of an orthographic camera shows, and how deep it is."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 
-@numba.njit(cache=True, nogil=True)
-def rasterise(screen, triangles, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+
+@compiled
+def rasterise(screen, triangles, width, height):
     """Find the nearest triangle at the centre of each pixel.
 
     Parameters

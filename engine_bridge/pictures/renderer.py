@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from engine_bridge.pictures.rasteriser import (
     rasterise,
     transform,
 )
+from puppetline.compiled import compiled
 
 SUPERSAMPLING = 2
 """Samples per pixel along each axis."""
@@ -200,8 +200,8 @@ def _facing_normals(
     return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-300))[:, None]).astype(np.float32)
 
 
-@numba.njit(cache=True)
-def _corner_normals(flat, places, starts, around, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _corner_normals(flat, places, starts, around, out):
     """Sum, for each corner of each triangle, the normals of the triangles around it across soft edges, on its side."""
     length = np.sqrt((flat * flat).sum(axis=1))
     for t in range(len(flat)):

@@ -22,7 +22,7 @@ from PIL import Image
 
 from engine_bridge.character.character import load_character
 from engine_bridge.cli.inspection import inspect
-from engine_bridge.export.animation import Take, animate
+from engine_bridge.export.animation import Keyframes, animate
 from puppetline.errors import PuppetlineError
 
 from ..effort import EFFORT
@@ -106,7 +106,7 @@ def pack(gltf, binary):
 
 
 def unpack(content):
-    """Take a .glb into its description and its bytes."""
+    """Split a .glb into its description and its bytes."""
     size = int.from_bytes(content[12:16], "little")
     return json.loads(content[20 : 20 + size]), content[28 + size :]
 
@@ -488,7 +488,7 @@ def of_kind(name):
     }[ending]
 
 
-STILL = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
 
 def go_all_the_way(path):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.sensors.diagnosis import FROZEN_FRAMES, Problem, describe, diagnose, status_line, summary
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.trackers.picture import Picture
@@ -111,7 +111,7 @@ def test_a_low_frame_rate_is_a_problem():
 
 def test_the_summary_is_json():
     half = picture(depth=DEPTH * (np.arange(640) < 320).astype(np.uint16))
-    report = report_of(map(frame, range(60)), half, sensor_tilt=Level(12.2, 1.304, -2.6))
+    report = report_of(map(frame, range(60)), half, sensor_tilt=SensorTilt(12.2, 1.304, -2.6))
     plain = json.loads(json.dumps(summary(report, [Problem("a", "b")]), allow_nan=False))
     assert plain["picture"] == {"width": 640, "height": 480, "brightness": 120.0, "depth_known": 0.5}
     assert plain["sensor"] == {"tilt": 12.2, "height": 1.304, "roll": -2.6}

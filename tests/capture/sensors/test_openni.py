@@ -15,7 +15,7 @@ from capture.sensors import openni as module
 from capture.sensors.openni import OpenNIDevice, Selection, open_openni, parse
 from capture.sensors.openni_library import list_sensors, load_openni2
 from capture.skeleton import SkeletonFrame
-from capture.source import Silence
+from capture.source import SilentSource
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
@@ -200,7 +200,7 @@ def test_the_service_resumes_after_unplugging_and_plugging_in(sensor, scripted_t
             sensor.show(*noise(), float(count))
             run_until(lambda count=count: len(frames()) == count)
             sensor.unplug()
-            run_until(lambda: isinstance(runner.source.inner, Silence))
+            run_until(lambda: isinstance(runner.source.inner, SilentSource))
             sensor.plug()
         times = [event.time for event in stage.events]
         assert times == sorted(times)

@@ -9,7 +9,7 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.events import TICK, Tick
+from capture.events import TICK_SECONDS, Tick
 from capture.sensors import clock
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
@@ -308,7 +308,7 @@ def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_devic
         for (earlier, later), event in zip(pairwise(times), events[1:], strict=True)
         if type(event) is Tick
     ]
-    assert min(ticks) >= TICK - 1e-9
+    assert min(ticks) >= TICK_SECONDS - 1e-9
 
 
 def test_an_image_without_performers_is_a_tick(watch, scripted_device, scripted_tracker):

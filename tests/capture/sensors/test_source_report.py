@@ -9,14 +9,14 @@ import pytest
 from capture.events import Cue, Lost, Tick
 from capture.network.osc import encode
 from capture.network.source import open_osc
-from capture.reconnecting import Reopening
-from capture.sensor_tilt import Level
+from capture.reconnecting import ReopeningSource
+from capture.sensor_tilt import SensorTilt
 from capture.sensors import source_report as module
 from capture.sensors.diagnosis import STATUS_SECONDS, Problem, describe, diagnose
 from capture.sensors.source import SensorSource
 from capture.sensors.source_report import PerformerReport, SourceMonitor, observe
 from capture.source import Counts
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 from .reports import WALK, frame, report_of
@@ -34,7 +34,7 @@ def short_take():
     clip = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    return TakeSource.of_clips("replay:short.log", [clip])
+    return RecordingSource.of_clips("replay:short.log", [clip])
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_recording_that_ends_leaves_its_performers_and_its_error():
         report = observe(source, 60)
     assert {user: performer.frames for user, performer in report.performers.items()} == {1: 3}
     assert problems(report) == [report.failure]
-    assert "found that it has ended" in report.failure
+    assert "found the end of the recording" in report.failure
 
 
 def test_without_data_observing_ends_and_packets_that_are_not_understood_are_counted(osc):
@@ -184,7 +184,7 @@ def test_the_sensors_tilt_outlasts_the_period_and_a_damaged_cue(played):
     assert monitor.report().sensor_tilt is None
     source.play(monitor, Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
     source.play(monitor, Cue(1.0, "level", {"tilt": "steep"}), Tick(9.0))
-    assert monitor.report().sensor_tilt == Level(12.2, 1.304, -2.6)
+    assert monitor.report().sensor_tilt == SensorTilt(12.2, 1.304, -2.6)
 
 
 def test_silence_is_counted_from_the_last_data(osc):
@@ -205,7 +205,7 @@ def test_a_sensor_that_fails_is_opened_again_until_an_image_arrives(watch, scrip
             raise NO_KINECT
         return watch(answer, scripted_tracker).source
 
-    monitor = SourceMonitor(source := Reopening("freenect:", opened), STATUS_SECONDS)
+    monitor = SourceMonitor(source := ReopeningSource("freenect:", opened), STATUS_SECONDS)
     scripted_device.show(0.0)
     assert until(monitor, lambda report: report.performers).picture is not None
     gone = SourceError("freenect:", found="no Kinect any more", expected="one", fix="Plug it in.")
@@ -230,7 +230,7 @@ def test_a_port_that_is_taken_is_opened_again_and_then_received_from(osc):
     played = Played()
     played.receive = fail
     sources = iter([played, osc])
-    monitor = SourceMonitor(source := Reopening("osc:7110", lambda: next(sources)))
+    monitor = SourceMonitor(source := ReopeningSource("osc:7110", lambda: next(sources)))
     assert until(monitor, lambda report: report.failure).failure == str(failure)
     assert until(monitor, lambda report: not report.failure).retried is False
     assert source.inner is osc
@@ -239,7 +239,7 @@ def test_a_port_that_is_taken_is_opened_again_and_then_received_from(osc):
 @pytest.mark.parametrize("reopened", [True, False])
 def test_the_monitor_of_a_recording_ends_with_it(reopened):
     take = short_take()
-    with closing(Reopening(take.name, lambda: take) if reopened else take) as source:
+    with closing(ReopeningSource(take.name, lambda: take) if reopened else take) as source:
         monitor = SourceMonitor(source)
         assert (monitor.started, monitor.ended) == (False, False)
         report = until(monitor, lambda _: monitor.ended)

@@ -1,0 +1,228 @@
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.clip import SkeletonClip
+from capture.events import Lost, Tick
+from capture.formats.puppetline_log import events
+from capture.fusion.source import FusedSource, Member
+from capture.pose import Pose
+from capture.recording import as_recorded
+from capture.skeleton import SkeletonFrame
+from capture.source import Counts
+from capture.sources.replay import RecordingSource
+from engine_bridge.cli.recording import RecordSummary, record
+from puppetline.errors import OutputError, SourceError
+
+
+def make_clip(times, user=1):
+    positions = np.random.default_rng(user).normal(size=(len(times), 20, 3))
+    return SkeletonClip("made", user, np.array(times), positions, np.ones((len(times), 20), np.float32))
+
+
+def key(event):
+    if isinstance(event, SkeletonFrame):
+        return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
+    return event
+
+
+class Sender:
+    """A source that really waits for datagrams: each is a user's number, and 0 says that user 1 is lost."""
+
+    name = "test:"
+    recorded = False
+
+    def __init__(self):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", 0))
+        self.socket.setblocking(False)
+        self.counts = Counts(dropped=3)
+        self.counts.refused["short"] = 2
+
+    def send(self, *users):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            for user in users:
+                out.sendto(str(user).encode(), self.socket.getsockname())
+
+    def fileno(self):
+        return self.socket.fileno()
+
+    def due(self):
+        return float("inf")
+
+    def now(self):
+        return time.monotonic()
+
+    def receive(self):
+        came = []
+        while True:
+            try:
+                user = int(self.socket.recv(100))
+            except BlockingIOError:
+                return came
+            if user == 99:
+                raise SourceError("test:", found="the end", expected="more", fix="None.")
+            now = time.monotonic()
+            came.append(SkeletonFrame(now, user, np.zeros((20, 3)), np.ones(20, np.float32)) if user else Lost(now, 1))
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.fixture
+def sender():
+    sender = Sender()
+    yield sender
+    sender.close()
+
+
+def test_a_source_is_recorded_until_it_ends(tmp_path):
+    clips = [make_clip([10.0, 10.01, 10.3]), make_clip([10.02], user=7)]
+    reports = []
+    path = tmp_path / "evening.take"
+    summary = record(RecordingSource.of_clips("demo:x", clips), path, report=lambda *report: reports.append(report))
+    came = list(events(path))
+    frames = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: frame.time)
+    assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(as_recorded(frame)) for frame in frames]
+    assert [type(e) for e in came if not isinstance(e, SkeletonFrame)] == [Tick] * 8
+    assert summary == RecordSummary(
+        take=str(path),
+        source="demo:x",
+        seconds=10.3 - 10.0,
+        frames=4,
+        users=(1, 7),
+        dropped=0,
+        refused={},
+        ended="source",
+    )
+    assert reports[-1][0] == 4
+
+
+def test_what_is_recorded_replays_to_the_same_events_and_records_to_the_same_bytes(tmp_path):
+    first, second = tmp_path / "first.take", tmp_path / "second.take"
+    record(RecordingSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
+    record(RecordingSource.of_file("replay:first", first), second)
+    assert second.read_bytes() == first.read_bytes()
+
+
+def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path, sender):
+    sender.send(1, 4, 0, 4, 99)
+    summary = record(sender, tmp_path / "take")
+    assert (summary.frames, summary.users, summary.ended) == (0, (), "source")  # the end came in the same breath
+    sender.send(1, 4, 0, 4)
+    summary = record(sender, tmp_path / "other", seconds=0.2)
+    assert (summary.frames, summary.users, summary.ended) == (3, (1, 4), "time")
+    assert (summary.dropped, summary.refused) == (3, {"short": 2})
+    came = list(events(tmp_path / "other"))
+    assert [getattr(event, "user", None) for event in came] == [1, 4, 1, 4]
+    assert isinstance(came[2], Lost)
+    assert summary.seconds == came[-1].time - came[0].time
+
+
+class Failing:
+    """A live source that gives some events and then fails."""
+
+    name, recorded = "openni:", False
+
+    def __init__(self, *events):
+        self.counts, self._events = Counts(), list(events)
+
+    def fileno(self):
+        return None
+
+    def due(self):
+        return time.monotonic()
+
+    def receive(self):
+        if self._events:
+            return [self._events.pop(0)]
+        raise SourceError(self.name, found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
+
+
+@pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
+def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_path, came):
+    path = tmp_path / "take"
+    summary = record(Failing(*came), path)
+    assert summary.ended == "source"
+    assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
+    assert path.exists() == (Lost(1.0, 1) in came)
+    assert not path.exists() or list(events(path)) == came
+
+
+def test_the_end_of_fused_recordings_is_no_trouble(tmp_path):
+    members = [Member(name, Pose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
+    times = [0.0, 0.05, 0.1]
+    source = FusedSource(
+        "fused:", members, lambda name: RecordingSource.of_clips(name, [make_clip(times)], False), True
+    )
+    summary = record(source, tmp_path / "take")
+    assert (summary.ended, summary.why) == ("source", "")
+    assert summary.frames > 0
+
+
+def test_a_silent_source_leaves_a_take_without_events(tmp_path, sender):
+    summary = record(sender, tmp_path / "take", seconds=0.05)
+    assert (summary.frames, summary.seconds, summary.ended) == (0, 0.0, "time")
+    assert list(events(tmp_path / "take")) == []
+
+
+def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path, sender):
+    path = tmp_path / "take.log"
+    path.write_text("dear to me")
+    with pytest.raises(OutputError, match="--force"):
+        record(sender, path, seconds=0)
+    assert path.read_text() == "dear to me"
+    sender.send(5)
+    assert record(sender, path, seconds=0.1, force=True).users == (5,)
+    assert [event.user for event in events(path)] == [5]
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_taken(tmp_path, sender):
+    sender.send(5)
+    with pytest.raises(OutputError):
+        record(sender, tmp_path / "none" / "take", seconds=1)
+    with pytest.raises(OutputError):
+        record(sender, tmp_path, seconds=1, force=True)
+    assert [event.user for event in sender.receive()] == [5]
+
+
+CHILD = """
+import signal
+import sys
+from pathlib import Path
+from puppetline.examples.performances import PERFORMANCES
+from capture.sources.replay import RecordingSource
+from engine_bridge.cli.recording import record
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
+source = RecordingSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
+print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGKILL, -signal.SIGKILL)])
+def test_stopped_or_killed_it_leaves_a_take_that_can_be_read(tmp_path, number, code):
+    path = tmp_path / "take"
+    arguments = [sys.executable, "-c", CHILD, str(path)]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as child:
+        while int(child.stdout.readline()) < 5:
+            pass
+        child.send_signal(number)
+        said = child.stdout.read().split()
+    assert child.returncode == code
+    frames = [event for event in events(path) if isinstance(event, SkeletonFrame)]
+    from puppetline.examples.performances import PERFORMANCES
+
+    assert len(frames) >= 5
+    for frame, played in zip(frames, PERFORMANCES["walk"]().frames(), strict=False):
+        assert key(frame) == key(as_recorded(played))
+    if number == signal.SIGINT:
+        assert said[-1] == "stopped"
+        assert path.read_bytes().endswith(b"}\n")

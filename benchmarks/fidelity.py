@@ -35,7 +35,7 @@ from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures import sheet
+from engine_bridge.pictures import clip_sheet
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import rig_bones
@@ -337,7 +337,7 @@ def main() -> None:
                     if options.sheets:
                         clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
                         title = f"{name}, {sensor}, limbs from the {kind}"
-                        sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
+                        clip_sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
     for kind, values in totals.items():
         print(f"\nAll limbs, limbs from the {kind}: {median_and_p95(np.concatenate(values))}°")
     if away:

@@ -25,7 +25,8 @@ from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, render
 from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
@@ -81,7 +82,7 @@ def main() -> None:
         )
         tiles += pictures(rig, worst)
         labels += [f"{name}: solver", f"weights, {percent(worst.farthest)} off"]
-    contact_sheet(tiles, labels, 2, folder / "morphs.png", "Where an unseen clip is farthest off")
+    write_contact_sheet(tiles, labels, 2, folder / "morphs.png", "Where an unseen clip is farthest off")
 
 
 def silent(_stage: str, _share: float) -> None: ...

@@ -36,7 +36,7 @@ from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
 from capture.trackers.mediapipe import MediaPipePose
 from capture.trackers.picture import Person, Picture
-from capture.trackers.placing import Placing
+from capture.trackers.placing import BodyPlacer
 from engine_bridge.cli import examples
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
@@ -254,7 +254,7 @@ class Knowing:
 
     def __init__(self, joints: Floats) -> None:
         self._pixels, self._posture = LENS.project(joints), joints - joints[0]
-        self._placing = Placing(HEIGHT)
+        self._placing = BodyPlacer(HEIGHT)
 
     def track(self, picture: Picture) -> list[Person]:
         sure = np.ones(20, np.float32)

@@ -1,4 +1,4 @@
-"""A picture of a puppet: the character from the front and its side, its limbs' bones, its handles and their joints."""
+"""A diagram of a puppet file: the character from the front and the side, its limbs, handles and their joints."""
 
 import colorsys
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from engine_bridge.character.character import Character
-from engine_bridge.pictures.preview import View, contact_sheet, project, render
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, project, render
 from engine_bridge.puppet.puppet import HandleTable, LimbTable, Puppet
 
 VIEWS = {"from the front": (25.0, 12.0), "from its left": (100.0, 8.0)}
-"""Title of each picture, and the camera's azimuth and elevation in degrees."""
+"""Title of each view, and the camera's azimuth and elevation in degrees."""
 SIZE = (840, 560)
-"""Pixels of each picture; the space beside the character is for labels."""
-DOT, JOINT, BONE, LINE = 8, 5, 5, 40
-"""Pixels: radius of a handle's dot and of a joint's, width of a bone, and height of a label."""
-SEEN_THROUGH = 0.6
-"""How much of a character with limbs is faded towards white, so that the bones inside are seen."""
-MARGIN = 8
+"""Width and height of each view, in pixels; the space beside the character is for labels."""
+HANDLE_RADIUS, JOINT_RADIUS, BONE_WIDTH, LABEL_HEIGHT, MARGIN = 8, 5, 5, 40, 8
+"""Sizes of what is drawn, in pixels."""
+FADING = 0.6
+"""Share of white mixed into a character with limbs, so that the bones inside are visible."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Mark:
-    """A limb or a handle in the picture: what it is called, what moves it, and its points (k, 3)."""
+    """A limb or a handle in the diagram: its name, the joints that move it, and its points (k, 3)."""
 
     name: str
     moved_by: str
@@ -33,7 +33,7 @@ class _Mark:
 
 
 def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
-    """Draw a puppet's limbs and handles onto its character into a PNG.
+    """Draw a puppet's limbs and handles on its character, as a PNG.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ def draw(puppet: Puppet, character: Character, path: Path, title: str) -> None:
         view = View.around(vertices, *angles)
         picture = render(vertices, character.triangles, view, SIZE, character.colors)
         if puppet.limb:
-            picture = np.round(picture + SEEN_THROUGH * (255.0 - picture)).astype(np.uint8)
+            picture = np.round(picture + FADING * (255.0 - picture)).astype(np.uint8)
         image = Image.fromarray(picture)
         _label(image, [project(mark.points @ basis.T, view, SIZE)[:, :2] for mark in marks], marks)
         images.append(np.asarray(image))
-    contact_sheet(images, list(VIEWS), len(images), path, title)
+    write_contact_sheet(images, list(VIEWS), len(images), path, title)
 
 
 def _limb_mark(limb: LimbTable) -> _Mark:
@@ -72,7 +72,7 @@ def _handle_mark(handle: HandleTable) -> _Mark:
 
 
 def _label(image: Image.Image, places: list[NDArray[np.float64]], marks: list[_Mark]) -> None:
-    """Draw each mark, seen through the surface, and a line from its end to its label at the nearer side."""
+    """Draw each mark, even inside the mesh, and a line from its end to its label at the nearer side."""
     pen = ImageDraw.Draw(image)
     large, small = ImageFont.load_default(19), ImageFont.load_default(14)
     ends = np.array([place[-1] for place in places])
@@ -89,19 +89,19 @@ def _label(image: Image.Image, places: list[NDArray[np.float64]], marks: list[_M
             pen.text((edge, y + 1), mark.moved_by, (70, 72, 78), small, anchor=f"{anchor}t")
     for index, place in enumerate(places):
         color = _color(index, len(marks))
-        pen.line([(x, y) for x, y in place.tolist()], color, BONE)
-        radius = JOINT if len(place) > 1 else DOT
+        pen.line([(x, y) for x, y in place.tolist()], color, BONE_WIDTH)
+        radius = JOINT_RADIUS if len(place) > 1 else HANDLE_RADIUS
         for x, y in place.tolist():
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), color, (255, 255, 255), 2)
 
 
 def _apart(heights: NDArray[np.float64]) -> list[float]:
-    """Move labels, sorted from the top, until none covers another and all are in the picture."""
-    count = len(heights)
-    slots = LINE * np.arange(count)
+    """Return heights of labels, sorted from the top, so that none covers another and all are inside the image."""
+    slots = LABEL_HEIGHT * np.arange(len(heights))
     lowered = np.maximum.accumulate(heights - slots) + slots
-    lowest = SIZE[1] - LINE / 2 - LINE * np.arange(count)[::-1]
-    placed: list[float] = np.clip(lowered, LINE / 2 + slots, np.maximum(lowest, LINE / 2 + slots)).tolist()
+    highest = LABEL_HEIGHT / 2 + slots
+    lowest = SIZE[1] - LABEL_HEIGHT / 2 - slots[::-1]
+    placed: list[float] = np.clip(lowered, highest, np.maximum(lowest, highest)).tolist()
     return placed
 
 

@@ -1,4 +1,4 @@
-"""A contact sheet of a solved clip: each moment of the character beside the performer at that moment."""
+"""A contact sheet of a clip: frames of the character, each beside the performer at the same time."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
 from engine_bridge.performance.clip import Clip
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, render
 from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
-TILES = 12
-COLUMNS = 4
-TILE_SIZE = (320, 320)
-PERFORMER_SIZE = (180, 320)
-"""Pixels of the performer's picture, to the left of each tile."""
+TILE_COUNT, COLUMN_COUNT = 12, 4
+CHARACTER_SIZE, PERFORMER_SIZE = (320, 320), (180, 320)
+"""Width and height of both halves of a tile, in pixels."""
 
 
 def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] = lambda _: None) -> None:
-    """Draw evenly spaced moments of a clip, performer and character from the character's front left, into a PNG.
+    """Draw evenly spaced frames of a clip, seen from the character's front left, as a PNG.
 
     Parameters
     ----------
@@ -30,19 +29,19 @@ def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] =
     path : Path
     title : str
     progress : callable, optional
-        Told the share of the tiles that are done.
+        Called with the share of the tiles that are drawn.
 
     Raises
     ------
     OutputError
     """
-    chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILES, len(clip.frames))).astype(int))
+    chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILE_COUNT, len(clip.frames))).astype(int))
     images = []
     for performer, character in zip(_performer(clip, chosen), _character(clip, chosen), strict=True):
         images.append(np.hstack([performer, character]))
         progress(len(images) / len(chosen))
     labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
-    contact_sheet(images, labels, COLUMNS, path, title)
+    write_contact_sheet(images, labels, COLUMN_COUNT, path, title)
 
 
 def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
@@ -56,7 +55,7 @@ def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
 
 
 def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
-    """Draw the character on its floor; the camera follows the root's way over it, or the character would be small."""
+    """Draw the character on its floor; the camera follows the root, so the character is large in each tile."""
     rig, basis = clip.rig, clip.rig.puppet.character.basis
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
     solved = [binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index] for index in chosen]
@@ -66,5 +65,5 @@ def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]
     images = []
     for pose, way in zip(poses, ways, strict=True):
         along = replace(view, center=tuple(view.center + way))
-        images.append(render(pose, rig.character.triangles, along, TILE_SIZE, rig.character.colors))
+        images.append(render(pose, rig.character.triangles, along, CHARACTER_SIZE, rig.character.colors))
     return images

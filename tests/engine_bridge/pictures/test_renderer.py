@@ -1,11 +1,9 @@
 import igl
 import numpy as np
 import pytest
-from PIL import Image
 
-from engine_bridge.pictures import preview
-from engine_bridge.pictures.preview import View, contact_sheet, project, render
-from puppetline.errors import OutputError
+from engine_bridge.pictures.lighting import KEY, KEY_AZIMUTH, KEY_ELEVATION, SKY
+from engine_bridge.pictures.renderer import View, project, render
 
 FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
 TETRAHEDRON = (
@@ -46,14 +44,14 @@ def linear(image):
 
 
 def coverage(vertices, faces, view, size):
-    """How much of each pixel a mesh hides: a black one darkens the background by just that."""
+    """Return the share of each pixel that a mesh covers: a black one darkens the background by it."""
     black = render(vertices, faces, view, size, colors=np.zeros_like(vertices))
     away = View(view.azimuth, view.elevation, (1000.0, 0.0, 0.0), view.radius)
     return 1 - linear(black)[..., 1] / linear(render(vertices, faces, away, size))[..., 1]
 
 
 @pytest.mark.parametrize("angles", [(0, 0), (70, 35), (-130, 90), (10, -40)])
-def test_a_sphere_covers_its_area_around_the_middle_from_everywhere(angles):
+def test_a_sphere_covers_its_area_around_the_centre_from_all_sides(angles):
     center = (3.0, -1.0, 2.0)
     covered = coverage(*sphere(center), View(*angles, center, radius=1.25), (240, 200))
     scale = 200 / 2.5
@@ -84,7 +82,7 @@ def test_up_is_up_and_the_characters_left_is_on_the_right_from_in_front():
     mesh = together(square((1, 0), 0.2, 0, (1, 0, 0)), square((0, 1), 0.2, 0, (0, 1, 0)))
     image = render(*mesh[:2], FRONT, (90, 90), mesh[2]).astype(int)
     red, green = ((image[..., c] - image.sum(axis=2) + image[..., c] > 0).nonzero() for c in (0, 1))
-    # 30 pixels a unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
+    # 30 pixels per unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
     assert [(a.min(), a.max()) for a in red] == [(39, 50), (69, 80)]
     assert [(a.min(), a.max()) for a in green] == [(9, 20), (39, 50)]
 
@@ -109,7 +107,7 @@ def test_either_winding_is_lit_alike():
     )
 
 
-def test_a_common_edge_through_pixel_middles_leaves_no_gap():
+def test_a_common_edge_through_pixel_centres_leaves_no_gap():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     covered = coverage(vertices, faces, FRONT, (60, 60))
     np.testing.assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
@@ -121,16 +119,16 @@ def test_a_sphere_is_brighter_towards_the_key_light():
     assert image[40, 40] > 1.5 * image[80, 80]  # upper left and lower right
 
 
-def test_a_sphere_throws_the_key_lights_shadow_on_the_floor():
+def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
     view = View(0, 20, (0, 0, 0), 3.0, ground=-1.0)
     image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
     light = (image / bare)[..., 1]
-    # The shadow is an ellipse of 1 by 1 / sin e; 0.8 behind its middle the floor is in it and not behind the sphere.
-    azimuth, elevation, tilt = np.radians([preview.KEY_AZIMUTH, preview.KEY_ELEVATION, 20])
+    # The shadow is an ellipse of 1 by 1 / sin e. At 0.8 behind its centre, the floor is in it and not hidden.
+    azimuth, elevation, tilt = np.radians([KEY_AZIMUTH, KEY_ELEVATION, 20])
     away = 1 / np.tan(elevation) + 0.8
     x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
     column, row = int(60 + 20 * x), int(60 - 20 * (-np.cos(tilt) - z * np.sin(tilt)))
-    sky_alone = preview.SKY[1] / (preview.SKY[1] + preview.KEY[1] * np.sin(elevation))
+    sky_alone = SKY[1] / (SKY[1] + KEY[1] * np.sin(elevation))
     assert 0.5 * sky_alone < light[row, column] < sky_alone
     assert light[row, 120 - column] > 0.9  # on the other side, towards the light
     assert light[115, 5] > 0.98  # far away
@@ -140,12 +138,12 @@ def test_colors_are_interpolated_between_vertices():
     vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
     colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
     image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
-    share = image[:, 0] / image[:, 1] / (preview.KEY[0] / preview.KEY[1])
+    share = image[:, 0] / image[:, 1] / (KEY[0] / KEY[1])
     expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
     np.testing.assert_allclose(share, expected, rtol=0.05)
 
 
-def test_the_same_input_gives_the_same_picture():
+def test_the_same_input_gives_the_same_image():
     vertices, faces = sphere()
     view = View.around(vertices)
     np.testing.assert_array_equal(
@@ -169,37 +167,8 @@ def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
         assert first + last == pytest.approx(99, abs=2)
 
 
-@pytest.mark.parametrize(("title", "height"), [("A take", 52 + 3 * (20 + 30) + 10), ("", 10 + 3 * (20 + 30) + 10)])
-def test_a_sheet_has_room_for_all_tiles_labels_and_the_title(tmp_path, title, height):
-    tiles = [np.full((20, 40, 3), 10 * i, np.uint8) for i in range(5)]
-    contact_sheet(tiles, [f"{i} s" for i in range(5)], 2, tmp_path / "sheet.png", title)
-    sheet = np.array(Image.open(tmp_path / "sheet.png"))
-    assert sheet.shape == (height, 10 + 2 * (40 + 10), 3)
-    top = height - 3 * 50 - 10
-    for i, tile in enumerate(tiles):
-        y, x = top + i // 2 * 50, 10 + i % 2 * 50
-        np.testing.assert_array_equal(sheet[y : y + 20, x : x + 40], tile)
-        assert (sheet[y + 20 : y + 50, x : x + 40] < 128).any()  # the label's ink
-    assert (sheet[top + 100 :, 60:] == preview.PAPER).all()  # no sixth tile
-
-
-def test_a_sheet_replaces_the_old_one_and_leaves_nothing_else(tmp_path):
-    path = tmp_path / "sheet.png"
-    path.write_text("old")
-    contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-    assert Image.open(path).format == "PNG"
-    assert [p.name for p in tmp_path.iterdir()] == ["sheet.png"]
-
-
-def test_a_sheet_that_cannot_be_written_says_where(tmp_path):
-    for path in (tmp_path / "nowhere" / "sheet.png", tmp_path):
-        with pytest.raises(OutputError, match="cannot be written") as error:
-            contact_sheet([np.zeros((8, 8, 3), np.uint8)], ["0 s"], 1, path)
-        assert error.value.where == str(path)
-
-
 @pytest.mark.slow
-def test_a_scanned_figure_fills_the_picture(real_data):
+def test_a_scanned_figure_fills_the_image(real_data):
     vertices, faces = igl.read_triangle_mesh(str(real_data / "mesh" / "armadillo.obj"))[:2]
     view = View.around(vertices, azimuth=0)
     covered = coverage(vertices, faces, View(0, view.elevation, view.center, view.radius), (160, 160))
@@ -207,8 +176,8 @@ def test_a_scanned_figure_fills_the_picture(real_data):
     assert max(np.ptp(rows), np.ptp(columns)) == pytest.approx(160 / 1.12, abs=3)
 
 
-def test_seams_of_texture_are_none_of_the_surface():
-    """A sphere whose triangles share no vertices looks as the one whose triangles do."""
+def test_texture_seams_do_not_show():
+    """A sphere whose triangles share no vertices looks like one whose triangles do."""
     vertices, faces = sphere()
     view = View.around(vertices)
     whole = render(vertices, faces, view, (90, 90))
@@ -218,7 +187,7 @@ def test_seams_of_texture_are_none_of_the_surface():
 
 
 @pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])
-def test_turned_and_doubled_triangles_do_not_darken_a_surface(kind):
+def test_flipped_and_doubled_triangles_do_not_darken_a_surface(kind):
     vertices, faces = sphere()
     view = View.around(vertices)
     whole = render(vertices, faces, view, (90, 90)).astype(int)
@@ -231,7 +200,7 @@ def test_turned_and_doubled_triangles_do_not_darken_a_surface(kind):
 
 
 def test_points_are_shown_where_project_says():
-    """A small bright square covers the pixel around its projected middle and none far away."""
+    """A small bright square covers the pixels around its projected centre."""
     vertices, faces, _ = square((0.3, -0.4), 0.02, 0.2, (1, 1, 1))
     view = View(azimuth=20, elevation=10, center=(0, 0, 0), radius=1.2)
     covered = coverage(vertices, faces, view, (160, 120))
@@ -241,6 +210,6 @@ def test_points_are_shown_where_project_says():
     assert (columns + 0.5).mean() == pytest.approx(x, abs=0.5)
 
 
-def test_what_is_behind_is_deeper():
+def test_a_point_behind_another_is_deeper():
     depths = project(np.array([[0, 0, 1.0], [0, 0, -1.0]]), FRONT, (60, 60))[:, 2]
     assert depths[1] - depths[0] == pytest.approx(2 * 60 / (2 * FRONT.radius))

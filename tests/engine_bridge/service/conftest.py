@@ -102,6 +102,25 @@ OSCELETON = {
 }
 
 
+class Clock:
+    """The monotonic clock of this process, which a test can put forward instead of waiting."""
+
+    def __init__(self, patch):
+        self._skipped = 0.0
+        monotonic, monotonic_ns = time.monotonic, time.monotonic_ns
+        patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
+        patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
+
+    def reach(self, moment):
+        """Put it forward to a moment, unless that has passed."""
+        self._skipped += max(0.0, moment - time.monotonic())
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    return Clock(monkeypatch)
+
+
 class Sender:
     """A program that sends skeletons as OSCeleton does with -xr and -r: a bundle a performer a frame, millimetres."""
 

@@ -26,7 +26,7 @@ from ..conftest import missing
 from .network.conftest import STANDING
 
 PATIENCE = 10.0
-"""Seconds after which a test gives up."""
+"""Time after which a test fails, in seconds."""
 
 LENS = Lens(4, 3, 4.0)
 

@@ -14,7 +14,7 @@ from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
 PATIENCE = 10.0
-"""Seconds after which a test gives up."""
+"""Time after which a test fails, in seconds."""
 
 
 def _pad(data):

@@ -223,7 +223,7 @@ def test_a_sensor_that_fails_is_told_with_its_own_error(watch, scripted_tracker)
 
 
 PATIENCE = 30.0
-"""Seconds after which a test gives up."""
+"""Time after which a test fails, in seconds."""
 
 
 def until(looking, condition):

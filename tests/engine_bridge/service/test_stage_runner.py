@@ -10,7 +10,7 @@ from capture.events import Tick
 from capture.formats import read_log
 from capture.recording import Recorder
 from capture.source import Silence
-from engine_bridge.service.character_player import Manner
+from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import ServiceError, SourceError
 
@@ -115,7 +115,7 @@ def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting
 
 
 def test_what_a_take_holds_is_in_order_whatever_the_source_gives(run, make_stage, tmp_path, sender, kung_fu, moved):
-    runner = StageRunner(sender.uri, make_stage(manner=Manner(calibrate="at_once")), tmp_path)
+    runner = StageRunner(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")), tmp_path)
     runner.start_recording(tmp_path / "take.log")
     start = time.monotonic()
     given = []

@@ -50,12 +50,12 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
         with written_whole(output) as partial:
             draw(report, diagnose(report)).save(partial, format="PNG")
     if connected:
-        _report(report, output, as_json)
+        _print(report, output, as_json)
     if not (connected and report.performers):
         raise click.exceptions.Exit(1)
 
 
-def _report(report: "SourceReport", output: Path | None, as_json: bool) -> None:
+def _print(report: "SourceReport", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
     from capture.sensors.diagnosis import describe, diagnose, summary
 

@@ -38,8 +38,8 @@ MAX_REMEMBERED = 16
 
 
 @dataclass(frozen=True)
-class Manner:
-    """How a character is calibrated and eased.
+class PlayerSettings:
+    """Settings of how a character is calibrated and eased.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class CharacterPlayer:
     Parameters
     ----------
     character : StreamedCharacter
-    manner : Manner
+    settings : PlayerSettings
     executor : Executor
         Computes calibrations while the stream continues.
     idle : Path, optional
@@ -81,14 +81,14 @@ class CharacterPlayer:
     """
 
     def __init__(
-        self, character: StreamedCharacter, manner: Manner, executor: Executor, idle: Path | None = None
+        self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None
     ) -> None:
         rig = character.rig
         self.character = character
         self.user: int | None = None
         self.state: State = "waiting"
         self.mirror = rig.puppet.retarget.mirror
-        self._manner, self._executor = manner, executor
+        self._settings, self._executor = settings, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._idle_log = idle
         self._idle: Idle | None = None
@@ -97,8 +97,8 @@ class CharacterPlayer:
         self._current: PreparedCalibration | None = None
         self._held: Places | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
-        self._automatic = AutomaticCalibration(manner.calibrate)
-        self._level = SensorTilt(manner.tilt or 0.0, manner.height or 0.0)
+        self._automatic = AutomaticCalibration(settings.calibrate)
+        self._level = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
         self._floor: SensorTilt | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
@@ -106,7 +106,7 @@ class CharacterPlayer:
         self._rest = Places(
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
-        self._easing = Easing(self._deformer.bones, self._rest, manner.ease)
+        self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -143,8 +143,10 @@ class CharacterPlayer:
         calibration, left = self._remembered.pop(user, (None, 0.0))
         if calibration is not None and self._floor is not None:
             stands = self._with_settings(self._floor)
-            calibration = calibration if calibration.level.near(stands, *MIN_TILT_CHANGE) else None
-        if calibration is not None and time - left > self._manner.remember:
+            calibration = (
+                calibration if calibration.level.near(stands, *MIN_TILT_CHANGE) else None
+            )  # the sensor was moved
+        if calibration is not None and time - left > self._settings.remember:
             calibration = None
         self._automatic.enter(returning=calibration is not None)
         if calibration is not None:
@@ -309,7 +311,7 @@ class CharacterPlayer:
 
     def _with_settings(self, found: SensorTilt) -> SensorTilt:
         """Return the position of the sensor; the settings override what was detected."""
-        tilt, height = self._manner.tilt, self._manner.height
+        tilt, height = self._settings.tilt, self._settings.height
         return SensorTilt(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
@@ -410,7 +412,7 @@ class CharacterPlayer:
             "user": self.user,
             "state": self.state,
             "mirror": self.mirror,
-            "manner": asdict(self._manner),
+            "manner": asdict(self._settings),
             "sensor": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._current is None else self._current.to_json(),
@@ -457,8 +459,8 @@ class CharacterPlayer:
             -math.inf if snapshot[name] is None else float(snapshot[name]) + shift
             for name in ("shown_at", "idle_since", "eased_since")
         )
-        self._manner = Manner(**snapshot["manner"])
-        self._easing.seconds, self._automatic.calibrate = self._manner.ease, self._manner.calibrate
+        self._settings = PlayerSettings(**snapshot["manner"])
+        self._easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
         self._level = SensorTilt.of_json(snapshot["sensor"])
         self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state

@@ -26,7 +26,7 @@ from ..conftest import missing
 from .network.conftest import STANDING
 
 PATIENCE = 10.0
-"""Maximum time that a test waits, in seconds."""
+"""Time after which a test fails, in seconds."""
 
 LENS = Lens(4, 3, 4.0)
 

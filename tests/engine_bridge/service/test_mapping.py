@@ -11,12 +11,12 @@ import pytest
 from capture.events import TICK_SECONDS, Cue, Tick
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
-from engine_bridge.service.character_player import Manner
+from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 
-EASE = Manner().ease
+EASE = PlayerSettings().ease
 
 
 def play(stage, events):
@@ -49,7 +49,7 @@ def crossed(puppet):
 
 
 def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(make_stage, kung_fu, blob_rig):
-    stage = make_stage(manner=Manner(tilt=0.0, height=0.0))
+    stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0))
     [player] = stage.players
     puppet, edited_at = crossed(blob_rig.puppet), kung_fu[150].time
     steady = largest_step(play(make_stage(), kung_fu), blob_rig.mesh.diagonal)
@@ -78,7 +78,7 @@ def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(
 
 
 def test_the_last_of_many_edits_counts(make_stage, kung_fu, blob_rig):
-    once, often = (make_stage(manner=Manner(tilt=0.0, height=0.0)) for _ in range(2))
+    once, often = (make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0)) for _ in range(2))
     for stage in (once, often):
         play(stage, kung_fu[:150])
     for gain in np.linspace(0, 3, 30):

@@ -6,7 +6,7 @@ import pytest
 
 from capture.sensor_tilt import SensorTilt
 from capture.source import Counts
-from engine_bridge.service.character_player import Manner
+from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.monitoring.status import ClientsStatus, LatencyStatus, OutputStatus
 from engine_bridge.service.reporting import Reporter
 
@@ -17,7 +17,7 @@ OUTPUTS = [OutputStatus("osc", "127.0.0.1:9000", sent=1, bytes=100, skipped=0, f
 @pytest.fixture
 def runner(make_stage):
     """A runner whose source is at a time that the test sets."""
-    stage = make_stage(("dog", "cat"), Manner(calibrate="command"))
+    stage = make_stage(("dog", "cat"), PlayerSettings(calibrate="command"))
     source = SimpleNamespace(name="osc:7110", counts=Counts(dropped=2, refused={"short": 3}), clock=0.0)
     source.now = lambda: source.clock
     return SimpleNamespace(stage=stage, source=source, faults=1, recording="evening")

@@ -12,13 +12,13 @@ from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.performance import Performance
-from engine_bridge.service.character_player import Manner
-from engine_bridge.service.stage import Direction
+from engine_bridge.service.character_player import PlayerSettings
+from engine_bridge.service.stage import StageSettings
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 from puppetline.errors import ServiceError
 from solver.motion.limbs import parents_first
 
-EASE = Manner().ease
+EASE = PlayerSettings().ease
 
 
 def with_beginnings(stage, events):
@@ -99,7 +99,7 @@ def test_a_character_rests_while_nobody_is_there(make_stage, blob_rig):
 
 
 def test_a_performer_is_calibrated_by_standing_still_and_then_plays_what_convert_would(make_stage, blob_rig, kung_fu):
-    stage = make_stage(manner=Manner(tilt=0.0, height=0.0))
+    stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0))
     frames = play(stage, kung_fu)["dog"]
     states = [frame.state for frame in frames]
     begun = states.index("performing")
@@ -158,7 +158,7 @@ def largest_turn(frames):
 def test_who_steps_in_is_a_character_with_limbs_after_a_moment_and_plays_what_convert_would(
     make_stage, limbed_rig, kung_fu
 ):
-    stage = make_stage(manner=Manner(tilt=0.0, height=0.0), rig=limbed_rig)
+    stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0), rig=limbed_rig)
     (player,), frames, calibrations = stage.players, [], []
     for event in with_beginnings(stage, kung_fu):
         frames += stage.step(event, 0)
@@ -225,7 +225,10 @@ def test_a_take_has_who_is_who_at_once_and_the_same_controls_one_second_after_it
 
 
 def test_a_take_treats_people_as_its_stage_did(make_stage, kung_fu, moved):
-    stage, other = make_stage(manner=Manner(ease=3.0), direction=Direction(people="queue", turn=6.0)), make_stage()
+    stage, other = (
+        make_stage(player_settings=PlayerSettings(ease=3.0), settings=StageSettings(people="queue", turn=6.0)),
+        make_stage(),
+    )
     second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
     events = sorted([*kung_fu, *second], key=lambda event: event.time)
     given = with_beginnings_of(stage, events[:200])
@@ -278,7 +281,7 @@ def test_two_people_get_a_character_each_in_the_order_in_which_they_came(make_st
 
 
 def test_the_queue_goes_on_when_somebody_leaves_or_their_turn_is_over(make_stage, kung_fu, moved):
-    stage = make_stage(direction=Direction(people="queue", turn=6.0))
+    stage = make_stage(settings=StageSettings(people="queue", turn=6.0))
     second = [moved(frame, time=frame.time + 0.005, user=9) for frame in kung_fu]
     play(stage, sorted([*kung_fu, *second], key=lambda event: event.time))
     assert stage.players[0].user == 9  # after ten seconds: the second one's turn
@@ -288,7 +291,7 @@ def test_the_queue_goes_on_when_somebody_leaves_or_their_turn_is_over(make_stage
 
 def test_the_nearest_takes_over_only_when_clearly_nearer_for_a_while(make_stage, kung_fu, moved):
     def user_after(nearer, seconds):
-        stage = make_stage(direction=Direction(people="nearest"))
+        stage = make_stage(settings=StageSettings(people="nearest"))
         play(stage, kung_fu[:60])
         rival = [
             moved(f, time=f.time + 0.005, user=9, by=(0, 0, -nearer)) for f in kung_fu[60:] if f.time < 2 + seconds
@@ -314,7 +317,7 @@ def test_somebody_can_be_chosen(make_stage, kung_fu, moved):
 
 
 def test_a_performer_can_be_calibrated_on_command_only(make_stage, kung_fu):
-    stage = make_stage(manner=Manner(calibrate="command"))
+    stage = make_stage(player_settings=PlayerSettings(calibrate="command"))
     assert {frame.state for frame in play(stage, kung_fu[:100])["dog"]} == {"calibrating"}
     stage.step(Cue(kung_fu[99].time, "calibrate", {"character": "dog"}), 0)
     assert play(stage, kung_fu[100:])["dog"][-1].state == "performing"
@@ -379,7 +382,7 @@ def test_characters_loaded_anew_go_on_as_if_nothing_had_been(make_stage, make_pl
 
 
 def test_a_turn_goes_on_over_a_reload(make_stage, make_player, kung_fu, moved):
-    stage = make_stage(direction=Direction(people="queue", turn=60.0))
+    stage = make_stage(settings=StageSettings(people="queue", turn=60.0))
     late = [moved(frame, time=1000.0 + frame.time) for frame in kung_fu]
     rival = [moved(frame, time=frame.time + 0.005, user=9) for frame in late]
     events = sorted([*late, *rival], key=lambda event: event.time)
@@ -421,7 +424,7 @@ def test_somebody_who_flickers_keeps_their_calibration(make_stage, kung_fu, move
 
 
 def test_who_was_chosen_stays_though_others_are_nearer(make_stage, kung_fu, moved):
-    stage = make_stage(direction=Direction(people="nearest"))
+    stage = make_stage(settings=StageSettings(people="nearest"))
     near = [moved(frame, time=frame.time + 0.005, user=9, by=(0, 0, -1.5)) for frame in kung_fu]
     both = [event for pair in zip(kung_fu, near, strict=True) for event in pair]
     play(stage, both[:200])
@@ -434,7 +437,7 @@ def test_who_was_chosen_stays_though_others_are_nearer(make_stage, kung_fu, move
 
 
 def test_a_calibration_that_fails_is_told_and_the_next_one_counts(make_stage, kung_fu, monkeypatch):
-    stage = make_stage(manner=Manner(calibrate="at_once"))
+    stage = make_stage(player_settings=PlayerSettings(calibrate="at_once"))
     [player] = stage.players
     retarget, calls = player._retarget, []
 
@@ -516,7 +519,7 @@ def level(time, **changed):
 
 def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_stage, kung_fu):
     """Joints are what a level sensor at the floor's height would have given, before and after the calibration."""
-    upright = play(make_stage(manner=Manner(tilt=0.0, height=0.0)), kung_fu)["dog"]
+    upright = play(make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0)), kung_fu)["dog"]
     tilted = play(make_stage(), [level(kung_fu[0].time - TICK_SECONDS), *seen_from_above(kung_fu)])["dog"]
     assert [frame.state for frame in tilted[-len(upright) :]] == [frame.state for frame in upright]
     for one, other in zip(tilted[-len(upright) :], upright, strict=True):
@@ -525,7 +528,7 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
 
 
 def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
-    stage = make_stage(manner=Manner(tilt=3.0, height=0.7))
+    stage = make_stage(player_settings=PlayerSettings(tilt=3.0, height=0.7))
     play(stage, [level(kung_fu[0].time - TICK_SECONDS), *kung_fu[:60]])
     assert stage.players[0].level == SensorTilt(3.0, 0.7, 4.0)
 

@@ -2,8 +2,8 @@
 
     python -m benchmarks.limb_finding FOLDER [--poses N]
 
-FOLDER contains the rigged characters. Each row is a character in the pose of its file, or in N random poses (`posed`, by
-default 10) in which its own skin follows random rotations of its limbs. `human` and `biped` are made by code that
+FOLDER contains the rigged characters. Each row is a character in the pose of its file, or in N random poses (`posed`,
+by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped` are made by code that
 defines their joints. Columns are distances in percent of body height: the larger one of both sides, or the 95th
 percentile over the poses. A limb that is not found counts as 100. Axes are those of the file; detection of the
 orientation is not measured.

@@ -21,8 +21,9 @@ from engine_bridge.export.convert import write
 from engine_bridge.performance.clip import Clip, load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.preview import View, contact_sheet, render
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, render
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import PuppetlineError
 from solver.model import reduced_model
@@ -52,7 +53,7 @@ def main() -> None:
             tiles += pictures
             labels += [file.stem, *[""] * SHEET_FRAMES]
         print(f"| {file.name} | {row} |", flush=True)
-    contact_sheet(
+    write_contact_sheet(
         tiles, labels, 1 + SHEET_FRAMES, output / "characters.png", f"{len(labels) // (1 + SHEET_FRAMES)} characters"
     )
 

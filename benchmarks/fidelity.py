@@ -35,13 +35,13 @@ from engine_bridge.performance.clip import load_timeline, perform, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures import sheet
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.pictures import clip_sheet
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import followed, rig_limbs
+from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.model.batch import BatchBinding
-from solver.motion.arms import APART
+from solver.motion.arms import APART_ARM_LENGTHS
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
@@ -107,7 +107,7 @@ def read_rig(character: Character) -> Truth:
     heads = dict(zip(names, bones_of(limbs).heads, strict=True))
     tails = dict(zip(names, bones_of(limbs).tails, strict=True))
     owners = tuple(names[max(bone, 0)] for bone in rig_bones(character, limbs).of_nodes(character))
-    which, share = followed(character)
+    which, share = vertex_influences(character)
     number = {bone: index for index, bone in enumerate(names)}
     owner = np.array([number[bone] for bone in owners])[which]
     shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])
@@ -270,7 +270,7 @@ def hands_together(timeline: Timeline) -> str:
     left, right = (timeline.positions[:, JOINT_INDEX[f"hand_{side}"]] for side in ("left", "right"))
     lengths = body.bone_lengths(resting_pose(timeline, SETTINGS))
     arm = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
-    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART * arm):.0f}"
+    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART_ARM_LENGTHS * arm):.0f}"
 
 
 def median_and_p95(values: NDArray[np.float64], digits: int = 1) -> str:
@@ -337,7 +337,7 @@ def main() -> None:
                     if options.sheets:
                         clip = perform(rig, timeline, SETTINGS, notes, lambda _stage, _share: None)
                         title = f"{name}, {sensor}, limbs from the {kind}"
-                        sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
+                        clip_sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
     for kind, values in totals.items():
         print(f"\nAll limbs, limbs from the {kind}: {median_and_p95(np.concatenate(values))}°")
     if away:

@@ -25,8 +25,9 @@ from engine_bridge.character.character import CHARACTER_FILES, load_character
 from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet.proposal import propose_handles
-from engine_bridge.puppet.puppet import CharacterTable, Puppet, check
+from engine_bridge.puppet.handle_proposal import propose_handles
+from engine_bridge.puppet.puppet import CharacterTable, Puppet
+from engine_bridge.puppet.puppet_file import check
 from puppetline.errors import PuppetlineError
 from solver.model import fields
 from solver.model.binding import Binding
@@ -120,7 +121,7 @@ def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.nd
 def narrowest(mesh: SolverMesh, operator: Operator) -> float:
     """Return the smallest share of the surface that any of the 8 fields covers; near 0 if a field is a spike."""
     L, mass = operator(mesh)
-    modes = fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
+    modes = fields.propagation_fields(fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
     return float(((mass @ modes**2) ** 2 / (mass @ modes**4)).min() / mass.sum())
 
 

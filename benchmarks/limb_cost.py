@@ -18,7 +18,7 @@ from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from solver.model.reduced_model import build
 

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.puppet.rig_bones import rig_bones
-from engine_bridge.puppet.rig_limbs import followed, rig_limbs
+from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
@@ -92,7 +92,7 @@ def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]
     )
     names = [(limb.name, number) for limb in limbs for number in range(len(limb.points) - 1)]
     bones = bones_of(limbs)
-    which, share = followed(character)
+    which, share = vertex_influences(character)
     follows = np.maximum(rig_bones(character, limbs).of_nodes(character), 0)[which]
     shown = np.unique(mesh.of_render, return_index=True)[1]
     rest = np.column_stack([mesh.vertices, np.ones(len(mesh.vertices))])

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from benchmarks import datagrams
 from benchmarks.live_faults import Faults
 from benchmarks.live_peers import PERFORMING, Peer, Service, free_udp_port, serving, settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, TOPIC_BYTES, Header, subscription
 
 CHARACTERS = ("one", "two", "three", "four")

@@ -20,16 +20,17 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.recording import Recorder
 from capture.timeline import resample
 from engine_bridge.character.character import make_character
-from engine_bridge.export.bake import TOLERANCE, Motion, bake, fit, made_up, recorded
+from engine_bridge.export.bake import DEFAULT_TOLERANCE, Motion, bake, fit, recorded_motion, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import solve
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures.preview import View, contact_sheet, render
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, render
 from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
-SETTINGS = Settings(tolerance=TOLERANCE)
+SETTINGS = Settings(tolerance=DEFAULT_TOLERANCE)
 TILE_PIXELS = (320, 320)
 REPETITIONS = 2000
 HEADER = """| character | vertices | targets | file, MB | baked in, s | largest error | unseen: mean | worst frame | \
@@ -64,9 +65,9 @@ def main() -> None:
         summary = bake(puppet, output)
         seconds = time.perf_counter() - start
         others = {name: [other for other in PERFORMANCES if other != name] for name in PERFORMANCES}
-        unseen = [project(rig, name, made_up(rig, rest, SETTINGS, silent)) for name, rest in others.items()]
+        unseen = [project(rig, name, synthetic_motion(rig, rest, SETTINGS, silent)) for name, rest in others.items()]
         alone = [
-            project(rig, name, recorded(rig, [logs[other] for other in rest], SETTINGS, silent))
+            project(rig, name, recorded_motion(rig, [logs[other] for other in rest], SETTINGS, silent))
             for name, rest in others.items()
         ]
         left = np.concatenate([one.left for one in unseen])
@@ -81,7 +82,7 @@ def main() -> None:
         )
         tiles += pictures(rig, worst)
         labels += [f"{name}: solver", f"weights, {percent(worst.farthest)} off"]
-    contact_sheet(tiles, labels, 2, folder / "morphs.png", "Largest errors of unseen motion")
+    write_contact_sheet(tiles, labels, 2, folder / "morphs.png", "Largest errors of unseen motion")
 
 
 def silent(_stage: str, _share: float) -> None: ...

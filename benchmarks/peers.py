@@ -15,7 +15,7 @@ from engine_bridge.character.document import Document
 from engine_bridge.cli import benchmark, examples
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 
 TIMES = 40

@@ -150,7 +150,7 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
             moved += (1 - share) * clip.root[before][:, None] + share * clip.root[before + 1][:, None]
         return {
             (part.node, part.primitive): moved[:, mesh.of_render[place]]
-            for part, place in zip(character.parts, character.places, strict=True)
+            for part, place in zip(character.parts, character.vertex_slices, strict=True)
         }
 
     return positions

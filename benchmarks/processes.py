@@ -23,7 +23,7 @@ from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.puppet.puppet import SolverTable
 from solver.model.binding import Binding
 from solver.model.reduced_model import build
-from solver.model.rotations import SAMPLED_TRIANGLES, RotationMode
+from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
 
 MODULE = "benchmarks.processes"
@@ -87,7 +87,7 @@ def table1_row(folder: Path) -> dict[str, Any]:
     rig = load_rig(folder / CHARACTER)
     handles = rig.puppet.handle_positions
     found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
-    found["n_tri"] = SAMPLED_TRIANGLES * len(rig.model.rest_controls) // 4
+    found["n_tri"] = TRIANGLES_PER_ISOLINE * len(rig.model.rest_controls) // 4
     start = time.perf_counter()
     again = load_rig(folder / CHARACTER)
     Deformer(again.model, again.mesh, handles)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from capture.skeleton import JOINT_INDEX, to_character_axes
 from capture.trackers.picture import Lens, Picture
-from engine_bridge.pictures.preview import barycentric, rasterise
+from engine_bridge.pictures.rasteriser import barycentric, rasterise
 
 Floats = NDArray[np.float64]
 

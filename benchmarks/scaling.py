@@ -13,7 +13,7 @@ from benchmarks.processes import MODULE
 from engine_bridge.character.character import Character, load_character, make_character
 from engine_bridge.cli.benchmark import in_process
 from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
-from engine_bridge.puppet import puppet
+from engine_bridge.puppet import puppet_file
 
 SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)
 BASE_VERTICES = 62_500
@@ -33,9 +33,9 @@ def measured(scratch: Path, subject: Path, progress: Callable[[str], None]) -> l
         make_character(str(size), vertices, faces).document.save(folder / "mesh.glb")
         for file in (LOG, "warm_up.glb", WARM_UP):
             shutil.copy(subject / file, folder)
-        proposed = puppet.load(subject / CHARACTER)
+        proposed = puppet_file.load(subject / CHARACTER)
         table = proposed.character.model_copy(update={"mesh": "mesh.glb"})
-        puppet.dump(proposed.model_copy(update={"character": table}), folder / CHARACTER)
+        puppet_file.dump(proposed.model_copy(update={"character": table}), folder / CHARACTER)
         found = in_process(folder, "precompute") | in_process(folder, "point", module=MODULE)
         points.append(found)
         progress(f"  {found}")
@@ -45,7 +45,7 @@ def measured(scratch: Path, subject: Path, progress: Callable[[str], None]) -> l
 
 def _resized(subject: Path) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.int64]]]:
     """Yield the character of a folder at each of `SIZES`, by splitting triangles in four and collapsing edges."""
-    character = load_character(subject / puppet.load(subject / CHARACTER).character.mesh)
+    character = load_character(subject / puppet_file.load(subject / CHARACTER).character.mesh)
     vertices, faces = _with_vertices(BASE_VERTICES, *_split(BASE_VERTICES, *_surface(character)))
     for size in SIZES:
         vertices, faces = _split(size, vertices, faces)

@@ -12,7 +12,8 @@ from engine_bridge.character.character import make_character
 from engine_bridge.cli import benchmark
 from engine_bridge.cli.benchmark import in_process, number
 from engine_bridge.cli.benchmark_process import CHARACTER
-from engine_bridge.puppet import puppet
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet import HandleTable
 
 PAPER = (
     ("Dinosaur", "dinosaur", 14_000, 6, 841, 2.917, 0.6132, 0.2353, 9.873, 10.11),
@@ -75,12 +76,12 @@ def _prepare(folder: Path, name: str, handles: int) -> None:
     folder.mkdir()
     make_character(name, made.vertices, made.faces).document.save(folder / f"{name}.glb")
     benchmark.prepare(folder, folder / f"{name}.glb", FRAMES)
-    proposed = puppet.load(folder / CHARACTER)
+    proposed = puppet_file.load(folder / CHARACTER)
     own = tuple(
-        puppet.HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)
+        HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)
         for joint, vertex in zip(HANDLE_JOINTS, _far_apart(made.vertices, handles), strict=False)
     )
-    puppet.dump(proposed.model_copy(update={"handle": own}), folder / CHARACTER)
+    puppet_file.dump(proposed.model_copy(update={"handle": own}), folder / CHARACTER)
 
 
 def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:

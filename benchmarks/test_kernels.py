@@ -15,7 +15,7 @@ from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.cli.benchmark import own_cache, prepare
 from engine_bridge.cli.benchmark_process import CHARACTER, LOG, Playing
 from engine_bridge.performance.rig import load_rig
-from solver.model import lanes
+from solver.model import matrix_blocks
 from solver.model.polar import nearest_rotations
 from solver.motion.deformer import to_file_units
 
@@ -67,13 +67,13 @@ def test_input_and_retargeting(benchmark, playing, monkeypatch):
 def test_nearest_rotations(benchmark):
     """They are those of the singular value decomposition."""
     S = np.eye(3) + 0.3 * np.random.default_rng(0).normal(size=(80, 3, 3))
-    places = lanes.of_matrices(len(S))
-    packed = lanes.pack(S.reshape(-1, 3), places)
+    places = matrix_blocks.matrix_row_places(len(S))
+    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), places)
     rotations = np.empty_like(packed)
     benchmark(nearest_rotations, packed, rotations)
     U, _, Vt = np.linalg.svd(S)
     U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
-    np.testing.assert_allclose(lanes.unpack(rotations, places).reshape(-1, 3, 3), U @ Vt, atol=1e-9)
+    np.testing.assert_allclose(matrix_blocks.unpack_rows(rotations, places).reshape(-1, 3, 3), U @ Vt, atol=1e-9)
 
 
 def test_solve(benchmark, playing, targets):

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import Header, Kind, join, topic

@@ -7,7 +7,6 @@ Nothing here is random that a seed does not fix.
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from capture.clip import SkeletonClip
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, TRACKED
@@ -151,5 +150,11 @@ def _error(true: Array, speed: Array, rng: np.random.Generator) -> Array:
     settle = round(10 * DRIFT_TIME * FRAME_RATE)
     steps = rng.standard_normal((settle + len(true), *true.shape[1:]))
     unit_variance = np.sqrt((1 - keep**2) ** 3 / (1 + keep**2))
-    slow = lfilter([unit_variance], [1.0, -2 * keep, keep**2], steps, axis=0)[settle:] * drift[:, None]
-    return (white + slow) * (true[..., 2:] / NOMINAL_DEPTH) ** 2 * np.array([1.0, 1.0, DEPTH_FACTOR])
+    slow = np.zeros((2 + len(steps), *true.shape[1:]))
+    for frame, step in enumerate(steps):  # a loop, because SciPy's filters take half a second to import
+        slow[frame + 2] = 2 * keep * slow[frame + 1] - keep**2 * slow[frame] + unit_variance * step
+    return (
+        (white + slow[2 + settle :] * drift[:, None])
+        * (true[..., 2:] / NOMINAL_DEPTH) ** 2
+        * np.array([1.0, 1.0, DEPTH_FACTOR])
+    )

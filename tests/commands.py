@@ -9,8 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
-PATIENCE = 180.0
-"""Seconds after which a test gives up."""
+TIMEOUT_SECONDS = 180.0
+"""Time after which a test fails, in seconds."""
 
 SERVER = Path(__file__).with_name("command_server.py")
 
@@ -32,7 +32,7 @@ class Process:
         """Return the exit code, or None as long as there is none."""
         return self.returncode
 
-    def wait(self, timeout=PATIENCE):
+    def wait(self, timeout=TIMEOUT_SECONDS):
         """Wait for the exit code."""
         if not self._ended.wait(timeout):
             raise subprocess.TimeoutExpired(f"process {self.pid}", timeout)
@@ -125,4 +125,4 @@ class Commands:
     def close(self):
         """Let the server end."""
         self._requests.close()
-        self._server.wait(PATIENCE)
+        self._server.wait(TIMEOUT_SECONDS)

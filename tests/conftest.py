@@ -26,8 +26,9 @@ PEERS = ROOT / "tests" / "peers"
 
 def _compile_anew_where_something_changed() -> None:
     """Keep compiled loops in a folder named by their sources: Numba looks at a function's own file alone."""
-    sources = sorted(path for room in ("capture", "solver", "engine_bridge") for path in (ROOT / room).rglob("*.py"))
-    compiled = [text for path in sources if b"numba" in (text := path.read_bytes())]
+    rooms = ("puppetline", "capture", "solver", "engine_bridge")
+    sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
+    compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
     own = ROOT / ".pytest_cache" / "compiled" / hashlib.sha256(b"".join(compiled)).hexdigest()[:16]
     for other in own.parent.glob("*"):
         if other != own:
@@ -47,12 +48,17 @@ if REQUIRED - OPTIONAL:
     )
 
 
-COMPILING = "tests/solver"
-"""Where nearly all compiled loops are used: one worker compiles them here, and the others find them compiled."""
+COMPILING = {
+    "limbs": tuple(f"tests/solver/motion/test_{name}.py" for name in ("arms", "feet", "limb_motion")),
+    "surfaces": ("tests/solver",),
+}
+"""Tests that use nearly all compiled loops, in two groups with different ones.
 
-WITHOUT = ("tests/capture", "tests/examples", "tests/test_")
-"""What the others can do meanwhile, since it knows no solver."""
+One worker runs each group first, so that no loop is compiled twice; a test is in the first group that it fits.
+"""
 
+INDEPENDENT = ("tests/capture", "tests/examples", "tests/test_")
+"""Tests that do not use the solver; other workers run them while its loops are compiled."""
 
 SKIPPED = "puppetline/skipped"
 """Where the ids of the tests that a run has skipped are kept for the next run, in pytest's cache."""
@@ -89,7 +95,7 @@ class Skipped:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with what compiles; files with slow tests come before the others, so that all workers end together."""
+    """Start with the tests that compile; files with slow tests precede the others, so that all workers end together."""
     if config.option.skipped:
         ids = set(config.cache.get(SKIPPED, []))
         items[:] = [item for item in items if not ids.isdisjoint((item.nodeid, item.nodeid.partition("::")[0]))]
@@ -97,23 +103,28 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     slow = {item.path for item in items if item.get_closest_marker("slow")}
 
     def turn(item: pytest.Item) -> int:
-        if item.nodeid.startswith(COMPILING):
+        if _compiling(item.nodeid):
             return 0
-        if item.nodeid.startswith(WITHOUT):
+        if item.nodeid.startswith(INDEPENDENT):
             return 1
         return 2 if item.path in slow else 3
 
     items.sort(key=turn)
 
 
+def _compiling(nodeid: str) -> str | None:
+    """Return the group of `COMPILING` that a test is in."""
+    return next((group for group, files in COMPILING.items() if nodeid.startswith(files)), None)
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each worker a whole file at a time, in the order of collection; `COMPILING` is like one file."""
+    """Give each worker a whole file at a time, in the order of collection; a group of `COMPILING` is like one file."""
     from xdist.scheduler import LoadFileScheduling
 
     class Scheduling(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return COMPILING if nodeid.startswith(COMPILING) else super()._split_scope(nodeid)
+            return _compiling(nodeid) or super()._split_scope(nodeid)
 
     config.option.loadscopereorder = False
     return Scheduling(config, log)

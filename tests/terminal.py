@@ -8,8 +8,8 @@ import select
 import struct
 import termios
 
-PATIENCE = 180.0
-"""Seconds after which a test gives up."""
+TIMEOUT_SECONDS = 180.0
+"""Time after which a test fails, in seconds."""
 
 
 class Terminal:
@@ -55,7 +55,7 @@ class Terminal:
         """Read all until the program ends, and return its exit code."""
         while self._more():
             pass
-        return self.process.wait(PATIENCE)
+        return self.process.wait(TIMEOUT_SECONDS)
 
     def close(self):
         """Close the window; closing again does nothing."""
@@ -68,11 +68,11 @@ class Terminal:
         self.close()
         if self.process.poll() is None:
             self.process.kill()
-        self.process.wait(PATIENCE)
+        self.process.wait(TIMEOUT_SECONDS)
 
     def _more(self):
         """Take what comes; tell whether there may be more."""
-        if not select.select([self._master], [], [], PATIENCE)[0]:
+        if not select.select([self._master], [], [], TIMEOUT_SECONDS)[0]:
             return False
         try:
             text = self._decoder.decode(os.read(self._master, 65536))

@@ -1,1 +1,1 @@
-"""Sensors and cameras: devices that give pictures."""
+"""Sensors and cameras: devices that deliver images, with a tracker each."""

@@ -1,8 +1,8 @@
 """Cameras and videos through OpenCV: the sources ``camera:`` and ``video:``, colour without depth.
 
-``camera:0`` or ``camera:/dev/video0``, ``video:FILE``; then ``?`` and options with ``&`` between them: ``height=1.75``,
-the performer's in metres; ``fov=78``, the field of view from corner to corner in degrees, as data sheets give it; of
-videos ``loop``, which has no value.
+The forms are ``camera:0``, ``camera:/dev/video0`` and ``video:FILE``. Options follow ``?``, with ``&`` between them:
+``height=1.75``, the performer's height in metres; ``fov=78``, the diagonal field of view in degrees, as in data sheets;
+and for videos ``loop``, without a value.
 """
 
 import math
@@ -17,99 +17,100 @@ from urllib.parse import parse_qsl
 
 from capture.libraries import import_error
 from capture.sensors.source import SensorSource
-from capture.trackers.mediapipe import EXTRA, HEIGHT, MediaPipePose, library
+from capture.trackers.mediapipe import DEFAULT_HEIGHT_METRES, INSTALL_FIX, MediaPipePose, load_mediapipe
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError, at
 
-FIELD_OF_VIEW = 70.0
-"""Degrees from corner to corner where nobody says it: between a laptop's camera and a usual webcam."""
+DEFAULT_FOV_DEGREES = 70.0
+"""Default of the diagonal field of view, in degrees, between those of laptops and webcams."""
 
-FIX = "Write it like camera:0?height=1.75&fov=78 or video:dance.mp4?loop; docs/sensors.md explains the options."
-
+_FIX = "Write it like camera:0?height=1.75&fov=78 or video:dance.mp4?loop; docs/sensors.md explains the options."
 _RANGES = {"height": (0.5, 2.5, "metres"), "fov": (20.0, 150.0, "degrees")}
-_FRAME_RATE = 30.0  # of a video that does not say its own
+_DEFAULT_FRAME_RATE = 30.0  # of a video that states none
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What a user says about a camera or video.
+    """Options of a camera or video.
 
     Attributes
     ----------
-    place : str
-        Number, device or file.
+    name : str
+        Number, device file or video file.
     height : float
-        The performer's, metres.
+        The performer's height, in metres.
     fov : float
-        Degrees from corner to corner.
+        Diagonal field of view, in degrees.
     loop : bool
-        Whether to begin again at the end.
+        Whether a video begins again at its end.
     """
 
-    place: str
-    height: float = HEIGHT
-    fov: float = FIELD_OF_VIEW
+    name: str
+    height: float = DEFAULT_HEIGHT_METRES
+    fov: float = DEFAULT_FOV_DEGREES
     loop: bool = False
 
 
 def open_camera(uri: str, rest: str) -> SensorSource:
-    """Open a camera and find a person in what it shows.
+    """Open a camera with MediaPipe as its tracker.
 
     Parameters
     ----------
     uri, rest : str
-        The whole, and what follows its scheme.
+        The whole URI, and the part after its scheme.
 
     Raises
     ------
     SourceError
-        The text cannot be read, or a library is missing. What is wrong with the camera is raised by the source.
+        The URI is wrong, or a library is missing. The source itself raises the errors of the camera.
     """
     options = parse(uri, rest)
     if options.loop:
-        raise SourceError(uri, found="the option 'loop'", expected="height and fov", fix="A camera has no end.")
-    opencv()
-    library()
+        raise SourceError(
+            uri, found="the option 'loop'", expected="height and fov", fix="Remove it: a camera has no end."
+        )
+    load_opencv()
+    load_mediapipe()
     return SensorSource(uri, lambda: Camera(uri, options), lambda _: MediaPipePose(options.height))
 
 
 def open_video(uri: str, rest: str, folder: Path) -> SensorSource:
-    """Open a video file and find a person in it.
+    """Open a video file with MediaPipe as its tracker.
 
     Parameters
     ----------
     uri, rest : str
-        The whole, and what follows its scheme.
+        The whole URI, and the part after its scheme.
     folder : Path
-        What the file is relative to.
+        Folder to which the file's path is relative.
 
     Raises
     ------
     SourceError
-        The text cannot be read, a library is missing, or there is no such video.
+        The URI is wrong, a library is missing, or the file is not a video.
     """
     options = parse(uri, rest)
-    library()
-    video = Video(uri, folder / options.place, options)
+    load_mediapipe()
+    video = Video(uri, folder / options.name, options)
     return SensorSource(uri, lambda: video, lambda _: MediaPipePose(options.height), recorded=True)
 
 
 def parse(uri: str, rest: str) -> Options:
-    """Read the part of a URI after its colon.
+    """Parse the part of a URI after its scheme.
 
     Raises
     ------
     SourceError
-        An option is unknown, given twice or has no such value.
+        An option is unknown, repeated or has a wrong value.
     """
-    place, _, query = rest.partition("?")
+    name, _, query = rest.partition("?")
     values: dict[str, Any] = {}
     for key, value in parse_qsl(query, keep_blank_values=True):
         if key in values or key not in ("loop", *_RANGES):
             found = f"the option {key!r}" + (" for the second time" if key in values else "")
-            raise SourceError(uri, found=found, expected="height, fov, loop, each once at most", fix=FIX)
+            raise SourceError(uri, found=found, expected="height, fov, loop, each at most once", fix=_FIX)
         values[key] = _number(uri, key, value) if key in _RANGES else _flag(uri, key, value)
-    return Options(place or "0", **values)
+    return Options(name or "0", **values)
 
 
 class Camera:
@@ -119,114 +120,100 @@ class Camera:
     ----------
     uri : str
     options : Options
-        Of these, the place and the field of view.
+        `name` and `fov` are used.
 
     Raises
     ------
     SourceError
-        There is no such camera, this user may not use it, or OpenCV cannot open it.
+        The camera does not exist, this user may not use it, or OpenCV cannot open it.
     """
 
     def __init__(self, uri: str, options: Options) -> None:
-        cv2 = opencv()
+        cv2 = load_opencv()
         self._uri, self._fov = uri, options.fov
-        numbered = options.place.isdecimal()
+        numbered = options.name.isdecimal()
         linux = sys.platform == "linux"
         if linux:
-            _check(uri, Path(f"/dev/video{options.place}" if numbered else options.place))
+            _check(uri, Path(f"/dev/video{options.name}" if numbered else options.name))
         self._capture = cv2.VideoCapture(
-            int(options.place) if numbered else options.place, cv2.CAP_V4L2 if linux else cv2.CAP_ANY
+            int(options.name) if numbered else options.name, cv2.CAP_V4L2 if linux else cv2.CAP_ANY
         )
         if not self._capture.isOpened():
             self._capture.release()
             raise SourceError(
                 uri,
-                found=f"a device that cannot be opened as a camera ({options.place})",
-                expected="a camera that no other program is using",
-                fix="Close the other program, or choose another device: some cameras create several, and only one "
-                "delivers images.",
+                found=f"a device that cannot be opened as a camera ({options.name})",
+                expected="a camera that no other program uses",
+                fix="Close the other program, or choose another device: of a camera's devices, only one has images.",
             )
-        self.name = f"camera {options.place}"
+        self.name = f"camera {options.name}"
 
-    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (OpenCV waits as `opencv` says)
-        """Wait for the next picture.
-
-        Raises
-        ------
-        SourceError
-            None came: it was pulled out, or another program has it.
-        """
+    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (the timeout is that of `load_opencv`)
+        """Return the next image; raise SourceError if the camera was unplugged or another program uses it."""
         good, frame = self._capture.read()
         if not good:
             raise SourceError(
                 self._uri,
                 found=f"no image from {self.name}",
-                expected="a camera that is plugged in and that no other program is using",
-                fix="Close the other program, or plug the camera in again; it is reopened automatically.",
+                expected="a camera that is plugged in and that no other program uses",
+                fix="Close the other program, or plug the camera in again; the source then resumes automatically.",
             )
         return _picture(time.monotonic(), frame, self._fov)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self._capture.release()
 
 
 class Video:
-    """A video file, whose times are those in it; implements `capture.trackers.picture.Device`.
+    """A video file, with its own times; implements `capture.trackers.picture.Device`.
 
     Parameters
     ----------
     uri : str
     path : Path
     options : Options
-        Of these, the field of view and whether to loop.
+        `fov` and `loop` are used.
 
     Raises
     ------
     SourceError
-        There is no such file, or it holds no pictures.
+        The file does not exist, or has no images.
     """
 
     def __init__(self, uri: str, path: Path, options: Options) -> None:
         self._uri, self._fov, self._loop = uri, options.fov, options.loop
         if not path.is_file():
-            raise SourceError(uri, found=f"no file {path}", expected="a video", fix="Correct the file's name.")
-        cv2 = opencv()
-        self._start = cv2.CAP_PROP_POS_FRAMES, 0
-        self._moment = cv2.CAP_PROP_POS_MSEC
+            raise SourceError(uri, found=f"no file {path}", expected="a video", fix="Correct the path.")
+        cv2 = load_opencv()
+        self._cv2 = cv2
         self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-        self._period = 1 / (self._capture.get(cv2.CAP_PROP_FPS) or _FRAME_RATE)
-        self._begun = self._last = 0.0  # seconds: when this round began, and its latest picture
+        self._period = 1 / (self._capture.get(cv2.CAP_PROP_FPS) or _DEFAULT_FRAME_RATE)
+        self._start = self._last = 0.0  # times of the beginning of this pass and of its last image, in seconds
         self._next = self._decode()
         if self._next is None:
             self.close()
             raise SourceError(
                 uri,
-                found=f"no picture in {path}, {path.stat().st_size} bytes",
+                found=f"no image in {path} ({path.stat().st_size} bytes)",
                 expected="a video that FFmpeg reads, such as .mp4, .webm or .avi",
-                fix="Play the file elsewhere to see whether it is whole, and convert it.",
+                fix="Check in a video player whether the file is intact, and convert it.",
             )
         self.name = f"the video {path.name}"
 
-    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (a file never lets wait)
-        """Return the next picture.
-
-        Raises
-        ------
-        SourceError
-            The video has ended.
-        """
+    def read(self, timeout: float) -> Picture | None:  # noqa: ARG002 (a file needs no waiting)
+        """Return the next image; raise SourceError at the end of the video."""
         picture = self._next
         if picture is None and self._loop:
-            self._begun = self._last + self._period
-            self._capture.set(*self._start)
+            self._start = self._last + self._period
+            self._capture.set(self._cv2.CAP_PROP_POS_FRAMES, 0)
             picture = self._decode()
         if picture is None:
             raise SourceError(
                 self._uri,
                 found="the end of the video",
-                expected="more of it",
-                fix="Put ?loop behind the file's name to play it again and again.",
+                expected="more images",
+                fix="Add ?loop to play it in a loop.",
             )
         self._next = self._decode()
         return picture
@@ -239,25 +226,25 @@ class Video:
         good, frame = self._capture.read()
         if not good:
             return None
-        self._last = self._begun + self._capture.get(self._moment) / 1000
+        self._last = self._start + self._capture.get(self._cv2.CAP_PROP_POS_MSEC) / 1000
         return _picture(self._last, frame, self._fov)
 
 
-def opencv() -> ModuleType:
+def load_opencv() -> ModuleType:
     """Return OpenCV.
 
     Raises
     ------
     SourceError
-        It cannot be loaded.
+        OpenCV cannot be loaded.
     """
-    # A camera that hangs is waited for at most so many seconds, not OpenCV's ten: read when OpenCV is loaded.
+    # the timeout of a camera in seconds, which OpenCV reads when it is loaded; its default is 10
     os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2")
     try:
         import cv2
-    except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
+    except (ImportError, OSError) as error:  # OSError: a shared library is missing
         raise import_error("cv2", error)(
-            "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
+            "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=INSTALL_FIX
         ) from error
     return cv2
 
@@ -265,27 +252,27 @@ def opencv() -> ModuleType:
 def _picture(moment: float, frame: Any, fov: float) -> Picture:
     height, width = frame.shape[:2]
     focal = math.hypot(width, height) / 2 / math.tan(math.radians(fov) / 2)
-    return Picture(moment, Lens(width, height, focal), opencv().cvtColor(frame, opencv().COLOR_BGR2RGB), None)
+    return Picture(moment, Lens(width, height, focal), load_opencv().cvtColor(frame, load_opencv().COLOR_BGR2RGB), None)
 
 
 def _check(uri: str, device: Path) -> None:
-    """Find out before OpenCV, which does not say it, why a camera cannot be opened."""
+    """Raise an error with the reason why a camera cannot be opened, which OpenCV does not report."""
     if not device.exists():
-        there = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*"))) or "none at all"
+        cameras = ", ".join(str(path) for path in sorted(Path("/dev").glob("video*"))) or "none is plugged in"
         raise SourceError(
             uri,
             found=f"no {device}",
-            expected=f"a camera that is there: {there}",
+            expected=f"an existing camera ({cameras})",
             fix="Plug it in; in a container or virtual machine, pass the device through.",
         )
     if not os.access(device, os.R_OK | os.W_OK):
         group = device.group()
         raise SourceError(
             uri,
-            found=f"no permission to use {device}",
+            found=f"no permission for this user to use {device}",
             expected=f"permission to read and write it, which its group {group} has",
-            fix=f'sudo usermod -aG {group} $USER, and log in again; or a udev rule for SUBSYSTEM=="video4linux" with '
-            'TAG+="uaccess".',
+            fix=f"Run sudo usermod -aG {group} $USER and log in again, or add a udev rule for "
+            'SUBSYSTEM=="video4linux" with TAG+="uaccess".',
         )
 
 
@@ -296,11 +283,11 @@ def _number(uri: str, key: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not least <= value <= most:
-        raise SourceError(at(uri, field=key), found=repr(text), expected=f"{least:g} to {most:g} {unit}", fix=FIX)
+        raise SourceError(at(uri, field=key), found=repr(text), expected=f"{least:g} to {most:g} {unit}", fix=_FIX)
     return value
 
 
 def _flag(uri: str, key: str, text: str) -> bool:
     if text:
-        raise SourceError(at(uri, field=key), found=repr(text), expected="no value", fix=FIX)
+        raise SourceError(at(uri, field=key), found=repr(text), expected="no value", fix=_FIX)
     return True

@@ -1,28 +1,28 @@
-"""When pictures were taken, on our clock: from a device's own times, and from when its pictures came.
+"""Times of images on this computer's clock, from a device's own clock and the arrival times of its images.
 
-The quickest pictures on their way set the difference between the two clocks. It falls at once and rises slowly, so that
-neither a picture that came late nor a clock that runs a little slow moves it far.
+The images with the smallest delay determine the difference between both clocks. The difference falls immediately and
+rises slowly, so that neither a late image nor a slightly slow clock changes it much.
 
-Whether a device's clock can be used at all is seen by the quickest pictures of one span of time and the next: the
-difference stays. Until that was seen, pictures are taken to be of the moment at which they come; and so they are again
-where the device's clock runs too slow or too fast for several spans, stands still, or counts in another unit.
+A device's clock is trusted if the smallest delays of consecutive spans of time are about the same. Until then, an image
+has its arrival time. The same applies if the device's clock is too slow or too fast for several spans, stands still, or
+counts in another unit.
 """
 
 import math
 from collections import deque
 
-SPAN = 1.0
-"""Seconds whose quickest picture is compared with that of the seconds before."""
-OFF = 0.02
-"""Seconds a second by which a device's clock may be slow or fast; crystals are a thousand times better."""
-SPANS = 3
-"""Spans in a row that tell that it is slower or faster than that: anything may delay pictures for one."""
+SPAN_SECONDS = 1.0
+"""Length of the spans of time whose smallest delays are compared, in seconds."""
+MAX_DRIFT = 0.02
+"""Largest rate error of a trusted clock, in seconds per second; crystals are a thousand times better."""
+SPAN_COUNT = 3
+"""Number of consecutive spans with a larger rate error after which a clock is not trusted; one may just have delays."""
 
-_EASE = 2.0  # seconds in which a longer difference is taken over
+_RISE_SECONDS = 2.0  # time constant with which the difference of the clocks rises
 
 
 class DeviceClock:
-    """Brings a device's times to our clock.
+    """Converts a device's times to this computer's clock.
 
     Attributes
     ----------
@@ -32,49 +32,51 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self.trusted = False
-        self._taken = math.inf  # of the picture before, on the device's clock
-        self._moment = -math.inf  # and on ours
-        self._ahead = 0.0  # seconds by which our clock is
-        self._begun = math.nan  # of the span
-        self._quickest = self._before = math.inf, math.nan  # difference in this span and the one before, and when
-        self._losses: deque[float] = deque(maxlen=SPANS)  # seconds a second that the device's clock lost, by span
+        self._last_taken = math.inf  # time of the last image on the device's clock
+        self._last_moment = -math.inf  # the same on this computer's clock
+        self._offset = 0.0  # seconds by which this computer's clock is ahead
+        self._span_start = math.nan
+        self._smallest = self._previous = math.inf, math.nan  # offset of least delay in a span, and when
+        self._drifts: deque[float] = deque(maxlen=SPAN_COUNT)  # seconds per second that the device's clock lost
 
     def moment(self, taken: float, now: float) -> float:
-        """Return when a picture was taken: not after `now`, and not before the picture before.
+        """Return when an image was taken, which is not after `now` and not before the last image.
 
         Parameters
         ----------
-        taken, now : float
-            Seconds on the device's clock, and on ours when the picture came.
+        taken : float
+            Time on the device's clock, in seconds.
+        now : float
+            Arrival time on this computer's clock, in seconds.
         """
-        ahead = now - taken
-        self._judge(ahead, now)
-        if taken <= self._taken or ahead < self._ahead:  # the device's clock was set anew, or this one was quicker
-            self._ahead = ahead
+        offset = now - taken
+        self._compare(offset, now)
+        if taken <= self._last_taken or offset < self._offset:  # the device's clock was reset, or the delay is smaller
+            self._offset = offset
         else:
-            self._ahead += (ahead - self._ahead) * (1 - math.exp((self._taken - taken) / _EASE))
-        self._taken = taken
-        self._moment = max(self._moment, min(now, taken + self._ahead) if self.trusted else now)
-        return self._moment
+            self._offset += (offset - self._offset) * (1 - math.exp((self._last_taken - taken) / _RISE_SECONDS))
+        self._last_taken = taken
+        self._last_moment = max(self._last_moment, min(now, taken + self._offset) if self.trusted else now)
+        return self._last_moment
 
     @property
-    def pace(self) -> float | None:
-        """Seconds, to a hundredth, that pass on the device's clock in one of ours, where that makes it useless."""
-        if len(self._losses) == SPANS and (min(self._losses) > OFF or max(self._losses) < -OFF):
-            return round(1 - sorted(self._losses)[SPANS // 2], 2) + 0.0  # and not −0
+    def rate(self) -> float | None:
+        """Seconds of the device's clock per second, rounded to 0.01, if that makes the clock useless; else None."""
+        if len(self._drifts) == SPAN_COUNT and (min(self._drifts) > MAX_DRIFT or max(self._drifts) < -MAX_DRIFT):
+            return round(1 - sorted(self._drifts)[SPAN_COUNT // 2], 2) + 0.0  # turns −0 into 0
         return None
 
-    def _judge(self, ahead: float, now: float) -> None:
+    def _compare(self, offset: float, now: float) -> None:
         """Compare the clocks at the end of each span."""
-        if math.isnan(self._begun):
-            self._begun = now
-        if now - self._begun >= SPAN:
-            (quickest, when), (before, earlier) = self._quickest, self._before
-            if before < math.inf:
-                self._losses.append((quickest - before) / max(when - earlier, SPAN))
-                if self.pace is not None:
+        if math.isnan(self._span_start):
+            self._span_start = now
+        if now - self._span_start >= SPAN_SECONDS:
+            (smallest, when), (previous, earlier) = self._smallest, self._previous
+            if previous < math.inf:
+                self._drifts.append((smallest - previous) / max(when - earlier, SPAN_SECONDS))
+                if self.rate is not None:
                     self.trusted = False
-                elif not self.trusted and abs(self._losses[-1]) <= OFF:
-                    self.trusted, self._ahead = True, quickest
-            self._begun, self._before, self._quickest = now, self._quickest, (math.inf, math.nan)
-        self._quickest = min(self._quickest, (ahead, now))
+                elif not self.trusted and abs(self._drifts[-1]) <= MAX_DRIFT:
+                    self.trusted, self._offset = True, smallest
+            self._span_start, self._previous, self._smallest = now, self._smallest, (math.inf, math.nan)
+        self._smallest = min(self._smallest, (offset, now))

@@ -1,7 +1,8 @@
-"""Whether an .oni recording is whole and plays: OpenNI2 2.2 can crash on one that was cut off or is damaged.
+"""Checks of an .oni recording before OpenNI2 reads it: OpenNI2 2.2 can crash on an incomplete or damaged file.
 
-A recording is a head of 24 bytes and then records, one behind the other, up to the one that ends it. Each begins with
-its magic, type, node, its own size with this head, that of the data behind it, and where it replaces an earlier one.
+A recording is a header of 24 bytes and a sequence of records up to an end record. Each record begins with its magic
+number, type, node, size of its header with its fields, size of its data, and the position of the record that it
+replaces.
 """
 
 import struct
@@ -11,43 +12,43 @@ from pathlib import Path
 
 from puppetline.errors import SourceError
 
-_FILE, _RECORD = b"NI10", b"NIR\0"
-_FIRST = 24
-_HEAD = struct.Struct("<4sIIIIQ")
-_END = 11
+_FILE_MAGIC, _RECORD_MAGIC = b"NI10", b"NIR\0"
+_FILE_HEADER_BYTES = 24
+_RECORD_HEADER = struct.Struct("<4sIIIIQ")
+_END_TYPE = 11
 
-_PATIENCE = 20.0  # seconds for another process to start and play the beginning
+_PLAY_SECONDS = 20.0  # maximum time for another process to start and play the beginning
 _PLAY = """
 import os, sys
 sys.path[:] = sys.argv[2:]
-from capture.sensors.openni import OpenNIDevice, Place
+from capture.sensors.openni import OpenNIDevice, Selection
 from puppetline.errors import SourceError
 try:
-    device = OpenNIDevice("", Place("file", sys.argv[1]))
+    device = OpenNIDevice("", Selection("file", sys.argv[1]))
     for _ in range(5):
         device.read(0.2)
 except SourceError:
-    pass  # which is found again, by who wants to play it
+    pass  # the process that plays the recording raises it again
 os._exit(0)
 """
 
 
-def check_whole(where: str, path: Path) -> None:
-    """Go through a recording from record to record.
+def check_intact(where: str, path: Path) -> None:
+    """Check that a recording is a complete sequence of records.
 
     Parameters
     ----------
     where : str
-        Who asks, for the message.
+        The source that plays the recording, for errors.
     path : Path
 
     Raises
     ------
     SourceError
-        There is no such file, it is no recording, or it is damaged or cut off.
+        The file cannot be read, is not a recording, or is damaged or incomplete.
     """
     try:
-        damage = _damage(path)
+        damage = _find_damage(path)
     except OSError as error:
         raise SourceError(
             where,
@@ -58,56 +59,56 @@ def check_whole(where: str, path: Path) -> None:
     if damage is not None:
         raise SourceError(
             where,
-            found=f"{path}, which is damaged at byte {damage}" if damage else f"{path}, which is something else",
-            expected="a whole .oni recording",
-            fix="Record it again, and end recording before the program that records.",
+            found=f"{path}, which is damaged at byte {damage}" if damage else f"{path}, which is another kind of file",
+            expected="an intact .oni recording",
+            fix="Record it again, and stop recording before you close the program that records.",
         )
 
 
 def check_plays(where: str, path: Path) -> None:
-    """Have another process play the beginning, in which the library may crash.
+    """Play the beginning of a recording in another process, because the library may crash.
 
-    `check_whole` cannot tell: of single damaged bytes in the names and values that a stream's properties have, every
-    fifth crashes OpenNI2 2.2 or has it hang, though each record begins and ends where it should.
+    `check_intact` cannot detect this. Of single damaged bytes in the names and values of a stream's properties, one in
+    five makes OpenNI2 2.2 crash or hang, although every record begins and ends where it should.
 
     Parameters
     ----------
     where : str
-        Who asks, for the message.
+        The source that plays the recording, for errors.
     path : Path
 
     Raises
     ------
     SourceError
-        It crashes, or never comes back. What it says itself is not raised.
+        The library crashes or hangs. Errors that it reports are not raised.
     """
     command = [sys.executable, "-c", _PLAY, str(path), *sys.path]
     try:
-        subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=True)  # noqa: S603
+        subprocess.run(command, capture_output=True, timeout=_PLAY_SECONDS, check=True)  # noqa: S603
     except subprocess.SubprocessError as error:
         hangs = isinstance(error, subprocess.TimeoutExpired)
         raise SourceError(
             where,
             found=f"{path}, on which OpenNI2 {'hangs' if hangs else 'crashes'}",
-            expected="a whole .oni recording",
+            expected="an intact .oni recording",
             fix="Record it again.",
         ) from error
 
 
-def _damage(path: Path) -> int | None:
-    """Return where the first record that is none should be, 0 if the file is no recording; None if it is whole."""
+def _find_damage(path: Path) -> int | None:
+    """Return the position of the first bad record, 0 if the file is not a recording, and None if it is intact."""
     with path.open("rb") as file:
-        if file.read(len(_FILE)) != _FILE:
+        if file.read(len(_FILE_MAGIC)) != _FILE_MAGIC:
             return 0
-        place = _FIRST
+        position = _FILE_HEADER_BYTES
         while True:
-            file.seek(place)
-            head = file.read(_HEAD.size)
-            if len(head) < _HEAD.size:
-                return place
-            magic, kind, _, own, data, _ = _HEAD.unpack(head)
-            if magic != _RECORD or own < _HEAD.size:
-                return place
-            if kind == _END:
+            file.seek(position)
+            header = file.read(_RECORD_HEADER.size)
+            if len(header) < _RECORD_HEADER.size:
+                return position
+            magic, kind, _, header_size, data_size, _ = _RECORD_HEADER.unpack(header)
+            if magic != _RECORD_MAGIC or header_size < _RECORD_HEADER.size:
+                return position
+            if kind == _END_TYPE:
                 return None
-            place += own + data
+            position += header_size + data_size

@@ -1,15 +1,14 @@
-"""A device and a tracker behind the protocol of live sources: pictures in, performers out.
+"""A device and a tracker as a live source: images in, performers out.
 
-One thread waits for pictures, another one finds the people in the newest; opening is theirs too, for a device may take
-seconds, or never come back. What they find wakes whoever runs the source through its file descriptor.
+One thread waits for images, and another tracks the newest. The first also opens the device and the tracker, because a
+device may take seconds to open, or never return. Results make the source's file descriptor readable.
 
-Events of a live device are on the monotonic clock, at the moments of their pictures, as evenly spaced as the device's
-own clock says; where nothing comes, ticks follow at a distance, so as not to be ahead of the picture that is being
-tracked. What is older than `OLDEST` is left out, before it is tracked and when it is given; but on a machine that is
-late for `SLOW` pictures more than not, people are given late rather than never. Of a recording, every picture is
-tracked, at the recording's own times.
+Events of a live device have the times of their images on the monotonic clock. Without results, ticks follow with a
+delay, so that they are never ahead of the image that is being tracked. Images and results older than `MAX_AGE_SECONDS`
+are dropped. If a machine is too slow, so that `MAX_LATE_COUNT` more results were late than in time, late results are
+delivered instead of none. Every image of a recording is tracked, at the recording's own time.
 
-Where pictures have depth and the floor is in them, a cue ``level`` says how the sensor stands: see
+If images have depth and show the floor, a cue ``level`` reports tilt, roll and height of the sensor; see
 `capture.trackers.floor`.
 """
 
@@ -24,60 +23,57 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
-from capture.trackers.floor import FloorWatch
+from capture.trackers.floor import FloorTracker
 from capture.trackers.picture import Device, Picture, Tracker
 from puppetline.errors import SourceError, heading
 
-OPENING = 10.0
-"""Seconds in which a device is open and has given its first picture, or is taken for dead."""
-SILENT = 2.0
-"""Seconds without a picture after which a device is taken for gone."""
-OLDEST = 0.1
-"""Seconds; a picture older than that is not tracked, and who was found in it not given: nobody wants to see it."""
-SLOW = 10
-"""Pictures, more than those in time, that people were found in too late, after which these are given all the same until
-as many come in time: this machine cannot do better, and late is better than never."""
-PATIENCE = 1.0
-"""Seconds by which a recording in real time may be late before the rest of it comes as much later."""
+OPENING_SECONDS = 10.0
+"""Maximum time until a device is open and its first image has arrived, in seconds."""
+SILENCE_SECONDS = 2.0
+"""Time without an image after which a device counts as failed, in seconds."""
+MAX_AGE_SECONDS = 0.1
+"""Maximum age of an image that is tracked, and of a result that is delivered, in seconds."""
+MAX_LATE_COUNT = 10
+"""Number of late results, minus those in time, from which late results are delivered, until it is 0 again."""
+MAX_LAG_SECONDS = 1.0
+"""Maximum delay of a recording in real time, in seconds; at a longer one, the rest is played that much later."""
 
-_READ = 0.1  # seconds that a device is waited for at a time: closing takes as long
-_CLOSING = 0.5  # seconds that closing waits for a device or tracker that does not come back
+_READ_SECONDS = 0.1  # timeout of one read from a device, by which closing may be delayed
+_CLOSING_SECONDS = 0.5  # maximum time that closing waits for a device or tracker
 
-_LOOK_AFTER = "Look after its cable and its power supply, and whether another program uses it."
-
-_News = SkeletonFrame | Lost | Tick | Cue
+_Result = SkeletonFrame | Lost | Tick | Cue
 
 log = logging.getLogger(__name__)
 
 
 class SensorSource:
-    """A device that people are found in; implements `capture.source.SkeletonSource`.
+    """A device with a tracker; implements `capture.source.SkeletonSource`.
 
     Parameters
     ----------
     name : str
-        The URI.
+        URI of the source.
     open_device : callable
-        Returns the device; called in another thread. What it raises is raised by `receive`.
+        Returns the device; called in another thread. `receive` raises its errors.
     open_tracker : callable
-        Returns what finds people in that device's pictures; as `open_device`. The tracker is closed before the device.
+        Returns the tracker for the device; called and closed in the same thread, before the device is closed.
     recorded : bool
-        Whether it is a recording: every picture counts, and its times are kept.
+        Whether the device is a recording, of which every image is tracked at its own time.
     fast : bool
-        Whether to play a recording as fast as it can be tracked, not in real time.
+        Whether to play a recording as fast as tracking allows, instead of in real time.
 
     Attributes
     ----------
     name : str
     counts : Counts
-        Received are pictures; dropped are those that were overtaken or too old, and so are frames.
-    seen : Picture or None
-        The newest picture in which people were looked for.
+        Images received; images and frames dropped because newer ones arrived or because they were too old.
+    tracked_picture : Picture or None
+        The newest tracked image.
     """
 
     def __init__(
@@ -90,106 +86,109 @@ class SensorSource:
     ) -> None:
         self.name = name
         self.counts = Counts()
-        self.seen: Picture | None = None
+        self.tracked_picture: Picture | None = None
         self._open_device, self._open_tracker = open_device, open_tracker
         self.recorded, self._fast = recorded, fast
-        self._given = 0.0 if recorded else time.monotonic() - OLDEST  # the time of the last event
-        self._behind = OLDEST  # seconds by which ticks are late, so as not to be ahead of what is being tracked
-        self._late = 0  # how much more often what was found was too old than not, 0 to SLOW
-        self._slow = self._told = False  # whether that is the rule on this machine, and whether it was said
+        self._last_time = 0.0 if recorded else time.monotonic() - MAX_AGE_SECONDS  # time of the last event
+        self._tick_delay = MAX_AGE_SECONDS  # delay of ticks, in seconds
+        self._late = 0  # number of late results minus those in time, 0 to MAX_LATE_COUNT
+        self._slow = self._slow_logged = False  # whether late results are delivered, and whether that was logged
         self._waker, self._waiter = socket.socketpair()
         self._waker.setblocking(False)
         self._waiter.setblocking(False)
 
-        # What the threads and the caller share, and the condition that guards it.
+        # shared by the threads and the caller, protected by the condition
         self._changed = threading.Condition()
-        self._picture: tuple[float, Picture] | None = None  # when it was taken, and what is to be tracked next
-        self._news: list[_News] = []
-        self._deadline = time.monotonic() + OPENING  # for the next picture
+        self._picture: tuple[float, Picture] | None = None  # the next image to be tracked, and its time
+        self._results: list[_Result] = []
+        self._deadline = time.monotonic() + OPENING_SECONDS  # for the next image
         self._failure: SourceError | None = None
-        self._over = False  # nothing more is to be read
-        self._read_all = False  # nor tracked, once the last picture is
-        self._shut = False  # device and tracker are closed
+        self._stopping = False  # no more images are read
+        self._read_all = False  # no more images follow the current one
+        self._closed = False  # device and tracker are closed
 
         self._done = start(self._run, f"{name} reader", self._stop)
 
     def fileno(self) -> int:
-        """Return what becomes readable when somebody was found."""
+        """Return the file descriptor that becomes readable when there are results."""
         return self._waiter.fileno()
 
     def due(self) -> float:
-        """Return when a tick is due, or when a device that gives nothing is given up."""
-        if self._shut:
+        """Return when a tick is due, or when a silent device counts as failed."""
+        if self._closed:
             return time.monotonic()
-        return self._deadline if self.recorded else min(self._deadline, self._given + TICK + self._behind)
+        return (
+            self._deadline if self.recorded else min(self._deadline, self._last_time + TICK_SECONDS + self._tick_delay)
+        )
 
     def now(self) -> float:
-        """Return the time on the clock of the events."""
-        return self._given if self.recorded else time.monotonic()
+        """Return the time on the clock of the events, in seconds."""
+        return self._last_time if self.recorded else time.monotonic()
 
     def receive(self) -> list[Event]:
-        """Return who was found or lost since the last call, or a tick in silence; never waits.
+        """Return the results since the last call, or a tick if one is due, without waiting.
 
         Raises
         ------
         SourceError
-            The device or the tracker cannot be opened or fails, the device gives no pictures, a recording has ended.
+            The device or the tracker does not open or fails, the device delivers no images, or a recording has ended.
         """
         with suppress(BlockingIOError):
             self._waiter.recv(4096)
         with self._changed:
-            news, self._news = self._news if self.recorded else self._fresh(self._news), []
-            failure = self._failure if self._shut else None
+            results, self._results = self._results if self.recorded else self._drop_late(self._results), []
+            failure = self._failure if self._closed else None
             silent = time.monotonic() >= self._deadline
             self._changed.notify_all()
-        if not news and failure is not None:
+        if not results and failure is not None:
             raise failure
-        if not news and silent:
-            raise self._silent()
-        tick = time.monotonic() - self._behind
-        if not (news or self.recorded) and tick - self._given >= TICK:
-            news.append(Tick(tick))
-        return [self._in_order(event) for event in news]
+        if not results and silent:
+            raise self._silence_error()
+        tick = time.monotonic() - self._tick_delay
+        if not (results or self.recorded) and tick - self._last_time >= TICK_SECONDS:
+            results.append(Tick(tick))
+        return [self._in_order(event) for event in results]
 
     def close(self) -> None:
-        """Let go of device and tracker, unless they do not come back."""
+        """Close device and tracker, or leave them if they do not return in time."""
         self._stop()
-        self._done.wait(_CLOSING)
+        self._done.wait(_CLOSING_SECONDS)
         self._waker.close()
         self._waiter.close()
 
     def _stop(self) -> None:
         with self._changed:
-            self._over = True
+            self._stopping = True
             self._changed.notify_all()
 
-    def _fresh(self, news: list[_News]) -> list[_News]:
-        """Leave out who is seen too late, unless this machine cannot do better."""
-        if not news:
-            return news
+    def _drop_late(self, results: list[_Result]) -> list[_Result]:
+        """Drop frames that are too old, unless this machine is too slow."""
+        if not results:
+            return results
         now = time.monotonic()
-        age = now - max(event.time for event in news)
-        self._late = min(self._late + 1, SLOW) if age > OLDEST else max(self._late - 1, 0)
-        self._slow = self._late > (0 if self._slow else SLOW - 1)
-        self._behind = max(age, OLDEST) if self._slow else OLDEST
+        age = now - max(event.time for event in results)
+        self._late = min(self._late + 1, MAX_LATE_COUNT) if age > MAX_AGE_SECONDS else max(self._late - 1, 0)
+        self._slow = self._late > (0 if self._slow else MAX_LATE_COUNT - 1)
+        self._tick_delay = max(age, MAX_AGE_SECONDS) if self._slow else MAX_AGE_SECONDS
         if self._slow:
-            if not self._told:
-                log.warning("%s finding people takes so long here that they are %.2f s late", heading(self.name), age)
-            self._told = True
-            return news
-        fresh = [event for event in news if isinstance(event, Lost | Cue) or now - event.time <= OLDEST]
-        self.counts.dropped += _frames(news) - _frames(fresh)
-        return fresh
+            if not self._slow_logged:
+                message = "%s tracking is too slow on this machine: performers are %.2f s late"
+                log.warning(message, heading(self.name), age)
+            self._slow_logged = True
+            return results
+        kept = [event for event in results if isinstance(event, Lost | Cue) or now - event.time <= MAX_AGE_SECONDS]
+        self.counts.dropped += _frame_count(results) - _frame_count(kept)
+        return kept
 
-    def _in_order(self, event: _News) -> _News:
-        """Return an event that is not before those that were given, as one of a slow tracker may be."""
-        if event.time < self._given:
-            event = replace(event, time=math.nextafter(self._given, math.inf))
-        self._given = event.time
+    def _in_order(self, event: _Result) -> _Result:
+        """Return an event with a time not before the last one; a slow tracker's results may be before a tick."""
+        if event.time < self._last_time:
+            event = replace(event, time=math.nextafter(self._last_time, math.inf))
+        self._last_time = event.time
         return event
 
     def _run(self) -> None:
-        """Read pictures until something fails or the source is closed."""
+        """Read images until something fails or the source is closed."""
         what = "the device"
         try:
             with ExitStack() as stack:
@@ -198,111 +197,104 @@ class SensorSource:
                 what = "the tracker"
                 tracker = self._open_tracker(device)
                 stack.callback(tracker.close)
-                log.info(
-                    "%s %s gives the pictures, %s finds people in them", heading(self.name), device.name, tracker.name
-                )
+                log.info("%s tracking images of %s with %s", heading(self.name), device.name, tracker.name)
                 tracking = start(lambda: self._track(tracker), f"{self.name} tracker", self._stop)
                 stack.callback(tracking.wait)
                 stack.callback(self._end)
                 what = device.name
                 self._read(device)
-        except Exception as error:  # whatever a driver throws, somebody must be told
+        except Exception as error:  # drivers raise errors of any kind
             self._fail(what, error)
-        self._shut = True
+        self._closed = True
         self._wake()
 
     def _read(self, device: Device) -> None:
-        clock, told = DeviceClock(), False
-        begun = None
-        while not self._over:
-            picture = device.read(_READ)
+        clock, logged = DeviceClock(), False
+        start_time = None
+        while not self._stopping:
+            picture = device.read(_READ_SECONDS)
             if picture is None:
                 continue
             now = time.monotonic()
             if self.recorded:
                 taken = picture.time
-                if begun is None or now - begun - taken > PATIENCE:
-                    begun = now - taken
-                self._offer(taken, picture, now if self._fast else begun + taken)
+                if start_time is None or now - start_time - taken > MAX_LAG_SECONDS:
+                    start_time = now - taken
+                self._offer(taken, picture, now if self._fast else start_time + taken)
             else:
                 self._offer(clock.moment(picture.time, now), picture, now)
-                if clock.pace is not None and not told:
-                    told = True
-                    log.warning(
-                        "%s a second is %g s on the clock of %s: frames have the moments at which pictures come",
-                        heading(self.name),
-                        clock.pace,
-                        device.name,
-                    )
+                if clock.rate is not None and not logged:
+                    logged = True
+                    message = "%s one second takes %g s on the clock of %s: using the arrival times of images instead"
+                    log.warning(message, heading(self.name), clock.rate, device.name)
 
     def _offer(self, taken: float, picture: Picture, due: float) -> None:
-        """Hand a picture over when it is due; that of a live device instead of the one before."""
+        """Pass an image to the tracker when it is due; the image of a live device replaces the waiting one."""
         with self._changed:
             self.counts.received += 1
             if self.recorded:
-                self._deadline = math.inf  # as long as the tracker takes
-                self._changed.wait_for(lambda: self._over, max(0.0, due - time.monotonic()))
-                self._changed.wait_for(lambda: self._over or self._picture is None)
-            elif due - taken > OLDEST:
+                self._deadline = math.inf  # the tracker may take any time
+                self._changed.wait_for(lambda: self._stopping, max(0.0, due - time.monotonic()))
+                self._changed.wait_for(lambda: self._stopping or self._picture is None)
+            elif due - taken > MAX_AGE_SECONDS:
                 self.counts.dropped += 1
                 return
             elif self._picture is not None:
                 self.counts.dropped += 1
             self._picture = taken, picture
-            self._deadline = time.monotonic() + SILENT
+            self._deadline = time.monotonic() + SILENCE_SECONDS
             self._changed.notify_all()
 
     def _track(self, tracker: Tracker) -> None:
-        """Find people in one picture after the other."""
+        """Track one image after another."""
         present: set[int] = set()
         last = -math.inf
-        watch = FloorWatch()
+        floor_tracker = FloorTracker()
         try:
-            while (next_one := self._take()) is not None:
-                taken, picture = next_one
+            while (waiting := self._take()) is not None:
+                taken, picture = waiting
                 last = max(taken, math.nextafter(last, math.inf))
                 people = tracker.track(picture)
-                self.seen = picture
+                self.tracked_picture = picture
                 frames = [
                     SkeletonFrame(last, person.user, person.positions.astype(np.float64), person.confidence)
                     for person in people
                 ]
                 found = {frame.user for frame in frames}
-                self._tell([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
+                self._publish([*(Lost(last, user) for user in sorted(present - found)), *frames] or [Tick(last)])
                 present = found
-                if (floor := watch.see(last, picture)) is not None:  # once nobody waits for it
+                if (floor := floor_tracker.update(last, picture)) is not None:  # after the frames, which are urgent
                     log.info("%s the sensor is %s", heading(self.name), floor)
-                    self._tell([Cue(last, "level", asdict(floor))])
-        except Exception as error:  # as of a device
+                    self._publish([Cue(last, "level", asdict(floor))])
+        except Exception as error:  # as in _run
             self._fail(tracker.name, error)
 
     def _take(self) -> tuple[float, Picture] | None:
-        """Wait for a picture to track; None when there will be none."""
+        """Return the next image to track and its time; None if there are no more."""
         with self._changed:
             while True:
-                self._changed.wait_for(lambda: self._over or self._read_all or self._picture is not None)
+                self._changed.wait_for(lambda: self._stopping or self._read_all or self._picture is not None)
                 found, self._picture = self._picture, None
                 self._changed.notify_all()
-                if self._over or found is None:
+                if self._stopping or found is None:
                     return None
-                if self.recorded or time.monotonic() - found[0] <= OLDEST:
+                if self.recorded or time.monotonic() - found[0] <= MAX_AGE_SECONDS:
                     return found
                 self.counts.dropped += 1
 
-    def _tell(self, news: list[_News]) -> None:
-        """Give news to the caller: those of a live device instead of what is older and of the same kind."""
+    def _publish(self, results: list[_Result]) -> None:
+        """Pass results to the caller; those of a live device replace waiting ones of the same kind and performer."""
         with self._changed:
             if self.recorded:
-                self._changed.wait_for(lambda: self._over or not self._news)
-            kinds = {_kind(event) for event in news}
-            overtaken = kinds & {_kind(event) for event in self._news}
-            self.counts.dropped += sum(kind is SkeletonFrame for kind, _ in overtaken)
-            left = [event for event in self._news if _kind(event) not in overtaken]
-            self._news = left + news
+                self._changed.wait_for(lambda: self._stopping or not self._results)
+            kinds = {_kind(event) for event in results}
+            replaced = kinds & {_kind(event) for event in self._results}
+            self.counts.dropped += sum(kind is SkeletonFrame for kind, _ in replaced)
+            self._results = [event for event in self._results if _kind(event) not in replaced] + results
             self._wake()
 
     def _end(self) -> None:
-        """Have the tracker finish."""
+        """Let the tracker finish."""
         with self._changed:
             self._read_all = True
             if self.recorded:
@@ -310,25 +302,25 @@ class SensorSource:
             self._changed.notify_all()
 
     def _fail(self, what: str, error: Exception) -> None:
-        """Have `receive` raise an error, once all is closed; nothing more is read or tracked."""
+        """Stop reading and tracking; `receive` raises the error once everything is closed."""
         if not isinstance(error, SourceError):
             log.debug("%s %s failed", heading(self.name), what, exc_info=error)
             error = SourceError(
                 self.name,
                 found=f"a failure of {what} ({type(error).__name__}: {error})",
-                expected="images with people in them",
-                fix="Unplug the device and plug it in again; puppetline doctor reports what is installed.",
+                expected="a working device and tracker",
+                fix="Unplug the device and plug it in again; puppetline doctor lists what is installed.",
             )
         with self._changed:
             self._failure = self._failure or error
-            self._over = True
+            self._stopping = True
             self._changed.notify_all()
 
-    def _silent(self) -> SourceError:
-        expected, fix = "a device that gives pictures", _LOOK_AFTER
+    def _silence_error(self) -> SourceError:
+        expected, fix = "images", "Check the cable and the power supply, and close other programs that use the device."
         if self.recorded:
-            expected, fix = "a recording that goes on to its end", "It is damaged: record it again."
-        found = f"no new picture within {SILENT:g} s, nor a first one within {OPENING:g} s"
+            expected, fix = "images up to the recording's end", "The recording is damaged: record it again."
+        found = f"no new image for {SILENCE_SECONDS:g} s, or no first image for {OPENING_SECONDS:g} s"
         return SourceError(self.name, found=found, expected=expected, fix=fix)
 
     def _wake(self) -> None:
@@ -336,9 +328,9 @@ class SensorSource:
             self._waker.send(b"\0")
 
 
-def _frames(news: list[_News]) -> int:
-    return sum(isinstance(event, SkeletonFrame) for event in news)
+def _frame_count(results: list[_Result]) -> int:
+    return sum(isinstance(event, SkeletonFrame) for event in results)
 
 
-def _kind(event: _News) -> tuple[type[_News], int | None]:
+def _kind(event: _Result) -> tuple[type[_Result], int | None]:
     return type(event), None if isinstance(event, Tick | Cue) else event.user

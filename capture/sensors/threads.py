@@ -1,9 +1,9 @@
-"""Threads that stay and do one thing after the other.
+"""Threads that never end and are used again.
 
-OpenNI2 2.2 remembers every thread that called it, and asks the system about each of them when it meets another one. On
-Linux that can crash once one of them has ended, so none does: sensors are opened again and again, for weeks.
+OpenNI2 2.2 remembers every thread that called it, and queries all of them when another thread calls it. On Linux this
+can crash if one of them has ended. So no thread ends, although a service may open sensors again for weeks.
 
-Nor may the program end while one of them is within a native library, which would crash too.
+At the end of the program, work is asked to stop first, because a program that ends inside a native library may crash.
 """
 
 import atexit
@@ -12,60 +12,61 @@ import time
 from collections.abc import Callable
 from queue import SimpleQueue
 
-PATIENCE = 5.0
-"""Seconds that the end of the program waits for what is being done."""
+EXIT_SECONDS = 5.0
+"""Maximum time that the end of the program waits for work, in seconds."""
 
 _Work = tuple[Callable[[], None], str, threading.Event]
 _Stop = Callable[[], None]
 
-_idle: list[SimpleQueue[_Work]] = []  # what those threads wait at that have nothing to do
-_doing: dict[threading.Event, _Stop] = {}
+_idle: list[SimpleQueue[_Work]] = []  # queues of the threads without work
+_running: dict[threading.Event, _Stop] = {}
 
 
 def start(work: Callable[[], None], name: str, stop: _Stop) -> threading.Event:
-    """Do something in a thread that has nothing else to do, and return what is set when it is done.
+    """Run work in an idle thread, or in a new one, and return an event that is set when the work is done.
 
     Parameters
     ----------
     work : callable
         It must not raise.
     name : str
-        Of the thread as long as it does that.
+        Name of the thread during the work.
     stop : callable
-        Asks the work to end soon, and does not wait for it; called at the end of the program.
+        Asks the work to end soon, without waiting for it; called at the end of the program.
     """
     done = threading.Event()
     try:
         tasks = _idle.pop()
     except IndexError:
         tasks = SimpleQueue()
-        threading.Thread(target=_stay, args=[tasks], daemon=True).start()
-    _doing[done] = stop
+        threading.Thread(target=_run, args=[tasks], daemon=True).start()
+    _running[done] = stop
     tasks.put((work, name, done))
     atexit.unregister(_finish)
-    atexit.register(_finish)  # again, as it is to come before what libraries do that were loaded meanwhile
+    atexit.register(_finish)  # registered last, it runs before the exit functions of libraries loaded meanwhile
     return done
 
 
 def _finish() -> None:
-    until = time.monotonic() + PATIENCE
-    doing = dict(_doing)
-    for stop in doing.values():
+    until = time.monotonic() + EXIT_SECONDS
+    running = dict(_running)
+    for stop in running.values():
         stop()
-    for done in doing:
+    for done in running:
         done.wait(max(0.0, until - time.monotonic()))
 
 
-def _stay(tasks: SimpleQueue[_Work]) -> None:
+def _run(tasks: SimpleQueue[_Work]) -> None:
     while True:
-        done = _do(*tasks.get())
+        done = _run_one(*tasks.get())
         threading.current_thread().name = "an idle sensor"
         _idle.append(tasks)
-        _doing.pop(done, None)
+        _running.pop(done, None)
         done.set()
 
 
-def _do(work: Callable[[], None], name: str, done: threading.Event) -> threading.Event:
+def _run_one(work: Callable[[], None], name: str, done: threading.Event) -> threading.Event:
+    """Run work; a function of its own, so that an idle thread keeps no reference to it."""
     threading.current_thread().name = name
     work()
     return done

@@ -1,1 +1,1 @@
-"""Trackers: a sensor's pictures become a body's joints."""
+"""Trackers: joints of performers from the images of a sensor."""

@@ -1,14 +1,13 @@
-"""A tracker: NiTE2, PrimeSense's library, which finds several people in the depth of an OpenNI2 sensor.
+"""A tracker: NiTE2, PrimeSense's library, which finds several performers in the depth of an OpenNI2 sensor.
 
-It comes with neither Puppetline nor Debian, and only who has it can use it: as libNiTE2.so where the system looks for
-libraries, or in the folder that the environment variable NITE2_REDIST names. It reads the sensor through a stream of
-its own, next to the pictures. It gives 15 joints, which `capture.formats.layouts` makes 20 of: its neck is the
-shoulder centre and its torso the spine; hip centre, wrists and ankles are put between their neighbours where recorded
-bodies have them, with the confidence of the least certain neighbour, inferred at most.
+Neither Puppetline nor Debian includes NiTE2. It is loaded from the system's library path, or from the folder that the
+environment variable NITE2_REDIST names. It reads the sensor through a depth stream of its own. Its 15 joints become 20
+in `capture.formats.layouts`: its neck is the shoulder centre and its torso the spine. Hip centre, wrists and ankles are
+interpolated between their neighbours, with the lowest confidence of these, inferred at most.
 
-Its millimetres are x to the right of the depth picture, y up and z away. It takes who it sees for somebody who faces
-the sensor as a mirror, as `capture.network.osceleton` has it: *left* is at the left of the picture. So names and x are
-exchanged, unless the sensor's pictures are mirrored already.
+Its positions are millimetres: x to the right of the depth image, y up, z away. It assumes that performers face the
+sensor like a mirror, as `capture.network.osceleton` does, so *left* is at the left of the image. Sides and x are
+therefore exchanged, unless the sensor's images are mirrored already.
 """
 
 import atexit
@@ -28,21 +27,21 @@ from capture.skeleton import LOST, OPPOSITE, mirrored
 from capture.trackers.picture import Person, Picture
 from puppetline.errors import SourceError
 
-REDIST = "NITE2_REDIST"
-"""Names the folder of the library."""
-PATIENCE = 1.0
-"""Seconds that a picture's people are waited for."""
+REDIST_VARIABLE = "NITE2_REDIST"
+"""Name of the environment variable for the library's folder."""
+TIMEOUT_SECONDS = 1.0
+"""Maximum time to wait for the performers in an image, in seconds."""
 
 _NAMES = ("libNiTE2.so", "libNiTE2.dylib", "NiTE2.dll")
-_VISIBLE, _GONE = 1, 4  # bits of a user's state
-_CALIBRATED = 2  # of a skeleton's states
-_STATES = {
+_VISIBLE, _LEFT = 1, 4  # bits of a user's state
+_CALIBRATED = 2  # state of a skeleton
+_OTHER_STATES = {
     1: "is being calibrated: stand upright and face the sensor",
-    3: "cannot be calibrated: not in the pose",
-    4: "cannot be calibrated: the hands are not seen",
-    5: "cannot be calibrated: the head is not seen",
-    6: "cannot be calibrated: the legs are not seen",
-    7: "cannot be calibrated: the torso is not seen",
+    3: "cannot be calibrated: the pose is wrong",
+    4: "cannot be calibrated: the hands are not in view",
+    5: "cannot be calibrated: the head is not in view",
+    6: "cannot be calibrated: the legs are not in view",
+    7: "cannot be calibrated: the torso is not in view",
 }
 
 log = logging.getLogger(__name__)
@@ -50,22 +49,22 @@ _started = False
 
 
 class NiTE:
-    """Finds people in what a sensor gives; implements `capture.trackers.picture.Tracker`.
+    """Finds performers in the depth of a sensor; implements `capture.trackers.picture.Tracker`.
 
-    Only those whom NiTE2 has calibrated are people; the log says how far the others are. One is made at a time, as the
-    library is not made for more.
+    Only performers whom NiTE2 has calibrated count; the log reports the progress of the others. The library does not
+    support the creation of two trackers at the same time.
 
     Parameters
     ----------
     device : pointer
         OpenNI2's handle of the sensor.
     flipped : bool
-        Whether OpenNI2 gives its depth mirrored.
+        Whether OpenNI2 delivers mirrored depth.
 
     Raises
     ------
     SourceError
-        The library does not load, does not start, or cannot track what this sensor gives.
+        The library does not load, does not start, or cannot track with this sensor.
     """
 
     name = "NiTE2"
@@ -74,8 +73,8 @@ class NiTE:
         self._nite = _library()
         self._flipped = flipped
         self._people: list[Person] = []
-        self._states: dict[int, int] = {}  # of the skeletons of those who are there
-        self._time = -np.inf  # of the depth that they were found in
+        self._states: dict[int, int] = {}  # skeleton states of the users in view
+        self._time = -np.inf  # time of the depth image in which people were found
         self._ready = threading.Event()
         self._tracker: Any = self._nite.NiteUserTrackerHandle()
         sensor = _Device(None, ctypes.cast(device, ctypes.c_void_p))
@@ -90,31 +89,27 @@ class NiTE:
             raise
 
     def track(self, picture: Picture) -> list[Person]:
-        """Return who is in a picture of the sensor, or in the one that NiTE2 has seen since.
+        """Return the performers in an image of the sensor, or in a later one if NiTE2 is ahead.
 
-        Who is out of sight, but not given up by NiTE2, has every joint lost.
-
-        Raises
-        ------
-        SourceError
-            NiTE2 fails, or does not come to this picture.
+        A performer who is out of view, but whom NiTE2 still follows, has every joint lost. It is a SourceError if NiTE2
+        fails, or does not process the image in time.
         """
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + TIMEOUT_SECONDS
         while self._time < picture.time:
             if not self._ready.wait(until - time.monotonic()):
                 raise SourceError(
                     self.name,
-                    found=f"no result from NiTE2 for {PATIENCE:g} s",
+                    found=f"no result from NiTE2 for {TIMEOUT_SECONDS:g} s",
                     expected="a result for every depth image",
                     fix="Unplug the sensor and plug it in again, or set "
-                    f"{REDIST} to an empty folder to track with MediaPipe.",
+                    f"{REDIST_VARIABLE} to an empty folder to track with MediaPipe.",
                 )
             self._ready.clear()
             self._read()
         return self._people
 
     def close(self) -> None:
-        """Let go of the sensor; closing again does nothing."""
+        """Release the sensor; closing again does nothing."""
         if self._tracker:
             self._nite._niteUnregisterUserTrackerCallbacks(self._tracker, ctypes.byref(self._callbacks))
             self._nite._niteShutdownUserTracker(self._tracker)
@@ -131,15 +126,15 @@ class NiTE:
             self._nite._niteUserTrackerFrameRelease(self._tracker, frame)
 
     def _person(self, user: Any) -> Person | None:
-        """Return somebody who is calibrated; have those who are new be so."""
-        if user.state & _GONE:
+        """Return a calibrated user; start the calibration of a new one."""
+        if user.state & _LEFT:
             self._states.pop(user.id, None)
             return None
         if user.id not in self._states:
             self._call("niteStartSkeletonTracking", self._tracker, user.id)
         state = int(user.skeleton.state)
-        if state in _STATES and state != self._states.get(user.id):
-            log.info("%s: user %d %s", self.name, user.id, _STATES[state])
+        if state in _OTHER_STATES and state != self._states.get(user.id):
+            log.info("%s: user %d %s", self.name, user.id, _OTHER_STATES[state])
         self._states[user.id] = state
         if state != _CALIBRATED:
             return None
@@ -157,37 +152,37 @@ class NiTE:
 
 
 class _Device(ctypes.Structure):
-    """OpenNI2's class openni::Device, as its header lays it out, with nothing but the handle."""
+    """The layout of OpenNI2's class openni::Device, of which only the handle is used."""
 
     _fields_ = (
         ("playback", ctypes.c_void_p),
         ("handle", ctypes.c_void_p),
-        ("rest", ctypes.c_uint8 * 2048),  # what the sensor is, which nobody but its owner asks for
+        ("rest", ctypes.c_uint8 * 2048),  # description of the sensor
     )
 
 
 def library_path() -> str | None:
-    """Return where NiTE2's library is, or a name that the system finds it by; None if it is not there."""
-    folder = os.environ.get(REDIST)
+    """Return the path of NiTE2's library, or a name that the system finds; None if it is not installed."""
+    folder = os.environ.get(REDIST_VARIABLE)
     if folder is None:
         return ctypes.util.find_library("NiTE2")
     return next((str(path.absolute()) for name in _NAMES if (path := Path(folder) / name).is_file()), None)
 
 
 def _library() -> Any:
-    """Return the C functions, with the library started, once in a process."""
+    """Return the C functions; start the library the first time."""
     global _started
-    from openni import _nite2 as nite  # its other module changes the folder that this process works in
+    from openni import _nite2 as nite  # the module nite2 would change this process's working directory
 
     if not nite._the_dll:
         try:
             nite.load_dll(library_path())
-        except (OSError, AttributeError) as error:  # AttributeError: something else of that name
+        except (OSError, AttributeError) as error:  # AttributeError: another library of that name
             raise SourceError(
                 NiTE.name,
                 found=f"a library that cannot be loaded ({error})",
-                expected="NiTE 2.2 for this machine, and libOpenNI2.so, which it asks for",
-                fix=f"Correct {REDIST}; Debian's libopenni2-dev has libOpenNI2.so.",
+                expected="NiTE 2.2 for this machine, and libOpenNI2.so, which it loads",
+                fix=f"Correct {REDIST_VARIABLE}, or install libOpenNI2.so: apt install libopenni2-dev on Debian.",
             ) from error
     if not _started:
         _call(nite, "niteInitialize")
@@ -201,9 +196,9 @@ def _call(nite: Any, name: str, *arguments: Any) -> None:
     if status:
         raise SourceError(
             NiTE.name,
-            found=f"an error in {name} (status {status})",
-            expected="a library that tracks people in the depth images of this sensor",
-            fix="Start Puppetline in a folder with NiTE2's data folder, NiTE2 with s.dat in it, or a link to it.",
+            found=f"the status {status} of {name}",
+            expected="a tracker that works with this sensor",
+            fix="Start Puppetline in a folder that contains NiTE2's data folder (NiTE2, with s.dat), or a link to it.",
         )
 
 

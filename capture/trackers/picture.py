@@ -1,7 +1,7 @@
-"""What a sensor gives and what a tracker makes of it: pictures, and the people in them.
+"""Images of a sensor and the performers in them; the protocols of devices and trackers.
 
-Positions are in the frame of `capture.skeleton`: y up, z away from the sensor, the performer's right at +x, which is
-left in the picture.
+Positions are in sensor coordinates, as in `capture.skeleton`: y up, z away from the sensor, and the performer's right,
+which is left in the image, at +x.
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ class Lens:
     Attributes
     ----------
     width, height : int
-        Of the picture, pixels.
+        Size of the image, in pixels.
     focal : float
-        Pixels.
+        Focal length, in pixels.
     """
 
     width: int
@@ -28,12 +28,12 @@ class Lens:
     focal: float
 
     def unproject(self, pixels: NDArray[np.floating], depth: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the positions (…, 3) of pixels (…, 2), counted right and down, at depths in metres."""
+        """Return the positions (…, 3), in metres, of pixels (…, 2), right and down, at depths in metres."""
         right, down = pixels[..., 0] - self.width / 2, pixels[..., 1] - self.height / 2
         return np.stack([-right * depth / self.focal, -down * depth / self.focal, depth], axis=-1)
 
     def project(self, positions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the pixels (…, 2) of positions (…, 3) in metres, which lie before the sensor."""
+        """Return the pixels (…, 2) of positions (…, 3), in metres, in front of the sensor."""
         right, down = -positions[..., 0], -positions[..., 1]
         scale = self.focal / positions[..., 2]
         return np.stack([right * scale + self.width / 2, down * scale + self.height / 2], axis=-1)
@@ -41,18 +41,18 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """What a sensor sees at one moment.
+    """One image of a sensor: colour, depth, or both.
 
     Attributes
     ----------
     time : float
-        Seconds on the device's clock.
+        Time on the device's clock, in seconds.
     lens : Lens
-        Of colour, and of the depth that is registered to it.
+        The lens of the colour camera, to which depth is registered.
     color : (height, width, 3) uint8 array or None
-        Red, green, blue.
+        RGB.
     depth : (height, width) uint16 array or None
-        Millimetres along z; 0 where it is not known.
+        Millimetres along z; 0 for unknown.
     """
 
     time: float
@@ -63,16 +63,16 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """Somebody in a picture.
+    """A performer in an image.
 
     Attributes
     ----------
     user : int
-        The same as long as the tracker takes it for the same person.
+        User number; it stays the same while the tracker follows the performer.
     positions : (20, 3) float32 array
-        Metres, `capture.skeleton.JOINTS`.
+        Metres, in the order of `capture.skeleton.JOINTS`.
     confidence : (20,) float32 array
-        As in `capture.skeleton`.
+        From 0 (lost) to 1 (tracked), as in `capture.skeleton`.
     """
 
     user: int
@@ -81,30 +81,30 @@ class Person:
 
 
 class Device(Protocol):
-    """Gives pictures."""
+    """A source of images."""
 
     name: str
 
     def read(self, timeout: float) -> Picture | None:
-        """Wait for the next picture for at most so many seconds; None if none has come.
+        """Return the next image, or None if none arrives within `timeout` seconds.
 
         Raises
         ------
         SourceError
-            It can give no more.
+            The device can deliver no more images.
         """
 
     def close(self) -> None:
-        """Let go of the device; closing again does nothing."""
+        """Release the device; closing again does nothing."""
 
 
 class Tracker(Protocol):
-    """Finds people in pictures, one after the other."""
+    """Finds performers in one image after another."""
 
     name: str
 
     def track(self, picture: Picture) -> list[Person]:
-        """Return who is in a picture."""
+        """Return the performers in an image; raise SourceError if that is impossible."""
 
     def close(self) -> None:
-        """Let go of what it holds; closing again does nothing."""
+        """Release the tracker's resources; closing again does nothing."""

@@ -1,48 +1,48 @@
-"""Where the joints of a body are whose picture is known, with depth or without.
+"""Positions of the joints of a body from their pixels and a posture, with depth or without.
 
-A tracker says at which pixels joints are, and roughly how the body stands: its posture, in metres of its own about the
-hips. The distance at which that posture looks like the picture is a linear least squares problem. From then on a joint
-is on the ray through its pixel, which is what a tracker is best at, as far behind or before the hips as the posture
-says. Bones keep their mean length, as what a tracker makes of it varies by a fifth from picture to picture.
+A tracker finds the pixels of joints and estimates the posture: positions relative to the hips, in metres of its own.
+The distance at which the posture looks like the image is a linear least squares problem. Each joint is then on the ray
+through its pixel, which trackers find most precisely, at the posture's depth relative to the hips. Bones get their mean
+length so far, because a tracker's bone lengths vary by a fifth from image to image.
 
-The tracker's metres become those of the room by what is known of the performer: depth where a sensor gives it,
-otherwise the height. A joint whose depth is known is put there (`capture.trackers.lifting`).
+The scale of the tracker's metres follows from depth, if the sensor measures it, otherwise from the performer's height.
+A joint with measured depth is placed there (`capture.trackers.joint_depth`).
 """
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
+from capture.body import ANKLE_HEIGHT_METRES, HEAD_TOP_METRES, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
-from capture.trackers.lifting import NEIGHBORS, lift
+from capture.trackers.joint_depth import PARENT_INDICES, measure_depths
 from capture.trackers.picture import Lens
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
-NEAREST = 0.2
-"""Metres; nobody whose hips are nearer can be seen whole enough."""
+MIN_DISTANCE_METRES = 0.2
+"""Smallest distance of the hips, in metres; nearer bodies do not fit into the image."""
 
-_PASSES = 3  # between what the picture shows and the bones' lengths; more of them change little
-_MEMORY = 150.0  # pictures that a mean is of in the end: 5 s of a usual camera
-_EASE = 0.1  # seconds in which an estimated distance comes about
+_PASS_COUNT = 3  # alternations between rays and bone lengths; more of them change little
+_MEAN_COUNT = 150.0  # images in a mean, about 5 s
+_SMOOTHING_SECONDS = 0.1  # time constant of the estimated distance
 
 
-class Placing:
-    """Places one body in one picture after the other.
+class BodyPlacer:
+    """Places one body in one image after another.
 
     Parameters
     ----------
     height : float
-        The performer's, metres: what counts as long as no depth is known.
+        The performer's height, in metres; it determines the scale until depth is known.
     """
 
     def __init__(self, height: float) -> None:
         self._height = height
         self._lengths = _Mean(len(JOINTS))
-        self._scale = _Mean(1)  # metres of the room for one of the tracker's, as depth tells
+        self._scale = _Mean(1)  # metres per metre of the tracker, measured by depth
         self._distance = self._time = math.nan  # the tracker's metres, seconds
 
     def place(
@@ -54,91 +54,95 @@ class Placing:
         confidence: NDArray[np.float32],
         depth: NDArray[np.uint16] | None,
     ) -> tuple[Floats, NDArray[np.float32]] | None:
-        """Return where the joints are, and how sure that is.
+        """Return positions and confidence of the joints.
 
         Parameters
         ----------
         time : float
-            Of the picture, seconds.
+            Time of the image, in seconds.
         lens : Lens
         pixels : (20, 2) float64
         posture : (20, 3) float64
-            As the tracker guesses it: in its metres, in the directions of the sensor frame, about any origin.
+            The tracker's estimate, in its metres, along the axes of sensor coordinates, relative to any origin.
         confidence : (20,) float32
-            From 0, for a mere guess, to 1.
+            From 0 (lost) to 1 (tracked).
         depth : (height, width) uint16 array or None
-            Millimetres, registered to the picture.
+            Millimetres, registered to the image; 0 for unknown.
 
         Returns
         -------
         (positions, confidence) or None
-            (20, 3) float64 metres, sensor frame, and (20,) float32. With a depth picture, joints that it misses are
-            inferred at most. None if no body can look like that.
+            (20, 3) float64 metres in sensor coordinates, and (20,) float32. With a depth image, joints without depth
+            are inferred at most. None if no body can look like the image.
         """
         rays = lens.unproject(pixels, np.ones(len(pixels)))
         distance = distance_of(posture, rays, confidence)
-        if not NEAREST < distance < math.inf or (distance + posture[:, 2]).min() <= 0:
+        if not MIN_DISTANCE_METRES < distance < math.inf or (distance + posture[:, 2]).min() <= 0:
             return None
         depths = posture[:, 2] + distance
-        if not self._lengths.known:  # until pictures tell, bones are as long as the tracker guesses
-            self._typical_lengths(posture, np.zeros(len(JOINTS), np.float32))
+        if not self._lengths.known:  # the first lengths are those of the tracker
+            self._mean_lengths(posture, np.zeros(len(JOINTS), np.float32))
         known = np.zeros(len(JOINTS), bool)
         lifted = (
-            None if depth is None else lift(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
+            None
+            if depth is None
+            else measure_depths(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
         )
         if lifted is not None:
             metres, known, scale = lifted
             self._scale.add(np.array([scale]), np.ones(1))
             depths = metres / self._scale.value
             confidence = np.where(known, confidence, np.minimum(confidence, np.float32(INFERRED)))
-        lengths = self._typical_lengths(rays * depths[:, None], confidence)
+        lengths = self._mean_lengths(rays * depths[:, None], confidence)
         if lifted is None:
-            depths += self._eased(time, distance) - distance
-        placed = _settle(rays, depths, lengths, known)
+            depths += self._smoothed(time, distance) - distance
+        placed = _fit_bones(rays, depths, lengths, known)
         return placed * (self._scale.value[0] if self._scale.known else self._by_height(placed)), confidence
 
-    def _eased(self, time: float, distance: float) -> float:
-        """Return the estimated distance without most of its noise, which is larger than that of all else."""
+    def _smoothed(self, time: float, distance: float) -> float:
+        """Return the estimated distance with exponential smoothing; its noise is the largest of all estimates."""
         if math.isnan(self._distance):
             self._distance = distance
         else:
-            self._distance += (distance - self._distance) * (1 - math.exp(min(self._time - time, 0.0) / _EASE))
+            self._distance += (distance - self._distance) * (
+                1 - math.exp(min(self._time - time, 0.0) / _SMOOTHING_SECONDS)
+            )
         self._time = time
         return self._distance
 
-    def _typical_lengths(self, joints: Floats, confidence: NDArray[np.float32]) -> Floats:
-        """Return the mean length of each joint's bone, both sides being alike; joints in sight count the most."""
+    def _mean_lengths(self, joints: Floats, confidence: NDArray[np.float32]) -> Floats:
+        """Return the mean length of each joint's bone, equal on both sides; visible joints have the most weight."""
         lengths, weights = np.zeros(len(JOINTS)), np.zeros(len(JOINTS))
-        lengths[1:] = np.linalg.norm(joints[1:] - joints[NEIGHBORS[1:]], axis=1)
-        weights[1:] = np.minimum(confidence[1:], confidence[NEIGHBORS[1:]]) + 1e-3
+        lengths[1:] = np.linalg.norm(joints[1:] - joints[PARENT_INDICES[1:]], axis=1)
+        weights[1:] = np.minimum(confidence[1:], confidence[PARENT_INDICES[1:]]) + 1e-3
         both = weights + weights[OPPOSITE]
         self._lengths.add((weights * lengths + (weights * lengths)[OPPOSITE]) / np.maximum(both, 1e-9), both / 2)
         return self._lengths.value
 
     def _by_height(self, placed: Floats) -> float:
-        feet_and_crown = ANKLE_HEIGHT + HEAD_TOP
+        feet_and_crown = ANKLE_HEIGHT_METRES + HEAD_TOP_METRES
         return (self._height - feet_and_crown) / (height(placed) - feet_and_crown)
 
 
 def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) -> float:
-    """Return how far away a posture's origin is, so that it looks most like the picture.
+    """Return the distance of a posture's origin at which the posture looks most like the image.
 
-    With a translation t, joint p is seen along the ray r = (rₓ, r_y, 1) where p + t = (p_z + t_z) r. That is linear in
-    t; its weighted least squares solution for t_z stands here, the other two being eliminated.
+    With a translation t, joint p is on the ray r = (rₓ, r_y, 1) if p + t = (p_z + t_z) r. This is linear in t. The
+    result is t_z of the weighted least squares solution, from which tₓ and t_y are eliminated.
 
     Parameters
     ----------
     posture : (n, 3) float64
         Metres.
     rays : (n, 3) float64
-        Through the joints' pixels, z being 1.
+        Directions through the joints' pixels, with z = 1.
     weights : (n,)
-        Of the joints, 0 or more.
+        Weights of the joints, 0 or more.
 
     Returns
     -------
     float
-        Metres; not above 0, infinite or NaN where the posture cannot look like that.
+        Metres; 0 or less, infinite or NaN if the posture cannot look like the image.
     """
     weights = weights[:, None] + 1e-6
     slopes = rays[:, :2]
@@ -148,32 +152,32 @@ def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) ->
         return float(-(weights * slopes * offsets).sum() / (weights * slopes**2).sum())
 
 
-@numba.njit(cache=True, nogil=True)
-def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Give bones their lengths, near the rays that their joints are seen along; known joints stay."""
+@compiled
+def _fit_bones(rays, depths, lengths, known):
+    """Give bones their lengths, with joints near their rays; joints of known depth stay."""
     placed = rays * depths.reshape(-1, 1)
-    for _ in range(_PASSES):
-        seen = rays * placed[:, 2:]
-        placed = seen.copy()
+    for _ in range(_PASS_COUNT):
+        on_rays = rays * placed[:, 2:]
+        placed = on_rays.copy()
         for joint in range(1, len(rays)):
             if not known[joint]:
-                near = NEIGHBORS[joint]
-                bone = seen[joint] - seen[near]
-                placed[joint] = placed[near] + bone * (lengths[joint] / max(np.sqrt((bone**2).sum()), 1e-6))
+                parent = PARENT_INDICES[joint]
+                bone = on_rays[joint] - on_rays[parent]
+                placed[joint] = placed[parent] + bone * (lengths[joint] / max(np.sqrt((bone**2).sum()), 1e-6))
     return placed
 
 
-def rehearse() -> None:
-    """Place a made-up body, so that nothing is compiled when somebody comes: that takes seconds."""
+def warm_up() -> None:
+    """Place an invented body, so that Numba compiles everything before the first performer, which takes seconds."""
     lens = Lens(64, 48, 60.0)
     posture = np.random.default_rng(0).normal(0, 0.3, (len(JOINTS), 3))
     joints = posture + np.array([0.0, 0.0, 3.0])
-    sure, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3000, np.uint16)
-    Placing(1.7).place(0.0, lens, lens.project(joints), posture, sure, depth)
+    confidence, depth = np.ones(len(JOINTS), np.float32), np.full((lens.height, lens.width), 3000, np.uint16)
+    BodyPlacer(1.7).place(0.0, lens, lens.project(joints), posture, confidence, depth)
 
 
 class _Mean:
-    """The weighted mean of what was added, which slowly forgets."""
+    """A weighted mean of (count,) values, in which older values slowly lose weight."""
 
     def __init__(self, count: int) -> None:
         self.value = np.zeros(count)
@@ -181,10 +185,10 @@ class _Mean:
 
     @property
     def known(self) -> bool:
-        """Whether anything was added."""
+        """Whether values were added."""
         return bool(self._weight.any())
 
     def add(self, values: Floats, weights: Floats) -> None:
-        """Take in values; those of weight 0 say nothing."""
-        self._weight = np.minimum(self._weight + weights, _MEMORY)
+        """Add values with their weights, 0 or more."""
+        self._weight = np.minimum(self._weight + weights, _MEAN_COUNT)
         self.value += (values - self.value) * weights / np.maximum(self._weight, 1e-9)

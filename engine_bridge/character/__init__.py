@@ -1,1 +1,1 @@
-"""Character files in: glTF and other formats, their shading, and the cache of what is made of them."""
+"""Character files: reading glTF and other formats, shading, and a cache of results."""

@@ -1,4 +1,4 @@
-"""What a picture can show of a primitive's look: one colour a vertex."""
+"""Colours of primitives for previews: one colour per vertex."""
 
 import base64
 import io
@@ -12,8 +12,8 @@ from engine_bridge.character import schema
 from engine_bridge.character.document import Document
 from engine_bridge.character.schema import Primitive
 
-MOST_PIXELS = 8192 * 8192
-"""Of all pictures of a character; whichever goes beyond is not shown."""
+MAX_PIXELS = 8192 * 8192
+"""Maximum number of pixels of all images of a character; images beyond it are not shown."""
 
 
 class Appearance:
@@ -27,15 +27,15 @@ class Appearance:
     def __init__(self, document: Document) -> None:
         self._document = document
         self._pixels = 0
-        self._pictures: dict[int, NDArray[np.uint8] | None] = {}
+        self._images: dict[int, NDArray[np.uint8] | None] = {}
 
     def of(self, primitive: Primitive, count: int) -> NDArray[np.float64] | None:
-        """Return vertex colour times the material's colour times its texture where the vertex lies on it.
+        """Return vertex colour times the material's colour times its texture at the vertex.
 
         Returns
         -------
         (count, 3) float64 or None
-            Linear RGB; None where the file says nothing.
+            Linear RGB; None if the file has no colours.
         """
         own = self._document.attribute(primitive, "COLOR_0", count, 3, 4)
         material = self._document.gltf["materials"][primitive["material"]] if "material" in primitive else None
@@ -49,44 +49,42 @@ class Appearance:
             texture = surface["baseColorTexture"]
             uv = self._document.attribute(primitive, f"TEXCOORD_{texture.get('texCoord', 0)}", count, 2)
             source = self._document.gltf["textures"][texture["index"]].get("source")
-            picture = None if source is None else self._picture(source)
-            if uv is not None and picture is not None:
-                colors *= _sample(picture, uv)
+            image = None if source is None else self._image(source)
+            if uv is not None and image is not None:
+                colors *= _sample(image, uv)
         return colors
 
-    def _picture(self, source: int) -> NDArray[np.uint8] | None:
-        """Return the (height, width, 3) sRGB of a picture, or None where it cannot be opened."""
-        if source not in self._pictures:
+    def _image(self, source: int) -> NDArray[np.uint8] | None:
+        """Return the sRGB pixels (height, width, 3) of an image, or None if it cannot be opened."""
+        if source not in self._images:
             try:
-                self._pictures[source] = self._opened(self._document.gltf["images"][source])
+                self._images[source] = self._open(self._document.gltf["images"][source])
             except Exception:
-                self._pictures[source] = None
-        return self._pictures[source]
+                self._images[source] = None
+        return self._images[source]
 
-    def _opened(self, image: schema.Image) -> NDArray[np.uint8]:
+    def _open(self, image: schema.Image) -> NDArray[np.uint8]:
         if "bufferView" in image:
-            view = self._document.gltf["bufferViews"][image["bufferView"]]
-            start = view.get("byteOffset", 0)
-            content = bytes(self._document.blob[start : start + view["byteLength"]])
+            content = self._document.view(image["bufferView"])
         else:
             content = base64.b64decode(image.get("uri", "").partition(",")[2])
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of its size, which is checked here
-            picture = Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP"))
-        self._pixels += picture.width * picture.height
-        if self._pixels > MOST_PIXELS:
+            warnings.simplefilter("ignore")  # about the size, which is checked here
+            opened = Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP"))
+        self._pixels += opened.width * opened.height
+        if self._pixels > MAX_PIXELS:
             raise ValueError(f"{self._pixels} pixels")
-        picture.thumbnail((1024, 1024))
-        return np.asarray(picture.convert("RGB"))
+        opened.thumbnail((1024, 1024))
+        return np.asarray(opened.convert("RGB"))
 
 
-def _sample(picture: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Take the nearest pixel of each vertex in linear RGB; a picture repeats beyond its edges."""
-    height, width = picture.shape[:2]
+def _sample(image: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return the nearest pixel of each vertex in linear RGB; the image repeats beyond its edges."""
+    height, width = image.shape[:2]
     place = np.nan_to_num(uv) % 1.0
     column = np.minimum((place[:, 0] * width).astype(int), width - 1)
     row = np.minimum((place[:, 1] * height).astype(int), height - 1)
-    return _linear(picture[row, column].astype(np.float32) / np.float32(255))
+    return _linear(image[row, column].astype(np.float32) / np.float32(255))
 
 
 def _linear(srgb: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""A glTF document of a surface that came in another kind of file."""
+"""glTF documents of surfaces from files in other formats."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,30 +6,31 @@ from numpy.typing import NDArray
 from engine_bridge.character import schema
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.schema import Primitive
-from engine_bridge.character.surfaces.surface import Material, Picture, Piece, Surface
+from engine_bridge.character.surfaces.surface import ImageFile, Material, Piece, Surface
 
-LARGEST_SHORT = 65534
-"""The last vertex that a 16-bit index may name: 65535 restarts a strip."""
+MAX_UINT16_INDEX = 65534
+"""Largest 16-bit index of a vertex; 65535 restarts a strip."""
 
-FAR = 10.0
-"""Diagonals from the origin beyond which a float32 position is off by more than some 1e-6 of the diagonal."""
+MAX_ORIGIN_DISTANCE = 10.0
+"""Maximum distance of a surface from the origin, in diagonals, at which float32 positions are exact to 1e-6 of the
+diagonal."""
 
 
 def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     """Make a glTF document of a surface.
 
-    All pieces of one name become one node with one mesh, in the order in which the names first appear; each piece is a
-    primitive with the vertices and triangles that it has. Materials and pictures are there once each. A surface far
-    from the origin is stored around its own middle, where float32 is exact enough, and its nodes carry it there.
+    All pieces of one name become one node with one mesh, in the order in which the names first appear. Each piece is a
+    primitive with its own vertices and triangles. Materials and images are stored once. A surface far from the origin
+    is stored around its middle, where float32 is exact enough, and the translation of its nodes moves it back.
 
     Parameters
     ----------
     surface : Surface
         With unit normals, see `engine_bridge.character.shading.shaded`.
     title : str
-        Name of pieces that have none.
+        Name of pieces without one.
     name : str, optional
-        What error messages call the document, if not its title.
+        Name of the document in error messages, if not its title.
 
     Returns
     -------
@@ -40,7 +41,7 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
     document.notes += surface.notes
     gltf = document.gltf
     materials: dict[Material, int] = {}
-    textures: dict[Picture, int] = {}
+    textures: dict[ImageFile, int] = {}
     meshes: dict[str, list[Primitive]] = {}
     origin = _origin(surface)
     for piece in surface.pieces:
@@ -60,32 +61,32 @@ def assemble(surface: Surface, title: str, name: str | None = None) -> Document:
 
 
 def _origin(surface: Surface) -> NDArray[np.float64]:
-    """Return where positions are stored from: the world's origin, or a far surface's middle, a float32 exactly."""
+    """Return the origin of stored positions: the world's, or the middle of a far surface as float32."""
     low = np.min([piece.positions.min(axis=0) for piece in surface.pieces], axis=0)
     high = np.max([piece.positions.max(axis=0) for piece in surface.pieces], axis=0)
     middle = (low + high) / 2
-    if np.linalg.norm(middle) > FAR * np.linalg.norm(high - low):
+    if np.linalg.norm(middle) > MAX_ORIGIN_DISTANCE * np.linalg.norm(high - low):
         return middle.astype(np.float32).astype(np.float64)
     return np.zeros(3)
 
 
 def _primitive(document: Document, piece: Piece, origin: NDArray[np.float64]) -> Primitive:
     last = len(piece.positions) - 1
-    indices = piece.triangles.ravel().astype(np.uint16 if last <= LARGEST_SHORT else np.uint32)
+    indices = piece.triangles.ravel().astype(np.uint16 if last <= MAX_UINT16_INDEX else np.uint32)
     attributes = {"POSITION": document.add((piece.positions - origin).astype(np.float32), ARRAY_BUFFER, bounds=True)}
     if piece.normals is not None:
         attributes["NORMAL"] = document.add(piece.normals.astype(np.float32), ARRAY_BUFFER)
     if piece.uvs is not None:
         attributes["TEXCOORD_0"] = document.add(piece.uvs.astype(np.float32), ARRAY_BUFFER)
     if piece.colors is not None:
-        # linear light needs more than the 8 bits that sRGB does with
+        # linear colours need more bits than sRGB
         colors = np.round(np.clip(piece.colors, 0, 1) * 65535).astype(np.uint16)
         attributes["COLOR_0"] = document.add(colors, ARRAY_BUFFER)
         document.gltf["accessors"][attributes["COLOR_0"]]["normalized"] = True
     return {"attributes": attributes, "indices": document.add(indices, ELEMENT_ARRAY_BUFFER)}
 
 
-def _material(document: Document, material: Material, textures: dict[Picture, int]) -> schema.Material:
+def _material(document: Document, material: Material, textures: dict[ImageFile, int]) -> schema.Material:
     surface: schema.Surface = {
         "baseColorFactor": list(material.base_color),
         "metallicFactor": material.metallic,
@@ -105,11 +106,11 @@ def _material(document: Document, material: Material, textures: dict[Picture, in
     return made
 
 
-def _texture(document: Document, picture: Picture, textures: dict[Picture, int]) -> int:
-    """Return the index of a picture's texture, which is also that of its image."""
-    if picture not in textures:
-        textures[picture] = len(textures)
-        view = document.add_view(picture.content)
-        document.gltf["images"].append({"name": picture.name, "mimeType": picture.mime, "bufferView": view})
-        document.gltf["textures"].append({"source": textures[picture]})
-    return textures[picture]
+def _texture(document: Document, image: ImageFile, textures: dict[ImageFile, int]) -> int:
+    """Return the index of an image's texture, which is also the image's."""
+    if image not in textures:
+        textures[image] = len(textures)
+        view = document.add_view(image.content)
+        document.gltf["images"].append({"name": image.name, "mimeType": image.mime, "bufferView": view})
+        document.gltf["textures"].append({"source": textures[image]})
+    return textures[image]

@@ -1,4 +1,4 @@
-"""What was computed once, kept in files: each under a name that stands for all that it was made of."""
+"""Cache of computed arrays in files, each named by a hash of the inputs."""
 
 import hashlib
 import logging
@@ -16,17 +16,17 @@ log = logging.getLogger(__name__)
 Arrays = dict[str, NDArray[Any]]
 
 VERSION = 9
-"""Goes up whenever anything that is kept would differ from a new one."""
+"""Version of the cached arrays; raise it whenever the code computes other arrays from the same inputs."""
 
-LARGEST = 1_000_000_000
-"""Bytes of all files together; beyond, those go that were not used for the longest time."""
+MAX_CACHE_BYTES = 1_000_000_000
+"""Maximum total size of the files in bytes; beyond it, the least recently used files are deleted."""
 
-CONTENT = "content"
-"""The array in a file that says what belongs in it: the key, and the names of the other arrays."""
+CONTENTS_ARRAY = "content"
+"""Name of the array in a file that lists the key and the names of the other arrays."""
 
 
-def key_of(*things: object) -> str:
-    """Return a name for what is made of some things: equal for equal arrays and equal words for the rest, only then."""
+def cache_key(*things: object) -> str:
+    """Return a name for results of some inputs: equal if all arrays and the `repr` of all other inputs are equal."""
     digest = hashlib.sha256(str(VERSION).encode())
     for thing in things:
         if isinstance(thing, np.ndarray):
@@ -37,24 +37,24 @@ def key_of(*things: object) -> str:
     return digest.hexdigest()[:32]
 
 
-def recall(
+def load_or_compute(
     folder: Path | None, key: str, make: Callable[[], Arrays], is_current: Callable[[Arrays], bool] = lambda _: True
 ) -> Arrays:
-    """Take arrays from their file, or make them and write that file.
+    """Read arrays from their file, or compute them and write the file.
 
-    A file that is damaged, or holds something else, is made anew with a warning in the log; a folder that cannot be
-    written costs the next start its speed and nothing more.
+    A damaged file, or one with other contents, is replaced with a warning in the log. If the folder cannot be written,
+    a warning is logged too.
 
     Parameters
     ----------
     folder : Path or None
-        Made where it does not exist; None for nothing to be kept.
+        Created if it does not exist; None for no cache.
     key : str
-        From `key_of`, with all that the arrays depend on.
+        From `cache_key`, with all inputs of the arrays.
     make : callable
-        Any error of it is passed on.
+        Computes the arrays; its errors are passed on.
     is_current : callable, optional
-        Tells whether arrays that were kept still hold, for what their key cannot say.
+        Returns whether cached arrays are still valid, for inputs that are not in the key.
     """
     if folder is None:
         return make()
@@ -64,33 +64,33 @@ def recall(
             arrays = _read(path, key)
             if is_current(arrays):
                 return arrays
-        except Exception as error:  # whatever is wrong with a cache, the cure is the same
-            log.warning("%s: %s: it is made anew", path, error)
+        except Exception as error:  # any error in a cache file has the same fix
+            log.warning("%s: unreadable cache file (%s), computing again", path, error)
     arrays = make()
     try:
         _write(path, key, arrays)
         _make_room(folder)
     except OSError as error:
-        log.warning("%s: %s: nothing is kept for the next start", path, error)
+        log.warning("%s: could not save the results for the next start: %s", path, error)
     return arrays
 
 
 def _read(path: Path, key: str) -> Arrays:
-    """Read a file back; each array in it carries a checksum."""
+    """Read a file, whose arrays have checksums."""
     with np.load(path, allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
-    if arrays.pop(CONTENT).tolist() != [key, *arrays]:
-        raise ValueError("it belongs to something else, or is not whole")
-    with suppress(OSError):  # a folder that is only read has no order to keep
+    if arrays.pop(CONTENTS_ARRAY).tolist() != [key, *arrays]:
+        raise ValueError("other or missing arrays")
+    with suppress(OSError):  # a read-only folder has no order of use
         path.touch()
     return arrays
 
 
 def _write(path: Path, key: str, arrays: Arrays) -> None:
-    """Write a file beside and then rename it."""
+    """Write a temporary file and rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
-    content: dict[str, Any] = {CONTENT: np.array([key, *arrays]), **arrays}
+    content: dict[str, Any] = {CONTENTS_ARRAY: np.array([key, *arrays]), **arrays}
     try:
         with beside.open("wb") as file:
             np.savez(file, **content)
@@ -100,8 +100,8 @@ def _write(path: Path, key: str, arrays: Arrays) -> None:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the files that were not used for the longest time, as many as are too many."""
-    room = LARGEST
+    """Delete the least recently used files beyond the maximum size."""
+    room = MAX_CACHE_BYTES
     for path, state in sorted(
         ((path, path.stat()) for path in folder.glob("*.npz")), key=lambda each: -each[1].st_mtime
     ):

@@ -1,7 +1,6 @@
-"""A character: a glTF document and the surfaces in it that are to move.
+"""Characters: glTF documents and their surfaces.
 
-Whatever file a character comes in, it becomes a glTF document first, so that there is one way out. A document that was
-glTF already keeps all that it holds.
+A character file of any format is converted to a glTF document first. A glTF file keeps all of its contents.
 """
 
 from collections.abc import Iterator
@@ -15,40 +14,41 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.assembly import assemble
-from engine_bridge.character.document import MAGIC, Document, damaged
-from engine_bridge.character.parsed import read_document
+from engine_bridge.character.document import Document
+from engine_bridge.character.gltf_file import MAGIC, damaged
 from engine_bridge.character.readers import SURFACE_FILES
 from engine_bridge.character.scene import shown_nodes, skinning, world_transforms
 from engine_bridge.character.schema import Mesh, Node, Primitive
 from engine_bridge.character.shading import shaded, unit
-from engine_bridge.character.surfaces.surface import FARTHEST, Piece, Surface, material_for
+from engine_bridge.character.surface_document import read_document
+from engine_bridge.character.surfaces.surface import MAX_COORDINATE, Piece, Surface, material_for
 from puppetline.errors import MeshError, at
 from puppetline.files import read_whole
 from solver.surface.mesh import SolverMesh, weld
 
 CHARACTER_FILES = (".glb", ".gltf", *SURFACE_FILES)
 
-MOST_PARTS, MOST_VERTICES = 10_000, 10_000_000
-"""A scene of more is no character."""
+MAX_PARTS, MAX_VERTICES = 10_000, 10_000_000
+"""Maximum numbers of parts and vertices of a character."""
 
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
 @dataclass(frozen=True)
 class Part:
-    """One primitive of one mesh as one node shows it.
+    """A primitive of a mesh as a node shows it.
 
     Attributes
     ----------
     node, primitive : int
-        Index of the node in the document, of the primitive in the node's mesh.
+        Index of the node in the document, and of the primitive in the node's mesh.
     to_world : (1 or n, 4, 4) float64
-        The node's transform, or each vertex's own where a skeleton holds it; column vectors.
+        The node's transform, or each vertex's own if it has a skin; for column vectors.
     vertices : (n, 3) float64
-        World positions at rest, with the file's own morph targets and skeleton as they stand.
+        World positions at rest, with the morph targets and skeleton of the file as they are at rest.
     triangles : (t, 3) int64
     normals : (n, 3) float64 or None
-        World unit normals, None where the file has none.
+        World unit normals, None if the file has none.
     """
 
     node: int
@@ -61,13 +61,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Character:
-    """A character ready to be moved.
+    """A character with the surfaces to be animated.
 
     Attributes
     ----------
     document : Document
     parts : list of Part
-        Every surface of it, in the order of nodes and primitives.
+        All surfaces, in the order of nodes and primitives.
     """
 
     document: Document
@@ -75,25 +75,25 @@ class Character:
 
     @property
     def vertices(self) -> NDArray[np.float64]:
-        """(N, 3) float64: the world positions of all parts, one after another."""
+        """World positions (N, 3) float64 of all parts, one after another."""
         return np.concatenate([part.vertices for part in self.parts])
 
     @property
     def triangles(self) -> NDArray[np.int64]:
-        """(T, 3) int64: the triangles of all parts as indices into `vertices`."""
+        """Triangles (T, 3) int64 of all parts as indices into `vertices`."""
         return np.concatenate(
-            [part.triangles + place.start for part, place in zip(self.parts, self.places, strict=True)]
+            [part.triangles + place.start for part, place in zip(self.parts, self.vertex_slices, strict=True)]
         )
 
     @property
-    def places(self) -> list[slice]:
-        """Where each part's vertices are among `vertices`, and so in `SolverMesh.of_render`."""
+    def vertex_slices(self) -> list[slice]:
+        """Slices of the parts in `vertices` and in `SolverMesh.of_render`."""
         ends = np.cumsum([len(part.vertices) for part in self.parts]).tolist()
         return [slice(start, end) for start, end in pairwise([0, *ends])]
 
     @cached_property
     def colors(self) -> NDArray[np.float64] | None:
-        """(N, 3) linear RGB for pictures, or None where no part has a colour."""
+        """Linear RGB (N, 3) for previews, or None if no part has a colour."""
         look, gltf = Appearance(self.document), self.document.gltf
         primitives = [
             gltf["meshes"][gltf["nodes"][part.node]["mesh"]]["primitives"][part.primitive] for part in self.parts
@@ -107,18 +107,18 @@ class Character:
         return np.concatenate([plain if own is None else own for own, plain in zip(colors, grey, strict=True)])
 
     def solver_mesh(self) -> SolverMesh:
-        """Weld all parts into the surface that is solved for."""
+        """Weld all parts into the solver's mesh."""
         return weld(self.vertices, self.triangles, self.document.name)
 
 
 def load_character(path: Path, cache: Path | None = None) -> Character:
-    """Read a character from a glTF or surface file, found by content and then by ending.
+    """Read a character from a glTF or surface file, whose format is recognised by content and then by ending.
 
     Parameters
     ----------
     path : Path
     cache : Path, optional
-        Folder for documents of surface files, see `engine_bridge.character.parsed.read_document`.
+        Folder for converted surface files, see `engine_bridge.character.surface_document.read_document`.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def make_character(
     triangles: NDArray[np.int64],
     colors: NDArray[np.floating] | None = None,
 ) -> Character:
-    """Make a character of one plain surface.
+    """Create a character of one surface.
 
     Parameters
     ----------
@@ -160,14 +160,14 @@ def make_character(
     return from_document(assemble(shaded(Surface([piece]), title), title))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # positions that are not finite are refused when they are welded
+@np.errstate(over="ignore", invalid="ignore")  # welding refuses positions that are not finite
 def from_document(document: Document) -> Character:
-    """Find the surfaces of a document's scene.
+    """Find the surfaces in a document's scene.
 
     Raises
     ------
     MeshError
-        No surface, or data that contradicts itself.
+        No surface, or inconsistent data.
     """
     _check_size(document)
     world = world_transforms(document)
@@ -176,28 +176,28 @@ def from_document(document: Document) -> Character:
         raise MeshError(
             document.name,
             found="no triangles in the scene",
-            expected="a character with a surface",
-            fix="Export the mesh itself, not only cameras, lights, lines or points.",
+            expected="a character with triangles",
+            fix="Export the mesh, not only cameras, lights, lines or points.",
         )
     return Character(document, parts)
 
 
 def _check_size(document: Document) -> None:
-    """Refuse a scene without bounds. A small file can hold one: nodes may share a mesh, and primitives their arrays."""
+    """Refuse a huge scene. A small file can hold one, because nodes can share meshes, and primitives arrays."""
     gltf = document.gltf
     parts = vertices = 0
     for node in shown_nodes(document):
         for primitive in gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]:
             parts += 1
             if "POSITION" in primitive["attributes"]:
-                # a claim beyond the file is refused where the array is read, with its place
+                # a count beyond the file is refused when the array is read
                 count = gltf["accessors"][primitive["attributes"]["POSITION"]]["count"]
                 vertices += min(count, len(document.blob))
-            if parts > MOST_PARTS or vertices > MOST_VERTICES:
+            if parts > MAX_PARTS or vertices > MAX_VERTICES:
                 raise MeshError(
                     document.name,
-                    found="a scene of more parts or vertices than a character has",
-                    expected=f"at most {MOST_PARTS:,} parts and {MOST_VERTICES:,} vertices",
+                    found="a scene with too many parts or vertices",
+                    expected=f"at most {MAX_PARTS:,} parts and {MAX_VERTICES:,} vertices",
                     fix="Export the character alone, or simplify it in an editor.",
                 )
 
@@ -215,7 +215,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         triangles = _triangles(document, primitive, count)
         if positions is None or triangles is None:
             title = mesh.get("name") or shown.get("name") or f"mesh {shown['mesh']}"
-            document.notes.append(f"{title}: points or lines stay where they are")
+            document.notes.append(f"{title}: points and lines are not moved")
             continue
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < count:
             place = at(document.name, field=f"meshes[{shown['mesh']}].primitives[{index}].indices")
@@ -223,8 +223,8 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
         to_world = world[None, node]
         if "skin" in shown:
             to_world = skinning(document, primitive, shown["skin"], count, world)
-        if not (np.abs(to_world) <= FARTHEST).all():
-            raise damaged(at(document.name, field=f"nodes[{node}]"), "a transform without bounds")
+        if not (np.abs(to_world) <= MAX_COORDINATE).all():
+            raise damaged(at(document.name, field=f"nodes[{node}]"), "a transform that is not finite")
         linear, offset = to_world[:, :3, :3], to_world[:, :3, 3]
         if np.linalg.det(linear).mean() < 0:  # a mirror turns triangles over
             triangles = triangles[:, ::-1]
@@ -241,7 +241,7 @@ def _parts(document: Document, node: int, world: NDArray[np.float64]) -> Iterato
 
 
 def _vertex_count(document: Document, primitive: Primitive) -> int:
-    """Return the number of a primitive's vertices, which all of its attributes must share."""
+    """Return the number of a primitive's vertices, which all of its attributes must have."""
     counts = {index: document.gltf["accessors"][index]["count"] for index in primitive["attributes"].values()}
     count = counts[primitive["attributes"]["POSITION"]]
     for index, other in counts.items():
@@ -251,7 +251,7 @@ def _vertex_count(document: Document, primitive: Primitive) -> int:
 
 
 def rest_weights(node: Node, mesh: Mesh) -> list[float]:
-    """Return how far the file's own morph targets are in where a node shows a mesh: the node's word counts first."""
+    """Return the weights of a mesh's morph targets at rest: the node's, else the mesh's."""
     there = max((len(primitive.get("targets", [])) for primitive in mesh["primitives"]), default=0)
     weights = node.get("weights") or mesh.get("weights") or []
     return [*map(float, weights), *[0.0] * there][:there]
@@ -260,7 +260,7 @@ def rest_weights(node: Node, mesh: Mesh) -> list[float]:
 def _at_rest(
     document: Document, primitive: Primitive, name: str, count: int, weights: list[float]
 ) -> NDArray[np.float64] | None:
-    """Return positions or normals in the primitive's own space, its own morph targets as far in as they stand."""
+    """Return positions or normals in the primitive's space, with its morph targets at rest."""
     base = document.attribute(primitive, name, count, 3)
     if base is None:
         return None
@@ -273,7 +273,7 @@ def _at_rest(
 
 
 def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[np.int64] | None:
-    """Return a primitive's triangles, or None where it is made of points or lines."""
+    """Return a primitive's triangles, or None for points and lines."""
     mode = primitive.get("mode", TRIANGLES)
     if mode not in (TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN):
         return None
@@ -281,7 +281,9 @@ def _triangles(document: Document, primitive: Primitive, count: int) -> NDArray[
     if "indices" in primitive:
         indices = document.array(primitive["indices"])
         if indices.ndim != 1 or indices.dtype.kind != "u":
-            raise damaged(at(document.name, field=f"accessors[{primitive['indices']}]"), "indices that are no numbers")
+            raise damaged(
+                at(document.name, field=f"accessors[{primitive['indices']}]"), "indices that are not unsigned integers"
+            )
         indices = indices.astype(np.int64)
     if mode == TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)

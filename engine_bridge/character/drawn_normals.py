@@ -1,4 +1,4 @@
-"""The normals that a character is drawn with: those of its file, or smooth ones where it has none."""
+"""Normals for drawing a character: those of its file, or smooth ones."""
 
 import igl
 import numpy as np
@@ -8,14 +8,14 @@ from engine_bridge.character.character import Character
 
 
 def drawn_normals(character: Character) -> NDArray[np.float64]:
-    """Return unit normals (n, 3): the file's, or smooth ones for parts without; zero where there is no direction.
+    """Return unit normals (n, 3): the file's, smooth ones for parts without, zero for vertices without a direction.
 
-    What is too small for a float32 of full precision is zero: graphics cards take it for that, and would choose other
-    tangents (docs/protocol.md).
+    Subnormal float32 numbers become zero, because graphics cards treat them as zero and would choose other tangents
+    (docs/protocol.md).
     """
-    made = [
+    parts = [
         igl.per_vertex_normals(part.vertices, part.triangles) if part.normals is None else part.normals
         for part in character.parts
     ]
-    normals = np.nan_to_num(np.concatenate(made))
+    normals = np.nan_to_num(np.concatenate(parts))
     return np.where(np.abs(normals) < np.finfo(np.float32).tiny, 0.0, normals)

@@ -1,4 +1,4 @@
-"""A mesh made ready to be deformed: welded and reduced, from the cache where that was done before."""
+"""Preparation of a mesh for deformation: welding and model reduction, with a cache."""
 
 from dataclasses import astuple, fields
 from operator import attrgetter
@@ -8,19 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.cache import Arrays, key_of, recall
+from engine_bridge.character.cache import Arrays, cache_key, load_or_compute
 from solver.model.bones import NO_BONES, BoneRegions, Bones
 from solver.model.reduced_model import ModelParameters, ReducedModel, build
 from solver.surface.mesh import Repairs, SolverMesh, weld
 
-KEPT = {"bones": Bones, "regions": BoneRegions}
-"""Fields of a model that are groups of arrays themselves."""
+ARRAY_GROUPS = {"bones": Bones, "regions": BoneRegions}
+"""Fields of a model that consist of several arrays."""
 
-MODEL = tuple(
-    f"{field.name}.{part.name}" if field.name in KEPT else field.name
+MODEL_ARRAYS = tuple(
+    f"{field.name}.{part.name}" if field.name in ARRAY_GROUPS else field.name
     for field in fields(ReducedModel)
-    for part in (fields(KEPT[field.name]) if field.name in KEPT else [field])
+    for part in (fields(ARRAY_GROUPS[field.name]) if field.name in ARRAY_GROUPS else [field])
 )
+"""Names of a model's arrays in the cache."""
 
 
 def prepare(
@@ -33,7 +34,7 @@ def prepare(
     bones: Bones = NO_BONES,
     shares: NDArray[np.float64] | None = None,
 ) -> tuple[SolverMesh, ReducedModel]:
-    """Weld and reduce a render mesh, or take both from the cache.
+    """Weld and reduce a render mesh, or read both results from the cache.
 
     Parameters
     ----------
@@ -41,13 +42,13 @@ def prepare(
     triangles : (T, 3) int64
     parameters : ModelParameters
     folder : Path
-        Of the cache, see `engine_bridge.character.cache.recall`.
+        Folder of the cache, see `engine_bridge.character.cache.load_or_compute`.
     name : str
-        What an error message calls the mesh.
+        Name of the mesh in error messages.
     bones : Bones, optional
-        Inside the mesh.
+        Bones inside the mesh.
     shares : (N, b) float64, optional
-        Of each bone in the motion of each render vertex, see `solver.model.reduced_model.build`.
+        Share of each bone in the motion of each render vertex, see `solver.model.reduced_model.build`.
 
     Raises
     ------
@@ -65,20 +66,22 @@ def prepare(
             "mesh.of_render": mesh.of_render,
             "mesh.repairs": np.array(astuple(mesh.repairs)),
         }
-        return welded | {name: attrgetter(name)(model) for name in MODEL}
+        return welded | {name: attrgetter(name)(model) for name in MODEL_ARRAYS}
 
-    made = recall(folder, key_of(MODEL, parameters, positions, triangles, *astuple(bones), shares), make)
-    repairs = Repairs(*made["mesh.repairs"].tolist())
-    mesh = SolverMesh(made["mesh.vertices"], made["mesh.faces"], made["mesh.of_render"], name, repairs)
+    arrays = load_or_compute(
+        folder, cache_key(MODEL_ARRAYS, parameters, positions, triangles, *astuple(bones), shares), make
+    )
+    repairs = Repairs(*arrays["mesh.repairs"].tolist())
+    mesh = SolverMesh(arrays["mesh.vertices"], arrays["mesh.faces"], arrays["mesh.of_render"], name, repairs)
     groups: dict[str, Any] = {
-        field: kind(*(made[f"{field}.{part.name}"] for part in fields(kind))) for field, kind in KEPT.items()
+        field: kind(*(arrays[f"{field}.{part.name}"] for part in fields(kind))) for field, kind in ARRAY_GROUPS.items()
     }
-    alone: dict[str, Any] = {field: made[field] for field in MODEL if "." not in field}
+    alone: dict[str, Any] = {field: arrays[field] for field in MODEL_ARRAYS if "." not in field}
     return mesh, ReducedModel(**alone, **groups)
 
 
 def _means(values: NDArray[np.float64], of_render: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the mean values (n, k) of the render vertices (N, k) that are one vertex of the solver's mesh."""
+    """Return the means (n, k) of values (N, k) over the render vertices of each solver vertex."""
     count = int(of_render.max()) + 1
     sums = np.stack([np.bincount(of_render, column, count) for column in values.T], axis=1)
     return sums / np.bincount(of_render, minlength=count)[:, None]

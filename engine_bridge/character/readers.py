@@ -1,4 +1,4 @@
-"""Mesh files that are not glTF: the reader for each, found by content and then by ending."""
+"""Readers of mesh files other than glTF, chosen by content and then by ending."""
 
 from pathlib import Path
 
@@ -12,18 +12,18 @@ READERS = {".obj": obj.read, ".off": off.read, ".ply": ply.read, ".stl": stl.rea
 
 SURFACE_FILES = tuple(READERS)
 
-HEAD_SIZE = 65536
-"""Bytes from which a format is recognised."""
+HEAD_BYTES = 65536
+"""Number of bytes by which a format is recognised."""
 
 
 def read_surface(path: Path, content: bytes | None = None) -> Surface:
-    """Read a mesh file, ready to be shown.
+    """Read a mesh file and complete its shading.
 
     Parameters
     ----------
     path : Path
     content : bytes, optional
-        Of that file, where it has been read already.
+        Content of that file if it has been read already.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def read_surface(path: Path, content: bytes | None = None) -> Surface:
     Raises
     ------
     MeshError
-        A file that cannot be opened, that is of another kind or damaged, or that holds no surface.
+        A file that cannot be opened, has another format, is damaged, or has no surface.
     """
     if content is None:
         content = read_whole(path, "a mesh", MeshError)
@@ -41,16 +41,16 @@ def read_surface(path: Path, content: bytes | None = None) -> Surface:
     if ending is None:
         raise MeshError(
             path,
-            found="no mesh that is known here" if content else "an empty file",
-            expected=f".glb, .gltf, {', '.join(SURFACE_FILES)}",
+            found="no mesh in a supported format" if content else "an empty file",
+            expected=f"one of the formats .glb, .gltf, {', '.join(SURFACE_FILES)}",
             fix="Export the character as .glb from your editor.",
         )
     return shaded(READERS[ending](path, content), str(path))
 
 
 def _recognized(path: Path, content: bytes) -> str | None:
-    """Find the ending that a file should have."""
-    head = content[:HEAD_SIZE]
+    """Return the ending of the format that a file has."""
+    head = content[:HEAD_BYTES]
     if ply_tables.matches(head):
         return ".ply"
     if off.matches(head):

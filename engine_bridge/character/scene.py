@@ -1,4 +1,4 @@
-"""The tree of nodes: what is shown, where it stands, and what a skeleton of the file's own does to it."""
+"""Tree of nodes: shown nodes, their transforms, and skins."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,23 +6,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.document import Document, damaged
+from engine_bridge.character.document import Document
+from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.schema import Gltf, Node, Primitive
 from puppetline.errors import MeshError, at
 
-MOST_SETS = 16
-"""Sets of 4 joints that a vertex may follow; any number of them could share one array of a small file."""
+MAX_JOINT_SETS = 16
+"""Maximum number of sets of 4 joints per vertex; in a small file, many sets can share one array."""
 
 
 def top_nodes(gltf: Gltf) -> list[int]:
-    """Return the nodes of the shown scene, or those that are nobody's children where a file has no scene."""
+    """Return the top nodes of the shown scene, or all nodes without a parent if a file has no scene."""
     if gltf["scenes"]:
         return list(gltf["scenes"][gltf.get("scene", 0)].get("nodes", []))
     return _roots(gltf)
 
 
 def _roots(gltf: Gltf) -> list[int]:
-    """Return the nodes that are nobody's children."""
+    """Return the nodes without a parent."""
     children = {child for node in gltf["nodes"] for child in node.get("children", [])}
     return [index for index in range(len(gltf["nodes"])) if index not in children]
 
@@ -33,20 +34,20 @@ def shown_nodes(document: Document) -> list[int]:
     Raises
     ------
     MeshError
-        Nodes that are no tree.
+        Nodes that do not form a tree.
     """
     nodes, tops = document.gltf["nodes"], top_nodes(document.gltf)
     shown = [index for index, _ in _walk(document, tops) if "mesh" in nodes[index]]
     inner = set(tops).difference(_roots(document.gltf))
-    if inner:  # what it hangs on is not shown, and yet moves it
+    if inner:  # its parent is not shown, but moves it
         raise _no_tree(document, min(inner), "a node at the top of the scene that has a parent")
     return shown
 
 
 def world_transforms(document: Document) -> NDArray[np.float64]:
-    """Return the (nodes, 4, 4) transforms of all nodes, column vectors.
+    """Return the world transforms (nodes, 4, 4) of all nodes, for column vectors.
 
-    Nodes outside the shown scene count from the top of their own tree: joints may stand there.
+    Nodes outside the shown scene, which may be joints, are placed from the top of their own tree.
     """
     gltf = document.gltf
     transforms = np.tile(np.eye(4), (len(gltf["nodes"]), 1, 1))
@@ -57,18 +58,18 @@ def world_transforms(document: Document) -> NDArray[np.float64]:
 
 
 def tree(document: Document) -> list[tuple[int, int | None]]:
-    """Return all nodes, each with its parent and after it.
+    """Return all nodes with their parents, parents first.
 
     Raises
     ------
     MeshError
-        Nodes that are no tree.
+        Nodes that do not form a tree.
     """
     return list(_walk(document, _roots(document.gltf)))
 
 
 def _walk(document: Document, roots: list[int]) -> Iterator[tuple[int, int | None]]:
-    """Walk trees of nodes in the order of the file: each node with its parent."""
+    """Yield the nodes of trees with their parents, in the order of the file."""
     nodes = document.gltf["nodes"]
     waiting: list[tuple[int, int | None]] = [(root, None) for root in reversed(roots)]
     seen: set[int] = set()
@@ -86,12 +87,12 @@ def _no_tree(document: Document, node: int, found: str) -> MeshError:
         at(document.name, field=f"nodes[{node}]"),
         found=found,
         expected="a tree of nodes",
-        fix="The file is damaged: export it again.",
+        fix="Export the file again.",
     )
 
 
 def local_transform(node: Node) -> NDArray[np.float64]:
-    """Return the (4, 4) transform of a node against its parent, column vectors."""
+    """Return the transform (4, 4) of a node relative to its parent, for column vectors."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     transform = np.eye(4)
@@ -104,8 +105,8 @@ def local_transform(node: Node) -> NDArray[np.float64]:
 
 
 def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn x, y, z, w (4,) of any length but 0 into a (3, 3) matrix (Rodrigues)."""
-    scaled = quaternion / np.abs(quaternion).max()  # squares of what is huge or tiny are infinite or zero
+    """Return the rotation matrix (3, 3) of a quaternion x, y, z, w (4,) of any length but 0 (Rodrigues)."""
+    scaled = quaternion / np.abs(quaternion).max()  # squares of huge or tiny numbers are infinite or zero
     x, y, z, w = scaled / np.linalg.norm(scaled)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + 2 * (w * cross + cross @ cross)
@@ -114,10 +115,10 @@ def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 def skinning(
     document: Document, primitive: Primitive, skin: int, count: int, world: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return what a skin does to each vertex of a primitive as the skeleton stands.
+    """Return the transform of each vertex of a primitive by a skin at rest.
 
-    A vertex goes where the weighted mean of its joints' matrices takes it (glTF 2.0, section 3.7.3.3); the transform of
-    the node that shows it does not count. Weights are brought to sum 1, as viewers do.
+    This is the weighted mean of its joints' matrices (glTF 2.0, section 3.7.3.3); the transform of the node that shows
+    the primitive is ignored. Weights are scaled to a sum of 1, as in viewers.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ def skinning(
     Raises
     ------
     MeshError
-        Joints that the skin does not have.
+        Joints that are not in the skin.
     """
     table = document.gltf["skins"][skin]
     where = at(document.name, field=f"skins[{skin}]")
@@ -156,7 +157,7 @@ def skinning(
 def influences(
     document: Document, primitive: Primitive, skin: int, count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return which joints of a skin each vertex of a primitive follows, and how much.
+    """Return the joints of a skin that each vertex of a primitive follows, and their weights.
 
     Returns
     -------
@@ -166,11 +167,11 @@ def influences(
     Raises
     ------
     MeshError
-        Joints that the skin does not have.
+        Joints that are not in the skin.
     """
     where, joints = at(document.name, field=f"skins[{skin}]"), document.gltf["skins"][skin]["joints"]
     sets = [name.removeprefix("JOINTS_") for name in primitive["attributes"] if name.startswith("JOINTS_")]
-    if len(sets) > MOST_SETS:
+    if len(sets) > MAX_JOINT_SETS:
         raise damaged(where, f"{len(sets):,} sets of joints at each vertex")
     indices = _columns(document, primitive, [f"JOINTS_{name}" for name in sets], count)
     weights = _columns(document, primitive, [f"WEIGHTS_{name}" for name in sets], count)
@@ -186,6 +187,6 @@ def influences(
 
 
 def _columns(document: Document, primitive: Primitive, names: list[str], count: int) -> NDArray[Any]:
-    """Put the attributes that are there side by side."""
+    """Return the existing attributes of some names side by side."""
     found = [document.attribute(primitive, name, count, 4) for name in names]
     return np.hstack([np.zeros((count, 0)), *(values for values in found if values is not None)])

@@ -1,7 +1,7 @@
-"""glTF 2.0's description, as far as it is read here, as typed plain JSON.
+"""The part of a glTF 2.0 description that is read, as typed plain JSON.
 
-A description stays the dictionary that the file holds: what is not named here passes through untouched. `checked` makes
-sure that what is named has the right kind and that every index leads somewhere.
+A description stays the dictionary from the file, including properties that are not named here. `checked` checks the
+types of named properties and the range of all indices.
 """
 
 import json
@@ -13,46 +13,39 @@ from typing_extensions import TypedDict, is_typeddict  # pydantic asks for these
 
 T = TypeVar("T")
 
-_OPEN = ConfigDict(extra="allow", strict=True, hide_input_in_errors=True)
-
 Index = Annotated[int, Field(ge=0)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
-Numbers2 = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Numbers3 = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Numbers4 = Annotated[list[Number], Field(min_length=4, max_length=4)]
 Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
-Many = Annotated[list[T], FailFast()]  # one fault is enough: a list of them all would outgrow the file
+Many = Annotated[list[T], FailFast()]  # a list of all errors could be larger than the file
 Attributes = dict[str, Index]
 Kind = Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
 
 
-@with_config(_OPEN)
 class Named(TypedDict):
-    """What nearly everything in a file may have."""
+    """Properties that almost all objects may have."""
 
     name: NotRequired[str]
     extras: NotRequired[Any]
     extensions: NotRequired[dict[str, Any]]
 
 
-@with_config(_OPEN)
 class AssetTable(TypedDict):
-    """Which glTF this is."""
+    """Version of glTF, and the program that wrote the file."""
 
     version: str
     generator: NotRequired[str]
 
 
-@with_config(_OPEN)
 class Scene(Named):
-    """The nodes at the top."""
+    """Top nodes of a scene."""
 
     nodes: NotRequired[Many[Index]]
 
 
-@with_config(_OPEN)
 class Node(Named):
-    """A place in the tree, and what is shown there."""
+    """A node of the tree with its transform and mesh."""
 
     children: NotRequired[Many[Index]]
     mesh: NotRequired[Index]
@@ -64,7 +57,6 @@ class Node(Named):
     weights: NotRequired[Many[Number]]
 
 
-@with_config(_OPEN)
 class Primitive(Named):
     """Triangles of one material, or lines or points."""
 
@@ -75,15 +67,13 @@ class Primitive(Named):
     targets: NotRequired[Many[Attributes]]
 
 
-@with_config(_OPEN)
 class Mesh(Named):
-    """Primitives with one set of morph target weights."""
+    """Primitives with common weights of morph targets."""
 
     primitives: Many[Primitive]
     weights: NotRequired[Many[Number]]
 
 
-@with_config(_OPEN)
 class Skin(Named):
     """The joints that vertices follow."""
 
@@ -92,33 +82,29 @@ class Skin(Named):
     skeleton: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class SparseIndices(TypedDict):
-    """Which values of a sparse accessor differ."""
+    """Indices of the values in a sparse accessor."""
 
     bufferView: Index
     componentType: Index
     byteOffset: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class SparseValues(TypedDict):
-    """What they are."""
+    """Values in a sparse accessor."""
 
     bufferView: Index
     byteOffset: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class Sparse(TypedDict):
-    """A few values that differ from the rest of an accessor."""
+    """Values that replace some of an accessor's."""
 
     count: Index
     indices: SparseIndices
     values: SparseValues
 
 
-@with_config(_OPEN)
 class Accessor(Named):
     """An array."""
 
@@ -133,9 +119,8 @@ class Accessor(Named):
     max: NotRequired[Many[Number]]
 
 
-@with_config(_OPEN)
 class BufferView(Named):
-    """A run of bytes."""
+    """A range of bytes in a buffer."""
 
     buffer: Index
     byteLength: Index
@@ -144,7 +129,6 @@ class BufferView(Named):
     target: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class Buffer(Named):
     """A file of bytes, or the binary part of a .glb."""
 
@@ -152,33 +136,29 @@ class Buffer(Named):
     uri: NotRequired[str]
 
 
-@with_config(_OPEN)
 class Image(Named):
-    """A picture."""
+    """An image."""
 
     uri: NotRequired[str]
     mimeType: NotRequired[str]
     bufferView: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class Texture(Named):
-    """A picture and how it is sampled."""
+    """An image and its sampler."""
 
     source: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class TextureInfo(TypedDict):
-    """A texture and the UV set that it is laid out on."""
+    """A texture and its set of texture coordinates."""
 
     index: Index
     texCoord: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class Surface(TypedDict):
-    """A material's colour and finish."""
+    """Colour and roughness of a material."""
 
     baseColorFactor: NotRequired[Numbers4]
     baseColorTexture: NotRequired[TextureInfo]
@@ -186,9 +166,8 @@ class Surface(TypedDict):
     roughnessFactor: NotRequired[Number]
 
 
-@with_config(_OPEN)
 class Material(Named):
-    """How a surface looks."""
+    """Appearance of a surface."""
 
     pbrMetallicRoughness: NotRequired[Surface]
     normalTexture: NotRequired[TextureInfo]
@@ -197,42 +176,37 @@ class Material(Named):
     doubleSided: NotRequired[bool]
 
 
-@with_config(_OPEN)
 class ChannelTarget(TypedDict):
-    """The property that a channel moves."""
+    """The property that a channel animates."""
 
     path: str
     node: NotRequired[Index]
 
 
-@with_config(_OPEN)
 class Channel(TypedDict):
-    """A property and the sampler that moves it."""
+    """A property and the sampler that animates it."""
 
     sampler: Index
     target: ChannelTarget
 
 
-@with_config(_OPEN)
 class Sampler(TypedDict):
-    """Key times and values."""
+    """Times and values of keyframes."""
 
     input: Index
     output: Index
     interpolation: NotRequired[str]
 
 
-@with_config(_OPEN)
 class Animation(Named):
-    """Channels that play together."""
+    """Channels that are played together."""
 
     channels: Many[Channel]
     samplers: Many[Sampler]
 
 
-@with_config(_OPEN)
 class Gltf(Named):
-    """A whole description; lists that a file leaves out are empty."""
+    """A description, with empty lists for those that the file omits."""
 
     asset: AssetTable
     scene: NotRequired[Index]
@@ -277,26 +251,31 @@ REFERENCES = {
     "animations.*.samplers.*.input": "accessors",
     "animations.*.samplers.*.output": "accessors",
 }
-"""Where indices stand, a star for any number or name, and the list that they lead into."""
+"""Paths of indices, with a star for any number or name, and the lists to which they refer."""
+
+_TABLES = [table for table in list(globals().values()) if is_typeddict(table)]
+
+for _table in _TABLES:
+    with_config(ConfigDict(extra="allow", strict=True, hide_input_in_errors=True))(_table)
 
 _ADAPTER = TypeAdapter(Gltf)
 
-_NAMES = frozenset(name for table in list(globals().values()) if is_typeddict(table) for name in table.__annotations__)
-"""All that is named here; what is not passes through as it is."""
+_NAMES = frozenset(name for table in _TABLES for name in table.__annotations__)
+"""Names of all properties that are checked; others pass through unchanged."""
 
 
 def empty() -> Gltf:
-    """Return a description of nothing."""
+    """Return an empty description."""
     return checked({"asset": {"version": "2.0", "generator": "puppetline"}})
 
 
 def checked(values: dict[str, Any]) -> Gltf:
-    """Make sure that a description can be relied on.
+    """Check a description.
 
     Parameters
     ----------
     values : dict
-        Parsed JSON; lists that are left out are put in, empty.
+        Parsed JSON; missing lists are added, empty.
 
     Returns
     -------
@@ -306,7 +285,7 @@ def checked(values: dict[str, Any]) -> Gltf:
     Raises
     ------
     ValueError
-        With the place of the first fault.
+        With the path of the first error.
     """
     for name in LISTS:
         values.setdefault(name, [])
@@ -315,7 +294,7 @@ def checked(values: dict[str, Any]) -> Gltf:
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         raise ValueError(f"{_place(first['loc'])}: {first['msg']}") from error
-    gltf: Gltf = values  # type: ignore[assignment]  # checked just now
+    gltf: Gltf = values  # type: ignore[assignment]  # checked above
     for path, name in REFERENCES.items():
         steps, count = path.split("."), len(values[name])
         if max(_found(gltf, steps), default=-1) >= count:
@@ -326,7 +305,7 @@ def checked(values: dict[str, Any]) -> Gltf:
 
 
 def drop_nulls(values: dict[str, Any]) -> list[str]:
-    """Remove the properties that are null, as some programs write those that they have not, but for `extras` and such.
+    """Remove properties that are null, which some programs write for missing ones, except in `extras` and extensions.
 
     Parameters
     ----------
@@ -336,11 +315,11 @@ def drop_nulls(values: dict[str, Any]) -> list[str]:
     Returns
     -------
     list of str
-        Their names, each once, sorted.
+        Their names, sorted, without duplicates.
     """
     dropped = set()
     left: list[Any] = [values]
-    while left:  # not by recursion, which ends long before the parser's
+    while left:  # not by recursion, which supports less nesting than the parser
         value = left.pop()
         if isinstance(value, dict):
             nulls = [name for name, item in value.items() if item is None and name in _NAMES]
@@ -354,22 +333,22 @@ def drop_nulls(values: dict[str, Any]) -> list[str]:
 
 
 def copied(value: T) -> T:
-    """Return a deep copy of JSON, however deep it is: `copy.deepcopy` gives up far sooner than the parser does."""
+    """Return a deep copy of JSON; `copy.deepcopy` supports less nesting than the parser."""
     return json.loads(json.dumps(value))
 
 
 def compact(gltf: Gltf) -> dict[str, Any]:
-    """Return a description without its empty lists, which a file may not hold."""
+    """Return a description without empty lists, which a file may not contain."""
     return {name: value for name, value in gltf.items() if value or name not in LISTS}
 
 
 def _place(location: tuple[int | str, ...]) -> str:
-    """Write a place as a path into the JSON: ``nodes[3].mesh``."""
+    """Return a location in JSON as a path: ``nodes[3].mesh``."""
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in location).lstrip(".")
 
 
 def _found(value: Any, steps: list[str]) -> list[Any]:
-    """Follow a path into JSON, along all items where it has a star, and return the values that are there."""
+    """Return the values at a path in JSON, with a star for all items."""
     found = [value]
     for step in steps:
         if step == "*":
@@ -380,7 +359,7 @@ def _found(value: Any, steps: list[str]) -> list[Any]:
 
 
 def _placed(value: Any, steps: list[str], *place: int | str) -> Iterator[tuple[tuple[int | str, ...], Any]]:
-    """Follow a path like `_found` does, and tell where each value is."""
+    """Yield the locations and values at a path as in `_found`."""
     if not steps:
         yield place, value
         return
@@ -390,7 +369,7 @@ def _placed(value: Any, steps: list[str], *place: int | str) -> Iterator[tuple[t
 
 
 def _check_samplers(gltf: Gltf) -> None:
-    """Make sure that each channel's sampler is there; they count within their animation."""
+    """Check that each channel's sampler exists in its animation."""
     for number, animation in enumerate(gltf["animations"]):
         there = len(animation["samplers"])
         for channel in animation["channels"]:

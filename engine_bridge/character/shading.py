@@ -1,4 +1,4 @@
-"""What a surface lacks to be shown: faces that all look outwards, normals, and both sides of what is open."""
+"""Completion of surfaces for display: consistent winding, normals, and double-sided materials for open parts."""
 
 from dataclasses import replace
 
@@ -7,43 +7,43 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from engine_bridge.character.surfaces.corners import alike
+from engine_bridge.character.surfaces.corners import unique_rows
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
-from solver.surface.winding import edges_of, in_order, wound_alike
+from solver.surface.winding import edges_of, lexicographic_order, wound_consistently
 
-LEAF = 1e-6
-"""A closed part whose volume is less than this share of its area^1.5 has no inside: a leaf with two sides."""
+MIN_SOLIDITY = 1e-6
+"""Minimum volume of a closed part that has an inside, as a share of its area^1.5; a leaf with two sides has none."""
 
-SMALLEST = 1e-30
-"""Size of a surface whose areas can still be compared."""
+MIN_SIZE = 1e-30
+"""Minimum size of a surface whose areas can be compared."""
 
-CREASE, BEND = np.cos(np.radians(40)), np.cos(np.radians(2))
-"""Cosines of the angle between two faces from which their edge is hard, and from which it is one at all."""
+HARD_EDGE_COSINE, FLAT_EDGE_COSINE = np.cos(np.radians(40)), np.cos(np.radians(2))
+"""Cosines of the angles between two faces above which their edge is hard, and above which it is not flat."""
 
 UP = (0.0, 1.0, 0.0)
-"""The normal of a vertex that is in no face with an area."""
+"""Normal of a vertex without a face of positive area."""
 
 
 def shaded(surface: Surface, name: str) -> Surface:
-    """Complete a surface; the order and number of its vertices and triangles stay.
+    """Complete a surface without changing the order or number of its vertices and triangles.
 
-    Where no piece has normals, triangles that contradict their neighbours or look into a closed part are turned over.
-    Normals that are missing are made: smooth ones across all vertices at one place, or see `Surface.faceted`. A surface
-    that is mostly hard edges stays without, and glTF shows it so. Pieces of parts that are open get a material with two
-    sides.
+    If no piece has normals, triangles that contradict their neighbours or face the inside of a closed part are flipped.
+    Missing normals are computed: smooth ones across all vertices at one position, or see `Surface.faceted`. A surface
+    with mostly hard edges gets none, which glTF shows with flat shading. Pieces of open parts get a double-sided
+    material.
 
     Parameters
     ----------
     surface : Surface
     name : str
-        What an error message calls it.
+        Name of the surface in error messages.
 
     Raises
     ------
     MeshError
-        No surface, see `solver.surface.mesh.weld`, or one without a size to speak of.
+        No surface, see `solver.surface.mesh.weld`, or a tiny one.
     """
     positions = np.concatenate([piece.positions for piece in surface.pieces])
     starts = np.cumsum([0] + [len(piece.positions) for piece in surface.pieces])
@@ -54,18 +54,20 @@ def shaded(surface: Surface, name: str) -> Surface:
     notes = list(dict.fromkeys(surface.notes))
     if turned.any():
         triangles[turned] = triangles[turned, ::-1]
-        notes.append(f"{count(int(turned.sum()), 'triangle')} of {len(triangles):,} faced the wrong way: turned over.")
+        notes.append(
+            f"{count(int(turned.sum()), 'triangle')} of {len(triangles):,} faced the wrong way and were flipped."
+        )
     places = np.cumsum([0] + [len(piece.triangles) for piece in surface.pieces])
     pieces = []
     for index, piece in enumerate(surface.pieces):
         own = slice(places[index], places[index + 1])
-        made = None if normals is None else normals[starts[index] : starts[index + 1]]
+        computed = None if normals is None else normals[starts[index] : starts[index + 1]]
         sides = piece.material.double_sided or bool(is_open[own].any())
         pieces.append(
             replace(
                 piece,
                 triangles=triangles[own] - starts[index],
-                normals=_completed(piece.normals, made),
+                normals=_completed(piece.normals, computed),
                 material=replace(piece.material, double_sided=sides),
             )
         )
@@ -75,7 +77,7 @@ def shaded(surface: Surface, name: str) -> Surface:
 def _shading(
     positions: NDArray[np.float64], triangles: NDArray[np.int64], has_normals: bool, faceted: bool, name: str
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64] | None]:
-    """Compute which triangles are turned over, which are in open parts, and normals, except for an angular surface."""
+    """Return which triangles to flip, which are in open parts, and normals unless the surface is angular."""
     mesh = weld(positions, triangles, name)
     welded = mesh.of_render[triangles]
     turned = np.zeros(len(triangles), dtype=np.bool_) if has_normals else wrongly_wound(mesh.vertices, welded)
@@ -94,30 +96,30 @@ def _shading(
 
 
 def _check_size(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> None:
-    """Refuse a surface so small that its area is no number any more."""
+    """Refuse a surface so small that its area underflows."""
     used = np.zeros(len(positions), dtype=np.bool_)
     used[triangles] = True
     size = float(np.ptp(positions[used], axis=0).max()) if used.any() else 0.0
-    if 0 < size < SMALLEST:
+    if 0 < size < MIN_SIZE:
         raise MeshError(
             name,
-            found=f"a surface of a size of {size:.3g}",
-            expected=f"one of at least {SMALLEST:g}",
+            found=f"a surface of size {size:.3g}",
+            expected=f"a surface of size {MIN_SIZE:g} or more",
             fix="Check the scale that the mesh was exported with.",
         )
 
 
 def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which triangles are wound the other way round than a closed surface is, seen from outside.
+    """Return which triangles have the wrong winding: counter-clockwise from outside is right.
 
-    Triangles that meet two by two at an edge form a patch, which is wound as one. A closed patch looks outwards (its
-    volume is positive); in any other, the smaller part of its area is wrong.
+    Triangles that meet in pairs at edges form a patch with consistent winding. A closed patch faces outwards (its
+    volume is positive); in any other patch, the smaller part of its area is wrong.
 
     Parameters
     ----------
     vertices : (n, 3) float64
     faces : (t, 3) int64
-        May hold degenerate triangles, which are never wrong.
+        Degenerate triangles are never wrong.
 
     Returns
     -------
@@ -125,7 +127,7 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     """
     a, b, c = faces.T
     proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
-    oriented, patch = wound_alike(faces[proper])
+    oriented, patch = wound_consistently(faces[proper])
     flipped = (oriented != faces[proper]).any(axis=1)
     corners = vertices[oriented] - vertices.mean(axis=0)
     cross = np.cross(corners[:, 1], corners[:, 2])
@@ -135,7 +137,7 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     area = np.bincount(patch, doubled / 2, count_of)
     minority = np.bincount(patch, np.where(flipped, doubled, -doubled), count_of) > 0
     unbalanced = _unbalanced(oriented, patch)
-    solid = np.abs(volume) > LEAF * area**1.5
+    solid = np.abs(volume) > MIN_SOLIDITY * area**1.5
     solid[patch[unbalanced]] = False
     against = np.where(solid, volume < 0, minority)
     turned = np.zeros(len(faces), dtype=bool)
@@ -144,9 +146,9 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
 
 
 def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
-    """Tell which of the (t, 3) faces are connected to an edge where the surface ends or turns over.
+    """Return which of the (t, 3) faces are connected to an edge where the surface ends or flips.
 
-    A face that is there twice, once for each side, ends nowhere.
+    Two equal faces with opposite windings do not count as an end.
     """
     ends = faces[_unbalanced(faces)]
     if not len(ends):
@@ -160,34 +162,34 @@ def in_open_part(faces: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
 
 
 def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
-    """Tell whether most of the length of the edges at which a surface bends is hard, as in furniture and crystals."""
+    """Return whether most of the length of edges that are not flat is hard, as in furniture and crystals."""
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     normals = unit(np.cross(b - a, c - a), UP)
     edges, of_side, _ = edges_of(faces)
-    order = in_order(of_side[:, None], len(edges))
+    order = lexicographic_order(of_side[:, None], len(edges))
     edge, face = of_side[order], order // 3
     shared = np.flatnonzero(edge[1:] == edge[:-1])
     cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])
     length = np.linalg.norm(np.subtract(*vertices[edges[edge[shared]].T]), axis=1)
-    return bool(length[cosine < CREASE].sum() > 0.5 * length[cosine < BEND].sum())
+    return bool(length[cosine < HARD_EDGE_COSINE].sum() > 0.5 * length[cosine < FLAT_EDGE_COSINE].sum())
 
 
 def _unbalanced(faces: NDArray[np.int64], patch: NDArray[np.int64] | None = None) -> NDArray[np.bool_]:
-    """Tell which (t,) faces have an edge that is not passed as often in one direction as in the other.
+    """Return which faces (t,) have an edge that is not traversed equally often in both directions.
 
-    Where patches are given, an edge of several of them is one for each.
+    If patches are given, each patch has its own edges.
     """
     _, edge, _ = edges_of(faces)
     if patch is not None:
-        _, edge = alike(np.column_stack([np.repeat(patch, 3), edge]))
+        _, edge = unique_rows(np.column_stack([np.repeat(patch, 3), edge]))
     balance = np.bincount(edge, np.sign(np.roll(faces, -1, axis=1) - faces).ravel())
     a, b, c = (balance[edge] != 0).reshape(-1, 3).T
     return a | b | c
 
 
 def _sides(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the first of all faces between the same vertices, and which of the (t,) faces are the backs of these."""
-    first, kind = alike(np.sort(faces, axis=1))
+    """Return the first of all faces with the same vertices, and which of the (t,) faces are backs of these."""
+    first, kind = unique_rows(np.sort(faces, axis=1))
     order = np.argsort(faces, axis=1)
     is_even = (order[:, 1] - order[:, 0]) % 3 == 1
     return first, is_even != is_even[first[kind]]
@@ -200,14 +202,14 @@ def _facet_normals(positions: NDArray[np.float64], triangles: NDArray[np.int64])
     return unit(normals, UP)
 
 
-def _completed(own: NDArray[np.float64] | None, made: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    return made if own is None or made is None else unit(own, made)
+def _completed(own: NDArray[np.float64] | None, computed: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    return computed if own is None or computed is None else unit(own, computed)
 
 
 def unit(vectors: NDArray[np.float64], otherwise: ArrayLike) -> NDArray[np.float64]:
-    """Return (n, 3) unit vectors, those of `otherwise` in place of what has no direction."""
+    """Return unit vectors (n, 3), with `otherwise` for vectors without a direction."""
     x, y, z = np.abs(vectors).T
-    largest = np.maximum(np.maximum(x, y), z)[:, None]  # several times as fast as a maximum along rows of three
+    largest = np.maximum(np.maximum(x, y), z)[:, None]  # several times as fast as a maximum along rows
     good = (largest > 0) & np.isfinite(largest)
     vectors = np.where(good, vectors, otherwise) / np.where(good, largest, 1.0)
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -217,4 +219,4 @@ def unit(vectors: NDArray[np.float64], otherwise: ArrayLike) -> NDArray[np.float
 def _lost_normals(pieces: list[Piece]) -> list[str]:
     own = [piece.normals for piece in pieces if piece.normals is not None]
     lost = sum(int((~normals.any(axis=1) | ~np.isfinite(normals).all(axis=1)).sum()) for normals in own)
-    return [f"{count(lost, 'normal')} had no direction: computed."] if lost else []
+    return [f"{count(lost, 'normal')} had no direction and were computed."] if lost else []

@@ -1,5 +1,6 @@
 """`puppetline bake`: a character's morph targets for live use."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -35,7 +36,7 @@ def bake(
     with progress() as report:
         summary = bake(puppet, output, logs, targets=targets, tolerance=tolerance, progress=report)
     if as_json:
-        options.echo_json(summary.as_dict())
+        options.echo_json(asdict(summary))
         return
     size = f"{summary.targets} morph targets, {summary.bytes / 1e6:.1f} MB"
     click.echo(f"{summary.output}: {size}, from {summary.frames:,} frames of motion")

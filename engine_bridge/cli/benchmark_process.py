@@ -27,7 +27,7 @@ from engine_bridge.performance.clip import REST_SECONDS, load_timeline
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError
 from solver.model.binding import ShadedBinding
 from solver.model.reduced_model import Controls, build

@@ -1,5 +1,6 @@
 """`puppetline convert`: a recording becomes an animated .glb."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +71,7 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     from capture.formats.options import ReadOptions
     from engine_bridge.export.convert import convert
     from engine_bridge.performance.settings import Settings
-    from engine_bridge.pictures import sheet
+    from engine_bridge.pictures import clip_sheet
     from puppetline.files import check_writable
 
     for option, form in (("targets", "morph"), ("bones", "skin")):
@@ -82,9 +83,9 @@ def convert(log: Path, puppet: Path, output: Path, preview: Path | None, as_json
     with progress() as report:
         clip, summary = convert(log, puppet, output, Settings(log=read_options, **choices), report)
         if preview is not None:
-            sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
+            clip_sheet.draw(clip, preview, f"{puppet.stem} · {log.stem}", lambda share: report("Drawing", share))
     if as_json:
-        options.echo_json(summary.as_dict())
+        options.echo_json(asdict(summary))
     else:
         click.echo(describe(summary))
 

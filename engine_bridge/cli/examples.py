@@ -17,7 +17,7 @@ from capture.sources.demo import performances
 from engine_bridge.character.character import make_character
 from engine_bridge.export.convert import Summary, convert
 from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures import sheet
+from engine_bridge.pictures import clip_sheet
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 
@@ -51,7 +51,7 @@ def convert_example(name: str, folder: Path, progress: Progress = lambda _stage,
     title = f"{name}_{MOTIONS[name]}"
     output, picture = folder / f"{title}.glb", folder / f"{title}.png"
     clip, summary = convert(log, puppet, output, Settings(), progress)
-    sheet.draw(clip, picture, f"{name} · {MOTIONS[name]}", lambda share: progress("Drawing", share))
+    clip_sheet.draw(clip, picture, f"{name} · {MOTIONS[name]}", lambda share: progress("Drawing", share))
     return summary, picture
 
 

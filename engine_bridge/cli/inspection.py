@@ -8,8 +8,8 @@ import numpy as np
 from capture.formats import FORMATS, read_log, recognize
 from capture.skeleton import LOST, TRACKED
 from engine_bridge.character.character import CHARACTER_FILES, Character, load_character, rest_weights
-from engine_bridge.character.document import MAGIC
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.character.gltf_file import MAGIC
+from engine_bridge.puppet import puppet_file
 from puppetline.errors import PuppetlineError
 from solver.anatomy import orientation
 

@@ -12,7 +12,7 @@ from engine_bridge.cli import options
 from engine_bridge.cli.options import FILE, Finite
 
 if TYPE_CHECKING:
-    from capture.sensors.sight import Sight
+    from capture.sensors.source_report import SourceReport
 
 STATUS_PERIOD_SECONDS = 0.2
 """Time between two updates of the status line, in seconds."""
@@ -33,8 +33,8 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
 
     The exit code is 1 if no performer is in view.
     """
-    from capture.sensors.sight import reasons
-    from engine_bridge.pictures.look import draw
+    from capture.sensors.diagnosis import diagnose
+    from engine_bridge.pictures.source_view import draw
     from puppetline.files import check_writable, written_whole
 
     if output is None and not live:
@@ -45,44 +45,44 @@ def look(source: str, output: Path | None, live: bool, seconds: float | None, as
         check_writable(output, ".png")
     if sys.stderr.isatty():
         click.echo(f"looking at {source} …", err=True)
-    sight, connected = _watch_live(source, seconds) if live else (_watch(source, seconds), True)
+    report, connected = _watch_live(source, seconds) if live else (_watch(source, seconds), True)
     if output is not None:
         with written_whole(output) as partial:
-            draw(sight, reasons(sight)).save(partial, format="PNG")
+            draw(report, diagnose(report)).save(partial, format="PNG")
     if connected:
-        _report(sight, output, as_json)
-    if not (connected and sight.performers):
+        _print(report, output, as_json)
+    if not (connected and report.performers):
         raise click.exceptions.Exit(1)
 
 
-def _report(sight: "Sight", output: Path | None, as_json: bool) -> None:
+def _print(report: "SourceReport", output: Path | None, as_json: bool) -> None:
     """Print what was seen, and why nothing moves."""
-    from capture.sensors.sight import reasons, summary, told
+    from capture.sensors.diagnosis import describe, diagnose, summary
 
-    why = reasons(sight)
+    problems = diagnose(report)
     if as_json:
-        options.echo_json(summary(sight, why))
+        options.echo_json(summary(report, problems))
         return
-    click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
-    for _, performer in sorted(sight.performers.items()):
-        click.echo(f"  {told(performer)}")
-    if sight.level is not None:
-        click.echo(f"  the sensor: {sight.level}")
-    for reason in why:
-        click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+    click.echo(f"{'' if output is None else f'{output}: '}{report.source}, {report.seconds:.1f} s")
+    for _, performer in sorted(report.performers.items()):
+        click.echo(f"  {describe(performer)}")
+    if report.sensor_tilt is not None:
+        click.echo(f"  the sensor: {report.sensor_tilt}")
+    for problem in problems:
+        click.echo(f"  {problem.what}" + (f"\n    → {problem.fix}" if problem.fix else ""))
 
 
-def _watch(source: str, seconds: float | None) -> "Sight":
+def _watch(source: str, seconds: float | None) -> "SourceReport":
     """Return what a source sees during some seconds."""
-    from capture.sensors.sight import watch
+    from capture.sensors.source_report import observe
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
 
     with native_output.logged(), closing(open_source(source)) as opened:
-        return watch(opened, 3.0 if seconds is None else seconds)
+        return observe(opened, 3.0 if seconds is None else seconds)
 
 
-def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
+def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool]":
     """Show a status line; return what the source saw last, and whether the terminal is still connected."""
     import math
     import time
@@ -91,8 +91,9 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     from rich.live import Live
     from rich.text import Text
 
-    from capture.reconnecting import Reopening
-    from capture.sensors.sight import RECENT, Watch, status_line
+    from capture.reconnecting import ReopeningSource
+    from capture.sensors.diagnosis import STATUS_SECONDS, status_line
+    from capture.sensors.source_report import SourceMonitor
     from capture.sources.registry import open_source
     from engine_bridge.service.monitoring import native_output
     from engine_bridge.service.signals import Signals
@@ -100,24 +101,27 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
         stack.enter_context(native_output.logged())
-        opened = Reopening(source, lambda: open_source(source))
+        opened = ReopeningSource(source, lambda: open_source(source))
         stack.callback(opened.close)
         signals.waiting = True
-        watched, end = Watch(opened, RECENT), time.monotonic() + (math.inf if seconds is None else seconds)
+        monitor, end = (
+            SourceMonitor(opened, STATUS_SECONDS),
+            time.monotonic() + (math.inf if seconds is None else seconds),
+        )
         try:
             with Live(auto_refresh=False, transient=True) as line:
-                while not (signals.stop or signals.take_reload() or watched.over or time.monotonic() >= end):
+                while not (signals.stop or signals.take_reload() or monitor.ended or time.monotonic() >= end):
                     due = min(time.monotonic() + STATUS_PERIOD_SECONDS, end)
-                    while not (signals.stop or watched.over) and time.monotonic() < due:
-                        watched.take_in(due)
-                    line.update(Text(status_line(watched.sight())), refresh=True)
+                    while not (signals.stop or monitor.ended) and time.monotonic() < due:
+                        monitor.receive(due)
+                    line.update(Text(status_line(monitor.report())), refresh=True)
             connected = sys.stdout.isatty()  # false after SIGHUP from a terminal that was closed
         except OSError:  # the terminal was closed while the line was written
             connected = False
         if not connected:  # writing remaining output to a closed terminal would make the exit fail
             _discard_output()
-        sight = replace(watched.sight(), retried=False)
-    return sight, connected
+        report = replace(monitor.report(), retried=False)
+    return report, connected
 
 
 def _discard_output() -> None:

@@ -68,8 +68,8 @@ def new(
 
     It contains the mesh's limbs, or handles if the mesh has no limbs, and the joints that move them.
     """
-    from engine_bridge.pictures import portrait
-    from engine_bridge.puppet import proposal, puppet
+    from engine_bridge.pictures import puppet_diagram
+    from engine_bridge.puppet import proposal, puppet_file
     from puppetline.files import check_writable
 
     picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
@@ -88,8 +88,8 @@ def new(
         scale=scale,
         mirror=mirror,
     )
-    puppet.dump(proposed.puppet, output)
-    portrait.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
+    puppet_file.dump(proposed.puppet, output)
+    puppet_diagram.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
     counts = {"limbs": len(proposed.puppet.limb), "handles": len(proposed.puppet.handle)}
     click.echo(
         f"{output}: {', '.join(f'{count} {what}' for what, count in counts.items() if count)}, shown in {picture}"

@@ -10,7 +10,7 @@ from capture.events import Tick
 from capture.recording import Recorder
 from capture.skeleton import SkeletonFrame
 from capture.source import SkeletonSource, wait
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import OutputError, SourceError
 from puppetline.files import check_writable
 
@@ -99,7 +99,7 @@ def record(
                         users.add(event.user)
                 report(frames, time.monotonic() - started)
         except SourceError as error:
-            if isinstance(source, TakeSource) and source.damaged:
+            if isinstance(source, RecordingSource) and source.damaged:
                 raise
             ended, why = "source", "" if source.recorded else str(error)
         except KeyboardInterrupt:

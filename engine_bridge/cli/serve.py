@@ -137,11 +137,11 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
 
 
 def _looped(uri: str) -> str:
-    from capture.sources.registry import LOOP, RECORDED
+    from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
 
-    if not uri.startswith(RECORDED) or uri.endswith(("?loop", "&loop")):
+    if not uri.startswith(RECORDED_PREFIXES) or uri.endswith(("?loop", "&loop")):
         return uri
-    return uri + ("&loop" if "?" in uri else LOOP)
+    return uri + ("&loop" if "?" in uri else LOOP_SUFFIX)
 
 
 def _osc_receiver(text: str, rate: float | None) -> dict[str, Any]:

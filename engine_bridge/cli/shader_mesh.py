@@ -1,5 +1,6 @@
 """`puppetline shader-mesh`: a character whose vertices an engine's shader moves."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -17,11 +18,11 @@ def shader_mesh(puppet: Path, output: Path, as_json: bool) -> None:
 
     Each vertex has its isoline coordinates as texture coordinates, so that the shader can move it by live controls.
     """
-    from engine_bridge.export.shader_mesh import write_ladder
+    from engine_bridge.export.shader_mesh import write_shader_mesh
 
-    summary = write_ladder(puppet, output)
+    summary = write_shader_mesh(puppet, output)
     if as_json:
-        options.echo_json(summary.as_dict())
+        options.echo_json(asdict(summary))
         return
     surfaces = f"{summary.surfaces} surface{'s' if summary.surfaces > 1 else ''}"
     size = f"{summary.vertices:,} vertices in {surfaces}, {summary.bytes / 1e6:.1f} MB"

@@ -1,12 +1,13 @@
-"""What a client receives: rates, latency and gaps, for `puppetline listen`.
+"""Measures what a client of a service receives: rates, latency and gaps, for `puppetline listen`.
 
-It is a client like any other, written from docs/protocol.md.
+The client uses nothing but the protocol of docs/protocol.md.
 """
 
+import math
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,48 +23,49 @@ from puppetline.errors import ServiceError
 ADDRESS = "tcp://127.0.0.1:7400"
 
 KINDS = tuple(kind.word for kind in (*FRAME_KINDS, Kind.PERFORMER))
-"""What can be listened to."""
+"""Kinds that can be measured."""
 
-NOT_EVERY_FRAME = ("/joints", "/performer")
-"""Topics on which numbers are left out though nothing is lost."""
+SPARSE_TOPICS = ("/joints", "/performer")
+"""Ends of the topics whose sequence numbers have gaps although nothing is lost."""
 
-UPDATE_EVERY = 1.0
-"""Seconds between two calls of `on_update`."""
+POLL_SECONDS = 0.25
+"""Maximum time that the client waits for a message before it looks at the clock, in seconds."""
 
-MOST_KEPT = 100_000
-"""Latencies of a topic that percentiles are taken of: the newest."""
+MAX_LATENCIES = 100_000
+"""Maximum number of latencies per topic for percentiles; the newest are kept."""
 
-MOST_FOLLOWED = 256
-"""Characters."""
+MAX_CHARACTERS = 256
+"""Maximum number of characters followed when none are named."""
 
-LARGEST = 1 << 30
-"""Bytes of a message, above which whatever sends it is no service."""
+MAX_MESSAGE_BYTES = 1 << 30
+"""Maximum size of a message; the connection to a sender of a larger one is closed."""
 
 LOOPBACK = ("tcp://127.", "tcp://localhost:", "tcp://[::1]:")
 
 
 @dataclass(frozen=True)
-class Heard:
-    """What came on one topic.
+class TopicReport:
+    """What a client has received on one topic.
 
     Attributes
     ----------
     topic : str
     messages, bytes : int
     rate : float or None
-        Messages a second, from the first to the last; None for fewer than two.
+        Messages per second between the first and the last; None for fewer than two.
     missing : int or None
-        Frames whose numbers were left out; None for `NOT_EVERY_FRAME`.
+        Number of frames that are missing in the sequence; None for `SPARSE_TOPICS`.
     restarts : int
-        How often numbers began anew.
+        How often the sequence restarted.
     latency_ms : dict or None
-        ``p50``, ``p95``, ``p99`` and ``max`` from what moved the character coming in at the service to this client
-        having the message; None on another machine, whose clock is another.
+        ``p50``, ``p95``, ``p99`` and ``max`` of the time from a skeleton's arrival at the service to the message's
+        arrival here; None if the service is on another machine, which has another clock.
     state : str
-        Of the performer, in the last message.
+        State of the performer in the last message.
     user : int
+        User number in the last message.
     residual : float or None
-        Of morphs, in the last message.
+        Residual of the morph weights in the last message.
     """
 
     topic: str
@@ -86,14 +88,14 @@ class ListenReport:
     ----------
     address : str
     seconds : float
-        For which it listened.
+        Duration of the measurement.
     bytes : int
-        Of all messages.
+        Size of all messages.
     refused : int
-        Messages that were not understood.
+        Number of messages that were not understood.
     scenes : dict
-        By character: what its scene says in numbers, and how large it is.
-    heard : list of Heard
+        Numbers and size of each character's scene, by the character's name.
+    heard : list of TopicReport
     """
 
     address: str
@@ -101,7 +103,7 @@ class ListenReport:
     bytes: int
     refused: int
     scenes: dict[str, dict[str, Any]]
-    heard: list[Heard]
+    heard: list[TopicReport]
 
 
 def listen(
@@ -111,37 +113,34 @@ def listen(
     token: str | None = None,
     characters: Sequence[str] = (),
     kinds: Sequence[str] = ("controls",),
-    on_update: Callable[[ListenReport], None] | None = None,
 ) -> ListenReport:
-    """Follow characters, and measure what comes.
+    """Follow characters, and measure what arrives.
 
     Parameters
     ----------
     address : str
         ``tcp://HOST:PORT`` or ``HOST:PORT`` of the stream.
     seconds : float, optional
-        For ever, or until Ctrl-C, if left out.
+        Duration of the measurement; until Ctrl-C by default.
     token : str, optional
-        What the service wants from clients on other machines.
+        Token of the service, if it requires one.
     characters : sequence of str
-        All of them if empty.
+        Names of the characters to follow; all by default.
     kinds : sequence of str
         Some of `KINDS`.
-    on_update : callable, optional
-        Told once a second what has come so far.
 
     Raises
     ------
     ServiceError
-        An address that is none, a kind that there is not, a name that no character can have, or nothing at all that
-        came in all the time.
+        The address, a kind or a name is invalid, or nothing was received.
     """
     for kind in kinds:
         if kind not in KINDS:
-            raise ServiceError("--kind", found=repr(kind), expected=f"one of {', '.join(KINDS)}", fix="Choose another.")
+            expected = f"one of {', '.join(KINDS)}"
+            raise ServiceError("--kind", found=repr(kind), expected=expected, fix="Choose one of these.")
     for name in characters:
         if not NAME.fullmatch(name):
-            fix = "Leave it out to see them all."
+            fix = "Omit the option to follow all characters."
             raise ServiceError("--character", found=repr(name), expected="a character's name", fix=fix)
     address = address if "://" in address else f"tcp://{address}"
     listener = _Listener(address, tuple(kinds))
@@ -149,7 +148,10 @@ def listen(
     try:
         socket = _connected(context, address, token)
         listener.follow(socket, characters)
-        _hear(socket, listener, seconds, on_update)
+        end = time.monotonic() + (math.inf if seconds is None else seconds)
+        while (now := time.monotonic()) < end:
+            if socket.poll(max(0, round(1000 * min(end - now, POLL_SECONDS)))):
+                listener.take(socket, socket.recv(), time.monotonic_ns())
     except KeyboardInterrupt:
         pass
     finally:
@@ -158,16 +160,16 @@ def listen(
     if not report.bytes and not report.refused:
         raise ServiceError(
             address,
-            found=f"nothing that came within {report.seconds:.0f} s",
-            expected="a running service that lets this client in",
-            fix="Start it with puppetline serve; check the address, and the token if it wants one.",
+            found=f"no message within {report.seconds:.0f} s",
+            expected="a running service that accepts this client",
+            fix="Start one with puppetline serve; check the address, and the token if the service requires one.",
         )
     return report
 
 
 def _connected(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: str | None) -> "zmq.Socket[bytes]":
     socket = context.socket(zmq.SUB)
-    socket.setsockopt(zmq.MAXMSGSIZE, LARGEST)
+    socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
     socket.setsockopt(zmq.RECONNECT_IVL, 100)
     socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
     keep_alive(socket)
@@ -178,31 +180,17 @@ def _connected(context: "zmq.Context[zmq.Socket[bytes]]", address: str, token: s
         socket.connect(address)
     except zmq.ZMQError as error:
         raise ServiceError(
-            address, found=f"no address ({error.strerror})", expected=f"one like {ADDRESS}", fix="Correct it."
+            address,
+            found=f"an invalid address ({error.strerror})",
+            expected=f"an address such as {ADDRESS}",
+            fix="Correct the address.",
         ) from error
     return socket
 
 
-def _hear(
-    socket: "zmq.Socket[bytes]",
-    listener: "_Listener",
-    seconds: float | None,
-    on_update: Callable[[ListenReport], None] | None,
-) -> None:
-    begun = time.monotonic()
-    end = float("inf") if seconds is None else begun + seconds
-    update = begun + UPDATE_EVERY
-    while (now := time.monotonic()) < end:
-        if now >= update and on_update is not None:
-            on_update(listener.report())
-            update += UPDATE_EVERY
-        if socket.poll(max(0, round(1000 * min(end - now, UPDATE_EVERY / 4)))):
-            listener.take(socket, socket.recv(), time.monotonic_ns())
-
-
 @dataclass
 class _Tally:
-    """A topic's messages so far."""
+    """Counts the messages of a topic."""
 
     messages: int = 0
     bytes: int = 0
@@ -214,7 +202,7 @@ class _Tally:
     state: int = 0
     user: int = 0
     residual: float | None = None
-    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_KEPT))
+    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=MAX_LATENCIES))
 
     def add(self, message: Received, size: int, now: int) -> None:
         header = message.header
@@ -231,7 +219,7 @@ class _Tally:
 
 
 class _Listener:
-    """Takes messages and keeps count."""
+    """Subscribes to characters, and counts their messages."""
 
     def __init__(self, address: str, kinds: tuple[str, ...]) -> None:
         self._address, self._kinds = address, kinds
@@ -244,20 +232,20 @@ class _Listener:
         self._tallies: dict[str, _Tally] = {}
 
     def follow(self, socket: "zmq.Socket[bytes]", characters: Sequence[str]) -> None:
-        """Subscribe to characters, to all that there are and come if none are named."""
+        """Subscribe to characters; to all, and to those added later, if none are named."""
         self._all = not characters
         socket.subscribe(subscription("service/characters"))
         for name in characters:
             self._subscribe(socket, name)
 
     def _subscribe(self, socket: "zmq.Socket[bytes]", name: str) -> None:
-        """Ask for a character's scene, for this client alone, and for its frames."""
+        """Request a character's scene for this client alone, and subscribe to its frames."""
         for kind in (f"scene/{self._own}", *self._kinds):
             socket.subscribe(subscription(f"{name}/{kind}"))
         self._followed.add(name)
 
     def take(self, socket: "zmq.Socket[bytes]", content: bytes, now: int) -> None:
-        """Take a message that has come at `now`, nanoseconds."""
+        """Count a message that arrived at `now`, in nanoseconds."""
         try:
             message = decode(content)
         except WireError:
@@ -267,9 +255,9 @@ class _Listener:
         name = message.topic.partition("/")[0]
         match message.header.kind:
             case Kind.CHARACTERS if isinstance(message.body, list):
-                names = [each.get("name") for each in message.body[:MOST_FOLLOWED] if isinstance(each, dict)]
+                names = [each.get("name") for each in message.body[:MAX_CHARACTERS] if isinstance(each, dict)]
                 for new in [new for new in names if isinstance(new, str) and NAME.fullmatch(new)]:
-                    if self._all and new not in self._followed and len(self._followed) < MOST_FOLLOWED:
+                    if self._all and new not in self._followed and len(self._followed) < MAX_CHARACTERS:
                         self._subscribe(socket, new)
             case Kind.SCENE:
                 facts = message.body.facts
@@ -284,7 +272,7 @@ class _Listener:
                 self._refresh(socket, name, message.header.revision)
 
     def _refresh(self, socket: "zmq.Socket[bytes]", name: str, revision: int) -> None:
-        """Ask for the scene again where frames are of another one."""
+        """Request the scene again if frames belong to another revision."""
         known = self._scenes.get(name)
         if known is not None and known["revision"] != revision:
             del self._scenes[name]
@@ -293,28 +281,28 @@ class _Listener:
             socket.subscribe(own)
 
     def report(self) -> ListenReport:
-        """Return what has come so far."""
+        """Return what has been received so far."""
         return ListenReport(
             address=self._address,
             seconds=time.monotonic() - self._begun,
             bytes=self._bytes,
             refused=self._refused,
             scenes=dict(self._scenes),
-            heard=[self._heard(topic, tally) for topic, tally in sorted(self._tallies.items())],
+            heard=[self._topic(topic, tally) for topic, tally in sorted(self._tallies.items())],
         )
 
-    def _heard(self, topic: str, tally: _Tally) -> Heard:
+    def _topic(self, topic: str, tally: _Tally) -> TopicReport:
         span = (tally.last - tally.first) / 1e9
         latency = None
         if self._address.startswith(LOOPBACK):
             p50, p95, p99, most = np.percentile(tally.latencies, [50, 95, 99, 100]).tolist()
             latency = {"p50": p50, "p95": p95, "p99": p99, "max": most}
-        return Heard(
+        return TopicReport(
             topic=topic,
             messages=tally.messages,
             bytes=tally.bytes,
             rate=(tally.messages - 1) / span if span > 0 else None,
-            missing=None if topic.endswith(NOT_EVERY_FRAME) else tally.missing,
+            missing=None if topic.endswith(SPARSE_TOPICS) else tally.missing,
             restarts=tally.restarts,
             latency_ms=latency,
             state=STATES[tally.state],
@@ -324,7 +312,7 @@ class _Listener:
 
 
 def describe(report: ListenReport) -> str:
-    """Lay a report out as text: a line for each character's scene, then one for each topic."""
+    """Return a report as text: one line per scene, then one per topic."""
     lines = [
         f"{report.address}: {report.seconds:.1f} s, {report.bytes / 1e6:.2f} MB"
         + (f", {report.refused:,} not understood" if report.refused else "")
@@ -334,22 +322,22 @@ def describe(report: ListenReport) -> str:
         f"scene of {scene['bytes'] / 1e6:.2f} MB"
         for name, scene in sorted(report.scenes.items())
     ]
-    lines += [_line(heard) for heard in report.heard]
+    lines += [_line(topic) for topic in report.heard]
     if not report.heard:
-        lines.append("no frames: nothing moves these characters at the moment, or there are none of this name or kind")
+        lines.append("no frames: nothing moves these characters at present, or none have this name or kind")
     return "\n".join(lines)
 
 
-def _line(heard: Heard) -> str:
-    rate = "–" if heard.rate is None else f"{heard.rate:.1f}"
-    text = f"{heard.topic}: {heard.state}, {heard.messages:,} frames, {rate} a second"
-    if heard.missing is not None:
-        text += f", {heard.missing:,} missing"
-    if heard.restarts:
-        text += f", {heard.restarts:,} new starts"
-    if heard.latency_ms is not None:
-        p50, p99, most = (heard.latency_ms[name] for name in ("p50", "p99", "max"))
+def _line(topic: TopicReport) -> str:
+    rate = "–" if topic.rate is None else f"{topic.rate:.1f}"
+    text = f"{topic.topic}: {topic.state}, {topic.messages:,} frames, {rate} per second"
+    if topic.missing is not None:
+        text += f", {topic.missing:,} missing"
+    if topic.restarts:
+        text += f", {topic.restarts:,} restarts"
+    if topic.latency_ms is not None:
+        p50, p99, most = (topic.latency_ms[name] for name in ("p50", "p99", "max"))
         text += f", latency {p50:.2f} ms (p99 {p99:.2f}, max {most:.2f})"
-    if heard.residual is not None:
-        text += f", residual {heard.residual:.2g} of the diagonal"
+    if topic.residual is not None:
+        text += f", residual {topic.residual:.2g} of the diagonal"
     return text

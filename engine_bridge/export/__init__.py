@@ -1,1 +1,1 @@
-"""Motion out: glTF animations of several forms, morph bases and shader meshes."""
+"""Export of motion: glTF animations, morph bases and shader meshes."""

@@ -1,4 +1,4 @@
-"""The animated character: morph targets, their weights over time, and the root's way through space."""
+"""Animated glTF documents: morph targets, their weights over time, and the root's translation."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -8,24 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character, Part, rest_weights
-from engine_bridge.character.document import ARRAY_BUFFER, Document, damaged
+from engine_bridge.character.document import ARRAY_BUFFER, Document
+from engine_bridge.character.gltf_file import damaged
 from engine_bridge.character.scene import top_nodes
 from engine_bridge.character.schema import Animation, Gltf, Mesh, Node, Primitive, copied
-from engine_bridge.character.surfaces.surface import FARTHEST
+from engine_bridge.character.surfaces.surface import MAX_COORDINATE
 from puppetline.errors import at
 
 
 @dataclass(frozen=True)
-class Take:
-    """A clip, ready to be written.
+class Keyframes:
+    """Keyframes of an animation.
 
     Attributes
     ----------
     name : str
         Name of the animation.
     times : (F,) float32
-        Seconds, from 0.
+        Times in seconds, from 0.
     weights : (F, K) float32
+        Weights of the morph targets.
     root : (F, 3) float32 or None
         Translation of the whole character, mesh file's coordinates.
     """
@@ -37,33 +39,33 @@ class Take:
 
 
 Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] | None]]
-"""Part number to (K, n, 3) position and normal displacements in world coordinates, normals None where it has none."""
+"""Callable from a part's number to its displacements (K, n, 3) of positions, and of normals or None; in the world."""
 
 
-def animate(character: Character, take: Take, displacements: Displacements) -> Document:
-    """Put a take into a copy of a character's document.
+def animate(character: Character, keyframes: Keyframes, displacements: Displacements) -> Document:
+    """Add an animation of morph targets to a copy of a character's document.
 
-    Each node that shows a part of the character gets morph targets and a weights animation; the root's motion is the
-    translation of a new node above the scene. All that the document holds stays: a skeleton stands still in the new
-    animation, which moves vertices before the skeleton does, and goes on moving the character in the file's own.
+    Each node that shows a part of the character gets morph targets and an animation of their weights. The root's motion
+    is the translation of a new node above the scene. All contents of the document stay. A skeleton does not move in the
+    new animation, whose morph targets apply before the skin. The file's own animations still move it.
 
     Parameters
     ----------
     character : Character
-    take : Take
+    keyframes : Keyframes
     displacements : callable
-        Asked for one part at a time, so that they need not all be in memory.
+        Called for one part at a time, to save memory.
 
     Returns
     -------
     Document
-        Ready to be saved.
+        Document with the animation.
     """
     document = character.document.copy()
     gltf = document.gltf
     show_all(gltf)
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     numbered: dict[int, list[tuple[int, Part]]] = {}
     for number, part in enumerate(character.parts):
         numbered.setdefault(part.node, []).append((number, part))
@@ -73,34 +75,34 @@ def animate(character: Character, take: Take, displacements: Displacements) -> D
         before = rest_weights(gltf["nodes"][node], mesh)
         for number, part in parts:
             _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
-        _pad_targets(document, mesh, len(before) + take.weights.shape[1])
-        if take.weights.shape[1]:
-            _widen_animations(document, node, len(before), take.weights.shape[1])
-            held = np.tile(np.array(before, dtype=np.float32), (len(take.times), 1))
-            add_channel(document, animation, clock, np.hstack([held, take.weights]).ravel(), node, "weights")
-            _describe_targets(gltf["nodes"][node], mesh, before, take.weights.shape[1])
-    if take.root is not None:
-        add_channel(document, animation, clock, take.root, add_root(document), "translation")
+        _pad_targets(document, mesh, len(before) + keyframes.weights.shape[1])
+        if keyframes.weights.shape[1]:
+            _widen_animations(document, node, len(before), keyframes.weights.shape[1])
+            held = np.tile(np.array(before, dtype=np.float32), (len(keyframes.times), 1))
+            add_channel(document, animation, clock, np.hstack([held, keyframes.weights]).ravel(), node, "weights")
+            _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
+    if keyframes.root is not None:
+        add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
     if animation["channels"]:
-        gltf["animations"].insert(0, animation)  # the first is what viewers play
+        gltf["animations"].insert(0, animation)  # viewers play the first one
     return document
 
 
 def show_all(gltf: Gltf) -> None:
-    """Give a file without scenes one of everything: such a file is a library, of which viewers show nothing."""
+    """Add a scene of all nodes to a file without scenes, of which viewers would show nothing."""
     if not gltf["scenes"]:
         gltf["scenes"], gltf["scene"] = [{"nodes": top_nodes(gltf)}], 0
 
 
 def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
-    """Give a node a mesh that no other node shows: in its own space the same motion is another displacement.
+    """Return a mesh that only this node shows, because displacements differ between the spaces of nodes.
 
     Parameters
     ----------
     document : Document
     node : int
     shown : Counter
-        How many nodes show each mesh; is kept up to date.
+        Number of nodes that show each mesh; it is updated.
     """
     gltf = document.gltf
     mesh = gltf["nodes"][node]["mesh"]
@@ -118,13 +120,13 @@ def _add_targets(
     positions: NDArray[np.float32],
     normals: NDArray[np.float32] | None,
 ) -> None:
-    """Append a part's targets to its primitive, turned from world coordinates into its own."""
+    """Append a part's targets to its primitive, converted from world coordinates to its own."""
     targets = primitive.setdefault("targets", [])
     linear = part.to_world[:, :3, :3]
     to_local = _inverse(linear)
     from_normals = linear.transpose(0, 2, 1).astype(np.float32)
     if part.normals is not None:
-        # a node's scale changes the length of the unit normals in the file: displacements must keep their share of it
+        # a node's scale changes the length of unit normals; displacements must scale with it
         length = np.linalg.norm(_turned(from_normals, part.normals.astype(np.float32)), axis=1, keepdims=True)
     for k, displacement in enumerate(positions):
         target = {"POSITION": document.add(_turned(to_local, displacement), ARRAY_BUFFER, bounds=True)}
@@ -135,18 +137,18 @@ def _add_targets(
 
 
 def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Invert (n, 3, 3) matrices; what one of them shrinks to nothing is not moved in it."""
+    """Return the inverses of matrices (n, 3, 3), zero for singular ones."""
     inverse = np.linalg.pinv(linear)
-    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= FARTHEST, inverse, 0).astype(np.float32)
+    return np.where(np.abs(inverse).max(axis=(1, 2), keepdims=True) <= MAX_COORDINATE, inverse, 0).astype(np.float32)
 
 
 def _turned(matrices: NDArray[np.float32], vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Multiply (n, 3) vectors by one (1, 3, 3) matrix, or each by its own."""
+    """Return vectors (n, 3) multiplied by one matrix (1, 3, 3), or each by its own."""
     return vectors @ matrices[0].T if len(matrices) == 1 else np.einsum("nij,nj->ni", matrices, vectors)
 
 
 def _pad_targets(document: Document, mesh: Mesh, count: int) -> None:
-    """Give points and lines of a mesh as many targets, which do nothing: a mesh must have one number of them."""
+    """Add empty targets to points and lines, because all primitives of a mesh must have the same number of targets."""
     for primitive in mesh["primitives"]:
         missing = count - len(primitive.get("targets", []))
         if missing > 0 and "POSITION" in primitive["attributes"]:
@@ -166,12 +168,12 @@ def _describe_targets(node: Node, mesh: Mesh, before: list[float], count: int) -
 
 
 def target_names(count: int) -> list[str]:
-    """Return what so many new morph targets of a mesh are called; they come after those that it has."""
+    """Return the names of new morph targets, which follow a mesh's own targets."""
     return [f"motion_{index}" for index in range(count)]
 
 
 def _widen_animations(document: Document, node: int, before: int, more: int) -> None:
-    """Let the file's own animations of a node's morph targets leave the new ones at rest."""
+    """Add zero weights for the new morph targets to the file's own animations of a node."""
     for animation in document.gltf["animations"]:
         for channel in animation["channels"]:
             if channel["target"].get("node") == node and channel["target"]["path"] == "weights" and before:
@@ -188,14 +190,14 @@ def _widen_animations(document: Document, node: int, before: int, more: int) -> 
 def add_channel(
     document: Document, animation: Animation, clock: int, values: NDArray[np.float32], node: int, path: str
 ) -> None:
-    """Let an animation move one property of a node, in straight lines between the keys.
+    """Add a channel to an animation that moves one property of a node by linear interpolation.
 
     Parameters
     ----------
     document : Document
     animation : Animation
     clock : int
-        Accessor of the key times.
+        Accessor of the keyframes' times.
     values : (F,) or (F, width) float32
     node : int
     path : str
@@ -207,9 +209,9 @@ def add_channel(
 
 
 def add_root(document: Document) -> int:
-    """Put one node above all others of the scene, and return it.
+    """Add a node above all others of the scene, and return it.
 
-    Meshes that hang on a skeleton stay where they are: they follow its joints, and a node above them does nothing.
+    Skinned meshes stay at the top, because they follow their joints and not their parents.
     """
     gltf = document.gltf
     scene = gltf["scenes"][gltf.get("scene", 0)]

@@ -1,13 +1,12 @@
-"""A character with a morph basis for live motion, in a .glb that engines need no addon for.
+"""Baking of a character with a morph basis for live motion, as a .glb that engines show without an addon.
 
-The basis is fitted to recorded motion, or to motion that is made up: all performances of the examples, and an exercise
-of the handles. The character's root is left out of it: live, it is a translation that comes with every frame.
+The basis is fitted to recorded motion, or to synthetic motion: all performances of the examples, and an exercise
+of the handles. It does not contain the motion of the root, which is a separate translation in live frames.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from capture.sources.demo import performances
 from capture.timeline import Timeline, resample
 from engine_bridge.export import morph_basis
-from engine_bridge.export.animation import Take, animate
-from engine_bridge.export.live_basis import REACH, LiveBasis, carry
+from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.live_basis import REACH, LiveBasis, store_basis
 from engine_bridge.export.morph_basis import MorphBasis
 from engine_bridge.performance.clip import Progress, load_timeline, resting_pose, solve
 from engine_bridge.performance.exercise import exercise
@@ -25,22 +24,22 @@ from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError
 from puppetline.files import check_writable
-from solver.model.batch import FRAMES as CHUNK
+from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 
-TOLERANCE = 0.002
-"""Largest error as a fraction of the diagonal where the user does not say: the poses at the end of a reach have it."""
+DEFAULT_TOLERANCE = 0.002
+"""Default tolerance as a fraction of the diagonal, which poses at the end of the reach determine."""
 
-SHOWN = 20.0
-"""Seconds of the motion that are put into the file as an animation, to look at."""
+SHOWN_SECONDS = 20.0
+"""Maximum duration of the animation in the file, in seconds."""
 
 
 @dataclass(frozen=True)
 class BakeSummary:
-    """What `bake` has to say about its result.
+    """Result of `bake`.
 
-    `error` and `rms` are distances of vertices from where the solver puts them, the largest and the root mean square
-    over all vertices and frames of the motion, as fractions of the diagonal.
+    `error` and `rms` are the maximum and the root mean square distance of vertices from the solver's positions, over
+    all vertices and frames of the motion, as fractions of the diagonal.
     """
 
     output: str
@@ -53,27 +52,23 @@ class BakeSummary:
     repairs: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Motion:
-    """What a basis is fitted to.
+    """Motion to which a basis is fitted.
 
     Attributes
     ----------
     frames : FrameStore
         (F, 4m, 3) float32: control variables, model units.
     name : str
-        Of its beginning, which is shown.
+        Name of the animation in the file, which shows the first frames.
     times : (f,) float32
-        Seconds, of the first frames.
+        Times of the first frames in seconds.
     root : (f, 3) float32
-        Translation in them, mesh file's coordinates.
+        Translation in the first frames, mesh file's coordinates.
     notes : tuple of str
-        What the user should know about the logs.
+        Sentences for the user about the recordings.
     """
 
     frames: FrameStore
@@ -92,17 +87,17 @@ def bake(
     tolerance: float | None = None,
     progress: Progress = lambda _stage, _share: None,
 ) -> BakeSummary:
-    """Make a .glb of a puppet's character on whose morph targets live poses can be projected.
+    """Write a .glb of a puppet's character with morph targets onto which live poses can be projected.
 
     Parameters
     ----------
     puppet, output : Path
     logs : sequence of Path
-        Skeleton logs whose motion the basis is to reproduce; without any, made-up motion that covers the puppet.
+        Recordings with the motion for the basis; without any, synthetic motion that covers the puppet.
     targets : int, optional
-        A limit to their number, at least 2, whatever the error.
+        Maximum number of targets, at least 2, regardless of the error.
     tolerance : float, optional
-        Largest error of a vertex over all of the motion, as a fraction of the diagonal; `TOLERANCE` if left out.
+        Maximum error of a vertex over all of the motion, as a fraction of the diagonal; `DEFAULT_TOLERANCE` by default.
     progress : callable, optional
 
     Raises
@@ -111,21 +106,23 @@ def bake(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(puppet, *logs))
-    settings = Settings(tolerance=TOLERANCE if tolerance is None else tolerance, targets=targets)
+    settings = Settings(tolerance=DEFAULT_TOLERANCE if tolerance is None else tolerance, targets=targets)
     progress("Preparing the character", 0.0)
     rig = load_rig(puppet)
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     progress("Preparing the character", 1.0)
     motion = (
-        recorded(rig, logs, settings, progress) if logs else made_up(rig, tuple(performances()), settings, progress)
+        recorded_motion(rig, logs, settings, progress)
+        if logs
+        else synthetic_motion(rig, tuple(performances()), settings, progress)
     )
     basis = fit(rig, motion, settings, progress)
     if not len(basis.directions):
         raise PuppetError(
             puppet,
-            found="no motion that takes the character farther than the tolerance",
+            found="motion within the tolerance only",
             expected="joints that move its handles",
-            fix="Let joints move the handles, or bake from recordings in which they move.",
+            fix="Assign joints to the handles, or bake from recordings in which the joints move.",
         )
     write(rig, motion, basis, output)
     live = LiveBasis(basis.directions.astype(np.float32), REACH, rig.model)
@@ -136,15 +133,15 @@ def bake(
         targets=basis.unit_weights.count,
         error=basis.error / float(rig.model.diagonal),
         rms=float(np.sqrt(np.mean(squares))),
-        tolerance=settings.allowed,
+        tolerance=settings.max_error,
         bytes=output.stat().st_size,
         repairs=tuple(rig.mesh.repairs.describe()),
         notes=(*rig.character.document.notes, *motion.notes),
     )
 
 
-def recorded(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> Motion:
-    """Play logs, one after another.
+def recorded_motion(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progress) -> Motion:
+    """Return the motion of some recordings.
 
     Raises
     ------
@@ -159,11 +156,11 @@ def recorded(rig: Rig, logs: Sequence[Path], settings: Settings, progress: Progr
     return _play(rig, read(), len(logs), settings, progress)
 
 
-def made_up(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
-    """Play some of the examples' performances, and then exercise the handles."""
+def synthetic_motion(rig: Rig, names: Sequence[str], settings: Settings, progress: Progress) -> Motion:
+    """Return the motion of some of the examples' performances, followed by an exercise of the handles."""
     timelines = {name: resample(performances()[name](), settings.fps, settings.max_gap) for name in names}
-    takes = [(name, timeline, ()) for name, timeline in timelines.items()]
-    motion = _play(rig, takes, len(takes), settings, progress)
+    clips = [(name, timeline, ()) for name, timeline in timelines.items()]
+    motion = _play(rig, clips, len(clips), settings, progress)
     rest = resting_pose(timelines[names[0]], settings)
     for solved in exercise(rig, rest, CHUNK):
         motion.frames.append(solved)
@@ -172,22 +169,22 @@ def made_up(rig: Rig, names: Sequence[str], settings: Settings, progress: Progre
 
 def _play(
     rig: Rig,
-    takes: Iterable[tuple[str, Timeline, tuple[str, ...]]],
+    clips: Iterable[tuple[str, Timeline, tuple[str, ...]]],
     count: int,
     settings: Settings,
     progress: Progress,
 ) -> Motion:
-    """Let the character perform takes: names, timelines and notes, of which there are so many."""
+    """Return the motion of `count` clips, each a name, a timeline and notes."""
     frames = FrameStore(rig.model.rest_controls.shape)
     shown: list[tuple[str, NDArray[np.float64], NDArray[np.float32]]] = []
     notes: list[str] = []
-    for number, (name, timeline, about) in enumerate(takes):
+    for number, (name, timeline, about) in enumerate(clips):
         roots = []
         for solved in solve(rig, timeline, settings, CHUNK):
             frames.append(solved.R)
             roots.append(solved.root)
         if not shown:
-            seen = timeline.times <= SHOWN
+            seen = timeline.times <= SHOWN_SECONDS
             shown.append((name, timeline.times[seen], np.concatenate(roots)[seen]))
         notes += about
         progress("Performing", (number + 1) / count)
@@ -196,28 +193,28 @@ def _play(
 
 
 def fit(rig: Rig, motion: Motion, settings: Settings, progress: Progress) -> MorphBasis:
-    """Fit a basis to motion, with weights that leave room for other motion."""
+    """Fit a basis to motion, with a range of weights for larger motion."""
     return morph_basis.fit(
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         motion.frames,
-        tolerance=settings.allowed,
-        most=settings.targets,
+        tolerance=settings.max_error,
+        max_targets=settings.targets,
         reach=REACH,
         progress=lambda share: progress("Fitting morph targets", share),
     )
 
 
 def write(rig: Rig, motion: Motion, basis: MorphBasis, output: Path) -> None:
-    """Write a character with a basis, and the beginning of the motion as an animation.
+    """Write a character with a basis, and an animation of the start of the motion.
 
     Raises
     ------
     OutputError
     """
     root = None if rig.puppet.root is None else motion.root
-    take = Take(motion.name, motion.times, basis.weights[: len(motion.times)], root)
+    keyframes = Keyframes(motion.name, motion.times, basis.weights[: len(motion.times)], root)
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, motion.frames, basis)
-    document = animate(rig.character, take, displacements)
-    carry(document, basis.directions, REACH, rig.model)
+    document = animate(rig.character, keyframes, displacements)
+    store_basis(document, basis.directions, REACH, rig.model)
     document.save(output)

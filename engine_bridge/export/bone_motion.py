@@ -1,9 +1,9 @@
-"""The rigid motion of bones whose skin weights are known, for all frames at once.
+"""Rigid motion of bones with known skin weights, for all frames at once.
 
-Minimises Σ_v ‖Σ_j w_vj (R_j u_v + t_j) − x_v‖² by taking one bone after the other: with the others held, the best
-rotation is a polar decomposition (B. H. Le, Z. Deng, *Smooth Skinning Decomposition with Rigid Bones*, 2012, section
-4.2). Sums over vertices are taken once: x = W R is linear in the control variables, so that no frame touches a vertex.
-Each frame goes through the same continuous steps from the same kind of start: what is close in time stays close.
+Minimises Σ_v ‖Σ_j w_vj (R_j u_v + t_j) − x_v‖² over one bone after the other: with fixed other bones, the best rotation
+is a polar decomposition (B. H. Le, Z. Deng, *Smooth Skinning Decomposition with Rigid Bones*, 2012, section
+4.2). Because x = W R is linear in the control variables, sums over vertices are computed only once, not for each frame.
+Each frame has the same continuous steps and start, so that its result does not jump between frames.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from scipy.sparse import csr_matrix, hstack
 
 from solver.model import polar
 
-SWEEPS = 30
-"""Times that each bone is taken; from the 20th on the error changes in its third digit only."""
+ITERATIONS = 30
+"""Number of iterations over all bones; from the 20th on, only the third digit of the error changes."""
 
-AFFINITY = 0.01
-"""Share of a pull that keeps a bone with the vertices that are mostly its own: bones could drift apart unseen."""
+AFFINITY_WEIGHT = 0.01
+"""Weight of the term that keeps a bone near its vertices, because bones could drift apart without it."""
 
 AFFINITY_POWER = 4
-"""Power of the weight by which such a vertex counts."""
+"""Exponent of skin weights in that term."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Moments:
     own : (B, 4) float64
         Σ p_j ũ, with p_j ∝ w_j^4 so that its sum over vertices is that of w_j.
     controls, own_controls : (B, 4, 4m) float64
-        Σ w_j ũ W and Σ p_j ũ W: times R, the moments of a pose.
+        Σ w_j ũ W and Σ p_j ũ W, which times R are the moments of a pose.
     """
 
     rest: NDArray[np.float64]
@@ -45,15 +45,15 @@ class Moments:
 
 
 def moments(rest: NDArray[np.float64], weights: csr_matrix, W: csr_matrix) -> Moments:
-    """Sum a skin up.
+    """Return the sums over a skin.
 
     Parameters
     ----------
     rest : (n, 3) float64
     weights : (n, B) sparse
-        Each bone moves some vertex.
+        Weights, where each bone moves at least one vertex.
     W : (n, 4m) sparse
-        What takes control variables to vertices.
+        Matrix from control variables to vertices.
     """
     bones = weights.shape[1]
     powers = weights.power(AFFINITY_POWER)
@@ -72,7 +72,7 @@ def moments(rest: NDArray[np.float64], weights: csr_matrix, W: csr_matrix) -> Mo
 
 
 def solve(sums: Moments, frames: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Find how the bones move.
+    """Return the motion of the bones.
 
     Parameters
     ----------
@@ -88,29 +88,29 @@ def solve(sums: Moments, frames: NDArray[np.floating]) -> NDArray[np.float64]:
     bones, count = len(sums.own), len(frames)
     # (F, 3, B, 4), so that the sum over all other bones is one matrix product
     own = np.einsum("bac,fcx->fxba", sums.own_controls, frames, optimize=True)
-    wanted = np.einsum("bac,fcx->fxba", sums.controls, frames, optimize=True) + AFFINITY * own
+    wanted = np.einsum("bac,fcx->fxba", sums.controls, frames, optimize=True) + AFFINITY_WEIGHT * own
     motion = np.empty((count, 3, bones, 4))
     for bone in range(bones):
         motion[:, :, bone] = _rigid(own[:, :, bone], sums.own[bone])
-    for _ in range(SWEEPS):
+    for _ in range(ITERATIONS):
         for bone in range(bones):
             others = sums.rest[:, :, bone].copy()
             others[bone] = 0
             moved = motion.reshape(-1, 4 * bones) @ others.reshape(4 * bones, 4)
-            mass = sums.rest[bone, 3, bone] + AFFINITY * sums.own[bone]
+            mass = sums.rest[bone, 3, bone] + AFFINITY_WEIGHT * sums.own[bone]
             motion[:, :, bone] = _rigid(wanted[:, :, bone] - moved.reshape(count, 3, 4), mass)
     return motion.swapaxes(1, 2)
 
 
 def _rigid(moment: NDArray[np.float64], mass: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (F, 3, 4) rigid motions that fit Σ x ũᵀ (F, 3, 4) best, given Σ ũ (4,)."""
+    """Return the rigid motions (F, 3, 4) that best fit Σ x ũᵀ (F, 3, 4), given Σ ũ (4,)."""
     middle = mass[:3] / mass[3]
     turns = polar.of_matrices((moment[..., :3] - moment[..., 3:] * middle).reshape(-1, 3, 3))
     return np.concatenate([turns, moment[..., 3:] / mass[3] - (turns @ middle)[..., None]], axis=-1)
 
 
 def blend_lines(rest: NDArray[np.floating], weights: csr_matrix) -> csr_matrix:
-    """Return the (n, 4B) matrix that blends motions: w_j x of all bones, then w_j y, w_j z and w_j.
+    """Return the matrix (n, 4B) that blends motions: w_j x of all bones, then w_j y, w_j z and w_j.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def blend_lines(rest: NDArray[np.floating], weights: csr_matrix) -> csr_matrix:
 
 
 def carried(lines: csr_matrix, motion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where a skin is carried: Σ_j w_j M_j ũ.
+    """Return the positions of a skin: Σ_j w_j M_j ũ.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
-"""A recorded skeleton and a puppet become a glTF animation."""
+"""Conversion of a recording and a puppet to a glTF animation."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from engine_bridge.export import forms, frames_animation, skinning
+from engine_bridge.export import frames_animation, skinning
+from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Form, Settings
@@ -14,14 +14,14 @@ from puppetline.files import check_writable
 
 @dataclass(frozen=True)
 class Summary:
-    """What `convert` has to say about its result.
+    """Result of `convert`.
 
-    `error` and `rms` are distances of vertices from where the solver puts them, over all vertices and keyframes, as
-    fractions of the diagonal. Where the file's own skeleton is animated, `error` is the largest distance of a joint
-    from where its bone takes it, and nothing is said of the surface: `stretch_p1`, `stretch_p50`, `stretch_p99` and
-    `parts_apart` are None.
+    `error` and `rms` are the maximum and the root mean square distance of vertices from the solver's positions, over
+    all vertices and keyframes, as fractions of the diagonal. If the file's own skeleton is animated, `error` is the
+    maximum distance of a joint from its bone, and `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
+    which describe the surface, are None.
 
-    `bones` are those of a skin, or the joints that have keys; `following` joints turn with the ones above them.
+    `bones` is the number of bones of a skin, or of joints with keyframes; `following` joints move with their parents.
     """
 
     output: str
@@ -42,10 +42,6 @@ class Summary:
     repairs: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
-        return asdict(self)
-
 
 def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Progress) -> Summary:
     """Write a solved clip as a .glb.
@@ -54,7 +50,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
     ------
     OutputError
     """
-    document, made = forms.make(clip, name, settings, progress)
+    document, result = export_clip(clip, name, settings, progress)
     document.save(output)
     of_solver = settings.form != "rig"
     p1, p50, p99 = clip.stretch if of_solver else (None, None, None)
@@ -63,26 +59,26 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         form=settings.form,
         frames=len(clip.frames),
         seconds=float(clip.timeline.times[-1]),
-        targets=made.targets,
-        bones=made.bones,
-        following=made.following,
-        error=made.error,
-        rms=made.rms,
-        tolerance=settings.allowed,
+        targets=result.targets,
+        bones=result.bones,
+        following=result.following,
+        error=result.error,
+        rms=result.rms,
+        tolerance=settings.max_error,
         stretch_p1=p1,
         stretch_p50=p50,
         stretch_p99=p99,
         parts_apart=clip.parts_apart if of_solver else None,
         bytes=output.stat().st_size,
         repairs=tuple(clip.rig.mesh.repairs.describe()) if of_solver else (),
-        notes=(*clip.rig.character.document.notes, *made.notes, *clip.notes),
+        notes=(*clip.rig.character.document.notes, *result.notes, *clip.notes),
     )
 
 
 def convert(
     log: Path, puppet: Path, output: Path, settings: Settings, progress: Progress = lambda _stage, _share: None
 ) -> tuple[Clip, Summary]:
-    """Turn a skeleton log and a puppet file into an animated .glb.
+    """Convert a recording and a puppet file to an animated .glb.
 
     Parameters
     ----------
@@ -93,7 +89,7 @@ def convert(
     Returns
     -------
     clip : Clip
-        For pictures.
+        Solved clip, for pictures.
     summary : Summary
 
     Raises

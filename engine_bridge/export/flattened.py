@@ -1,8 +1,7 @@
-"""A character's surfaces as they stand at rest, for shaders that move vertices by themselves.
+"""Surfaces of a character at rest, for shaders that move vertices.
 
-What such a shader gets are positions in the file's coordinates and numbers of its own at each vertex. So there is no
-transform of a node left, no skeleton, no morph target and no animation; materials and pictures are those of the
-character, byte for byte.
+Such a shader needs positions in the file's coordinates, and numbers at each vertex. The document has no transforms of
+nodes, no skeleton, no morph targets and no animations. Its materials and images are those of the character.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,33 +11,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character import schema
-from engine_bridge.character.assembly import LARGEST_SHORT
+from engine_bridge.character.assembly import MAX_UINT16_INDEX
 from engine_bridge.character.character import Character, Part
 from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from engine_bridge.character.schema import Mesh, Primitive, copied
 from engine_bridge.character.shading import unit
 from puppetline.errors import MeshError, at
 
-OWN_SETS = 2
-"""Sets of texture coordinates that stay the character's: engines read no more of them."""
+KEPT_SETS = 2
+"""Number of the character's sets of texture coordinates that are kept; engines read no others."""
 
-LOOK = ("asset", "materials", "textures", "samplers", "images")
-"""What is taken over as it is; pictures bring bytes with them."""
+APPEARANCE_KEYS = ("asset", "materials", "textures", "samplers", "images")
+"""Keys of a description that are copied."""
 
 
 def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[NDArray[np.float32]]) -> Document:
-    """Make a document of a character at rest.
+    """Return a document of a character at rest.
 
-    Each node that shows a surface becomes a node without a transform, each part a primitive with the vertices, texture
-    coordinates, colours and tangents that it has, in the same order.
+    Each node that shows a surface becomes a node without a transform. Each part becomes a primitive with its vertices,
+    texture coordinates, colours and tangents in the same order.
 
     Parameters
     ----------
     character : Character
     normals : (N, 3) float
-        Unit normals of all parts, one after another; zero where there is no direction.
+        Unit normals of all parts, one after another; zero for vertices without a direction.
     sets : sequence of (N, 2) float32
-        Go into TEXCOORD_2 and on.
+        Values of TEXCOORD_2 and the following sets.
 
     Returns
     -------
@@ -47,11 +46,11 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
     Raises
     ------
     MeshError
-        A material whose picture is laid out on a set that is needed here.
+        A material whose image uses a set that is replaced.
     """
     document = _with_the_look_of(character.document)
     meshes: dict[int, Mesh] = {}
-    for part, place in zip(character.parts, character.places, strict=True):
+    for part, place in zip(character.parts, character.vertex_slices, strict=True):
         if part.node not in meshes:
             meshes[part.node] = _new_mesh(document, character, part)
         own = _primitive_of(character, part)
@@ -65,24 +64,22 @@ def flatten(character: Character, normals: NDArray[np.floating], sets: Sequence[
 
 
 def _with_the_look_of(source: Document) -> Document:
-    """Return a document with another one's materials and pictures, and nothing to show."""
+    """Return a document with the materials and images of another one, and no nodes."""
     whole: dict[str, Any] = {**source.gltf}
-    look: Any = copied({name: whole[name] for name in LOOK if name in whole})
+    look: Any = copied({name: whole[name] for name in APPEARANCE_KEYS if name in whole})
     for index, material in enumerate(look["materials"]):
-        if max(_values(material, "texCoord"), default=0) >= OWN_SETS:
+        if max(_values(material, "texCoord"), default=0) >= KEPT_SETS:
             raise MeshError(
                 at(source.name, field=f"materials[{index}]"),
-                found="a picture that is laid out on the third set of texture coordinates, or a later one",
-                expected="the first or the second: the others are taken by ladder coordinates",
-                fix="Lay it out on the first set in an editor.",
+                found="an image on the third or a later set of texture coordinates",
+                expected="images on the first or second set, because isoline coordinates use the others",
+                fix="Assign the image to the first set in an editor.",
             )
     document = Document(schema.empty(), name=source.name)
     document.gltf.update(look)
     for image in document.gltf["images"]:
         if "bufferView" in image:
-            view = source.gltf["bufferViews"][image["bufferView"]]
-            start = view.get("byteOffset", 0)
-            image["bufferView"] = document.add_view(bytes(source.blob[start : start + view["byteLength"]]))
+            image["bufferView"] = document.add_view(source.view(image["bufferView"]))
     used = {name for extensions in _values(look, "extensions") for name in extensions}
     document.gltf["extensionsUsed"] = [name for name in source.gltf["extensionsUsed"] if name in used]
     document.gltf["extensionsRequired"] = [name for name in source.gltf["extensionsRequired"] if name in used]
@@ -90,7 +87,7 @@ def _with_the_look_of(source: Document) -> Document:
 
 
 def _values(json: Any, name: str) -> Iterable[Any]:
-    """Yield all that goes by a name, however deep it lies."""
+    """Yield all values of a key in nested JSON."""
     waiting = [json]
     while waiting:
         value = waiting.pop()
@@ -103,7 +100,7 @@ def _values(json: Any, name: str) -> Iterable[Any]:
 
 
 def _new_mesh(document: Document, character: Character, part: Part) -> Mesh:
-    """Add a node and an empty mesh for it, which are called what those of a part are."""
+    """Add a node with an empty mesh, which have the names of a part's node and mesh."""
     node = character.document.gltf["nodes"][part.node]
     shown = character.document.gltf["meshes"][node["mesh"]]
     mesh: Mesh = {"primitives": []}
@@ -129,11 +126,11 @@ def _primitive(
     sets: Sequence[NDArray[np.float32]],
 ) -> Primitive:
     source, own, count = character.document, _primitive_of(character, part), len(part.vertices)
-    # a direction that is none is no glTF
+    # glTF requires unit normals
     directed = np.where(normals.any(axis=1, keepdims=True), normals, [0.0, 1.0, 0.0])
     none = np.zeros((count, 2), np.float32)
-    texture = [source.attribute(own, f"TEXCOORD_{number}", count, 2) for number in range(OWN_SETS)]
-    # glTF wants sets without a gap
+    texture = [source.attribute(own, f"TEXCOORD_{number}", count, 2) for number in range(KEPT_SETS)]
+    # glTF requires consecutive sets
     numbered = [*(none if values is None else values for values in texture), *sets]
     arrays = {
         "NORMAL": directed,
@@ -145,17 +142,17 @@ def _primitive(
     for name, values in arrays.items():
         if values is not None:
             attributes[name] = document.add(values.astype(np.float32), ARRAY_BUFFER)
-    indices = part.triangles.ravel().astype(np.uint16 if count - 1 <= LARGEST_SHORT else np.uint32)
+    indices = part.triangles.ravel().astype(np.uint16 if count - 1 <= MAX_UINT16_INDEX else np.uint32)
     return {"attributes": attributes, "indices": document.add(indices, ELEMENT_ARRAY_BUFFER)}
 
 
 def _tangents(source: Document, own: Primitive, part: Part) -> NDArray[np.float64] | None:
-    """Return a part's tangents (n, 4) in file coordinates; without normals they count for nothing."""
+    """Return a part's tangents (n, 4) in file coordinates, None without normals or tangents."""
     tangents = source.attribute(own, "TANGENT", len(part.vertices), 4)
     if tangents is None or part.normals is None:
         return None
     linear = part.to_world[:, :3, :3]
     turned = unit((linear @ tangents[:, :3, None].astype(np.float64))[:, :, 0], otherwise=[1.0, 0.0, 0.0])
-    # normal × tangent turns over in a mirror, which the third direction does not
+    # a mirror flips normal × tangent, but not the third direction
     side = np.where(tangents[:, 3] < 0, -1.0, 1.0) * np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
     return np.column_stack([turned, side])

@@ -1,7 +1,7 @@
-"""The animated character as a vertex cache: one morph target a keyframe.
+"""Animation of a character as a vertex cache, with one morph target per keyframe.
 
-For players that cannot blend many targets: at a keyframe its own target alone is in, between two keyframes these two.
-They hold all targets in memory, though, whose size grows with the length of the clip.
+This form suits players that cannot blend many targets: only one target is active at a keyframe, and two in between. The
+memory for all targets grows with the length of the clip.
 """
 
 import math
@@ -12,52 +12,55 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.export.animation import Displacements
-from engine_bridge.export.normals import AT_A_TIME, TurningNormals
+from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.performance.frame_store import Frames
 from puppetline.errors import OutputError
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
-LARGEST = 1_000_000_000
-"""Bytes; a .glb could hold four times as much, but a player keeps all of it in the graphics card."""
+MAX_CACHE_BYTES = 1_000_000_000
+"""Maximum size of a vertex cache in bytes, less than that of a .glb, because players keep it on the graphics card."""
 
-DESCRIPTION = 300
-"""Bytes of JSON for an array."""
+JSON_BYTES_PER_ARRAY = 300
+"""Estimated size of the JSON for an array, in bytes."""
 
 
 def check_size(output: Path, character: Character, frames: int, fps: float) -> None:
-    """Refuse a vertex cache that no player could hold.
+    """Refuse a vertex cache that is too large for players.
 
     Raises
     ------
     OutputError
-        With the number of keyframes a second that would do.
+        With a frame rate that gives a smaller cache.
     """
     arrays = sum(1 if part.normals is None else 2 for part in character.parts)
     values = sum(len(part.vertices) * (1 if part.normals is None else 2) for part in character.parts)
     nodes = len({part.node for part in character.parts})
-    linear, square = 12 * values + DESCRIPTION * arrays, 4 * nodes  # the table of weights grows with the square
+    linear, square = (
+        12 * values + JSON_BYTES_PER_ARRAY * arrays,
+        4 * nodes,
+    )  # the table of weights grows with the square
     size = linear * frames + square * frames**2
-    if size <= LARGEST:
+    if size <= MAX_CACHE_BYTES:
         return
-    fitting = (math.sqrt(linear**2 + 4 * square * LARGEST) - linear) / (2 * square)
+    fitting = (math.sqrt(linear**2 + 4 * square * MAX_CACHE_BYTES) - linear) / (2 * square)
     slower = math.floor(10 * fps * fitting / frames) / 10
     raise OutputError(
         output,
         found=f"{frames:,} keyframes of {values * 12 / 1e6:.1f} MB, {size / 1e9:.1f} GB in all",
-        expected=f"no more than {LARGEST / 1e9:g} GB, which players must hold in memory at once",
-        fix=f"Give --fps {slower:g}, or use --as morph." if slower >= 1 else "Use --as morph, or a shorter recording.",
+        expected=f"at most {MAX_CACHE_BYTES / 1e9:g} GB, which players hold in memory",
+        fix=f"Use --fps {slower:g}, or use --as morph." if slower >= 1 else "Use --as morph, or a shorter recording.",
     )
 
 
 def weights(frames: int) -> NDArray[np.float32]:
-    """Return the (F, F) weights: straight lines between them make hat functions."""
+    """Return the weights (F, F), which are hat functions with linear interpolation."""
     return np.eye(frames, dtype=np.float32)
 
 
 def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames) -> Displacements:
-    """Return what gives each part its (F, n, 3) position and normal displacements, world coordinates.
+    """Return the displacements (F, n, 3) of positions and normals for each part, world coordinates.
 
     Parameters
     ----------
@@ -71,13 +74,13 @@ def displacements(character: Character, mesh: SolverMesh, model: ReducedModel, f
     positions = np.empty((len(frames), len(turning), 3), dtype=np.float32)
     normals = np.empty_like(positions)
     every = BatchBinding(model, character.vertices, mesh.of_render)
-    for start in range(0, len(frames), AT_A_TIME):
-        chunk = slice(start, start + AT_A_TIME)
+    for start in range(0, len(frames), FRAMES_PER_CHUNK):
+        chunk = slice(start, start + FRAMES_PER_CHUNK)
         positions[chunk] = every.displacements(frames[chunk] - model.rest_controls).transpose(2, 0, 1)
         normals[chunk] = turning.displacements(frames[chunk]).transpose(2, 0, 1)
 
     def of_part(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-        place = character.places[number]
+        place = character.vertex_slices[number]
         return positions[:, place], None if character.parts[number].normals is None else normals[:, place]
 
     return of_part

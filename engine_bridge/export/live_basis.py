@@ -1,20 +1,18 @@
-"""Live poses as weights of the morph targets in a .glb that `puppetline bake` made.
+"""Projection of live poses onto the morph targets in a .glb from `puppetline bake`.
 
-Every pose is X = W R and every direction of the basis moves vertices by W times a point in the space of R. So the
-coordinates that come nearest to a pose, in the least-squares sense over all vertices, are one small product, whatever
-the mesh. Coordinates become weights within [0, 1] (`engine_bridge.export.unit_weights`). The baked motion has
-coordinates from −1 to 1; those of other motion are limited softly before they reach the ends of the range
-that the weights cover.
+Every pose is X = W R, and every direction of the basis moves vertices by W times a point in the space of R. The
+coordinates of the nearest pose, in the least-squares sense over all vertices, are therefore one small product for any
+mesh. Coordinates become weights within [0, 1] (`engine_bridge.export.unit_weights`). The baked motion has coordinates
+from −1 to 1; those of other motion are limited smoothly before they reach the ends of the range of the weights.
 
-A baked file carries its directions in an accessor that no mesh uses, named in the asset's extras. Beside it are the
-range and how far each target moves the surface: on another mesh, or with other fields, the directions move it
-otherwise, which reveals a basis that does not belong to a character.
+A baked file stores its directions in an accessor that no mesh uses, named in the asset's extras. The extras also have
+the range, and the length of each target's displacement of the surface. With another mesh or other fields, these lengths
+differ, which reveals a basis that does not belong to a character.
 """
 
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -24,27 +22,28 @@ from engine_bridge.export.animation import target_names
 from engine_bridge.export.morph_basis import surface_coordinates
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.rig import Rig
+from puppetline.compiled import compiled
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
-from solver.motion.retarget import LIMIT_KNEE, levelled_off
+from solver.motion.retarget import LIMIT_KNEE_SHARE, levelled_off
 
 EXTRAS = "puppetline_morphs"
-"""The name in the asset's extras."""
+"""Key in the asset's extras."""
 
-SAME = 1e-3
-"""Share by which lengths may differ: computed elsewhere, a model of the same mesh differs by rounding."""
+LENGTH_TOLERANCE = 1e-3
+"""Maximum relative difference of lengths, because models of a mesh differ by rounding between computers."""
 
-UNLIMITED = 4.0
-"""Coordinates up to this, as multiples of the baked motion's largest, are not limited: other motion goes farther."""
+UNLIMITED_REACH = 4.0
+"""Maximum coordinate without a limit, as a multiple of the baked motion's largest."""
 
-REACH = UNLIMITED / LIMIT_KNEE
-"""The largest coordinate that weights of newly baked files cover."""
+REACH = UNLIMITED_REACH / LIMIT_KNEE_SHARE
+"""Maximum coordinate that the weights of newly baked files represent."""
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Carried(BaseModel):
-    """What a file says about its directions."""
+class _StoredBasis(BaseModel):
+    """Extras about the directions in a file."""
 
     model_config = ConfigDict(strict=True, extra="ignore")
 
@@ -54,16 +53,16 @@ class _Carried(BaseModel):
 
 
 class Projection(NamedTuple):
-    """A pose on a morph basis.
+    """Projection of a pose onto a morph basis.
 
     Attributes
     ----------
     weights : (count,) float32
-        Of the morph targets, within [0, 1].
+        Weights of the morph targets, within [0, 1].
     residual : float
-        How far vertices are from the pose with these weights: root mean square, as a fraction of the diagonal.
+        Root mean square distance of vertices from the pose with these weights, as a fraction of the diagonal.
     limited : bool
-        Whether the pose is beyond the range that weights cover, along any direction.
+        Whether the pose is outside the range of the weights along any direction.
     """
 
     weights: NDArray[np.float32]
@@ -72,21 +71,21 @@ class Projection(NamedTuple):
 
 
 class LiveBasis:
-    """Turns poses of a character into weights of morph targets.
+    """Projects poses of a character onto morph targets.
 
     Parameters
     ----------
     directions : (K, 4m, 3) float32
-        Model units; direction k moves vertices by W times it. Orthogonal in the metric WᵀW.
+        Directions, which move vertices by W times them; model units, orthogonal in the metric WᵀW.
     reach : float
-        The largest coordinate along a direction that has weights within [0, 1].
+        Maximum coordinate along a direction that has weights within [0, 1].
     model : ReducedModel
     """
 
     def __init__(self, directions: NDArray[np.float32], reach: float, model: ReducedModel) -> None:
         unit_weights = UnitWeights.within(np.full(len(directions), reach))
         self.names = tuple(target_names(unit_weights.count))
-        """What the targets are called in the file, in the order of the weights."""
+        """Names of the targets in the file, in the order of the weights."""
 
         along = _along(directions, model)
         self._reach = reach
@@ -101,28 +100,28 @@ class LiveBasis:
 
     @classmethod
     def load(cls, path: Path, rig: Rig) -> "LiveBasis":
-        """Take the basis out of a file that `puppetline bake` made for a character.
+        """Read the basis from a file of `puppetline bake` for a character.
 
         Raises
         ------
         MeshError
-            No glTF, or damaged.
+            Not glTF, or damaged.
         PuppetError
-            No basis in it, or one for another mesh or other solver settings, or of an earlier version.
+            No basis, or a basis for another mesh, other solver settings, or of an earlier version.
         """
-        directions, carried = _carried(Document.load(path), path, rig.model.rest_controls.shape)
+        directions, carried = _stored_basis(Document.load(path), path, rig.model.rest_controls.shape)
         lengths = np.array(carried.lengths[:-1]) / (2 * carried.reach)
         metric = _metric(directions, _along(directions, rig.model))
-        with np.errstate(all="ignore"):  # what is no number is not alike
-            alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= SAME
+        with np.errstate(all="ignore"):  # NaN is not within the tolerance
+            alike = np.abs(metric / np.outer(lengths, lengths) - np.eye(len(lengths))) <= LENGTH_TOLERANCE
         if not alike.all():
-            raise _refused(str(path), "morph targets that were made for another mesh", path)
+            raise _refused(str(path), "morph targets for another mesh", path)
         basis = cls(directions, carried.reach, rig.model)
-        basis.project(rig.model.rest_controls)  # compiled now, or the first frame would wait for it
+        basis.project(rig.model.rest_controls)  # compiles, which would delay the first frame
         return basis
 
     def project(self, R: NDArray[np.floating]) -> Projection:
-        """Return the weights that come nearest to a pose, limited to their range.
+        """Return the weights of the nearest pose, limited to their range.
 
         Parameters
         ----------
@@ -132,7 +131,7 @@ class LiveBasis:
         Raises
         ------
         ValueError
-            An array of another shape.
+            Array of another shape.
         """
         if R.shape != self._rest.shape:  # compiled loops would read beyond it
             raise ValueError(f"control variables {R.shape}, expected {self._rest.shape}")
@@ -144,7 +143,7 @@ class LiveBasis:
 
 
 def _along(directions: NDArray[np.floating], model: ReducedModel) -> NDArray[np.float64]:
-    """Return (K, 12m): what a difference of control variables is multiplied by to be set against each direction.
+    """Return the matrix (K, 12m) from a difference of control variables to its scalar products with the directions.
 
     The products are means over the vertices, in square mesh units.
     """
@@ -155,21 +154,21 @@ def _along(directions: NDArray[np.floating], model: ReducedModel) -> NDArray[np.
 
 
 def _metric(directions: NDArray[np.floating], along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (K, K) the directions set against each other: squares of lengths, and zeros where they are orthogonal."""
+    """Return the scalar products (K, K) of the directions, with their squared lengths on the diagonal."""
     return directions.astype(np.float64).reshape(along.shape) @ along.T
 
 
-def carry(document: Document, directions: NDArray[np.floating], reach: float, model: ReducedModel) -> None:
-    """Put the directions of a document's morph targets into it, for `LiveBasis.load`.
+def store_basis(document: Document, directions: NDArray[np.floating], reach: float, model: ReducedModel) -> None:
+    """Store the directions of a document's morph targets for `LiveBasis.load`.
 
     Parameters
     ----------
     document : Document
-        With the targets in it, the last of each mesh.
+        Document whose meshes end with these targets.
     directions : (K, 4m, 3)
-        Orthogonal in the metric WᵀW; at least one. Kept as float32.
+        At least one direction, orthogonal in the metric WᵀW; stored as float32.
     reach : float
-        The largest coordinate along a direction for which the targets are made.
+        Maximum coordinate along a direction for the targets.
     model : ReducedModel
     """
     kept = directions.astype(np.float32)
@@ -181,26 +180,26 @@ def carry(document: Document, directions: NDArray[np.floating], reach: float, mo
     asset["extras"] = {**extras, EXTRAS: carried}
 
 
-def _carried(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], _Carried]:
-    """Return the (K, 4m, 3) directions that a document carries, and what it says about them."""
+def _stored_basis(document: Document, path: Path, shape: tuple[int, ...]) -> tuple[NDArray[np.float32], _StoredBasis]:
+    """Return the directions (K, 4m, 3) in a document, and its extras about them."""
     extras = document.gltf["asset"].get("extras")
     where = at(path, field=f"asset.extras.{EXTRAS}")
     if not isinstance(extras, dict) or EXTRAS not in extras:
-        raise _refused(where, "none", path)
+        raise _refused(where, "no morph basis", path)
     if isinstance(extras[EXTRAS], dict) and "reach" not in extras[EXTRAS]:
-        raise _refused(where, "one of an earlier version, whose weights are not limited to 0 … 1", path)
+        raise _refused(where, "a basis of an earlier version, whose weights are not limited to 0 … 1", path)
     try:
-        carried = _Carried.model_validate(extras[EXTRAS])
+        carried = _StoredBasis.model_validate(extras[EXTRAS])
     except ValidationError as error:
-        raise _refused(where, f"a damaged one ({error.errors()[0]['msg']})", path) from error
+        raise _refused(where, f"a damaged basis ({error.errors()[0]['msg']})", path) from error
     if carried.directions >= len(document.gltf["accessors"]):
         raise _refused(where, f"accessor {carried.directions} of {len(document.gltf['accessors'])}", path)
     directions = document.array(carried.directions)
     if directions.dtype != np.float32 or directions.ndim != 2 or not np.isfinite(directions).all():
-        raise _refused(where, "directions that are no numbers", path)
+        raise _refused(where, "directions that are not finite float32 numbers", path)
     count = len(carried.lengths) - 1
     if directions.shape != (count * shape[0], 3):
-        raise _refused(str(path), "morph targets that were made with other solver settings", path)
+        raise _refused(str(path), "morph targets for other solver settings", path)
     return directions.reshape(count, *shape), carried
 
 
@@ -209,15 +208,15 @@ def _refused(where: str, found: str, path: Path) -> PuppetError:
         where,
         found=found,
         expected="the morph basis of this puppet's character",
-        fix=f"Make it: puppetline bake PUPPET.toml -o {path}",
+        fix=f"Create it: puppetline bake PUPPET.toml -o {path}",
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _project(duals, at_rest, R, reach, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _project(duals, at_rest, R, reach, weights):
     """Write the weights (K + 1,) of flat control variables; return whether a coordinate is beyond its range.
 
-    This is `UnitWeights.within` for one frame: coordinates c within ± reach become (c / reach + m) / 2, and m.
+    This is `UnitWeights.within` for one frame: coordinates c within ± reach become (c / reach + m) / 2 and m.
     """
     limited = False
     opposite = 0.0
@@ -234,18 +233,18 @@ def _project(duals, at_rest, R, reach, weights):  # type: ignore[no-untyped-def]
     return limited
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the scalar product of two vectors; only here may the order of additions change."""
+@compiled(fastmath=True)
+def _product(a, b):
+    """Return the scalar product of two vectors; only here may the compiler reorder additions."""
     total = 0.0
     for j in range(len(a)):
         total += a[j] * b[j]
     return total
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _left_over(left, targets, weights, surface):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the square of what the targets leave of a (3, 4m) difference of control variables."""
+@compiled(fastmath=True)
+def _left_over(left, targets, weights, surface):
+    """Return the square of the remainder of a difference (3, 4m) of control variables after the targets."""
     for k in range(len(targets)):
         for axis in range(3):
             for j in range(left.shape[1]):

@@ -1,12 +1,12 @@
-"""A clip as a few morph targets: SVD in the space of control variables, where the number of vertices does not matter.
+"""Few morph targets for a clip, by SVD in the space of control variables, whose size does not depend on the mesh.
 
 Every frame is X = W R, so displacements D = W (R − R_0) of all frames span at most 960 dimensions. With WᵀW = CᵀC the
 map R ↦ C R keeps lengths of vertex displacements; an SVD of the frames' C (R − R_0) gives the best basis of any size in
 the least-squares sense, and the targets are W times that basis. The number of targets is then the smallest whose
 *largest* error over all vertices and frames is within tolerance. Coordinates in that basis have both signs; one more
-target turns them into weights within [0, 1] (`unit_weights`). What a basis leaves of a frame is once more W times
-something; its length at every vertex is the error. The weights in it are those that are written; the targets are
-written as float32, which moves no vertex by more than some 1e-7 of the diagonal.
+target converts them to weights within [0, 1] (`unit_weights`). The remainder of a frame is also W times control
+variables; its length at each vertex is the error. The error includes the rounding of the weights that are written, but
+not that of the float32 targets, which is about 1e-7 of the diagonal.
 """
 
 from collections.abc import Callable
@@ -18,44 +18,44 @@ from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
 from engine_bridge.export.animation import Displacements
-from engine_bridge.export.normals import AT_A_TIME, TurningNormals
+from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.frame_store import Frames, evenly
-from solver.model.batch import FRAMES as CHUNK
+from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
-from solver.model.reduced_model import NULL_SPACE, ReducedModel
+from solver.model.reduced_model import MAX_NULL_EIGENVALUE_RATIO, ReducedModel
 from solver.surface.mesh import SolverMesh
 
-SAMPLE = 500
-"""Vertices, and frames, by which the number of targets is first estimated."""
+SAMPLE_SIZE = 500
+"""Number of vertices, and of frames, for the estimate of the number of targets."""
 
-WORST = 8
-"""Places of large errors that the sample takes in when it was wrong."""
+MAX_ADDED_SAMPLES = 8
+"""Maximum number of large errors that are added to the sample after a wrong estimate."""
 
-NOISE = 1e-14
-"""Share of a clip's energy below which a direction is rounding."""
+NOISE_ENERGY_SHARE = 1e-14
+"""Share of a clip's energy below which a direction is a rounding error."""
 
 NORMAL_FRAMES_PER_TARGET = 3
-"""Frames a target from which its normals are fitted."""
+"""Number of frames per target to which normals are fitted."""
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class MorphBasis:
-    """Morph targets in control variables, and their weights over a clip.
+    """Morph targets as control variables, and their weights over a clip.
 
     Attributes
     ----------
     directions : (K, 4m, 3) float64
-        Orthogonal in the metric WᵀW, model units; each pose is a sum of them. The largest coordinate of the clip along
-        each is 1, its smallest not below −1.
+        Directions whose sums are the poses, model units, orthogonal in the metric WᵀW. The clip's coordinates along
+        each have the maximum 1 and a minimum of −1 or more.
     unit_weights : UnitWeights
-        How coordinates along the directions become weights of the targets.
+        Conversion of coordinates along the directions to weights of the targets.
     weights : (F, unit_weights.count) float32
-        Within [0, 1].
+        Weights of the targets, within [0, 1].
     error : float
-        Largest distance of a vertex from where the solver puts it, over all vertices and frames; mesh units.
+        Maximum distance of a vertex from the solver's position, over all vertices and frames; mesh units.
     """
 
     directions: NDArray[np.float64]
@@ -64,7 +64,7 @@ class MorphBasis:
     error: float
 
     def targets(self, binding: BatchBinding) -> NDArray[np.float32]:
-        """Return the (count, n, 3) float32 displacements of bound vertices, mesh file's coordinates."""
+        """Return the displacements (count, n, 3) float32 of bound vertices, mesh file's coordinates."""
         moved = binding.displacements(self.unit_weights.targets(self.directions))
         return np.ascontiguousarray(moved.transpose(2, 0, 1))
 
@@ -75,7 +75,7 @@ def fit(
     frames: Frames,
     *,
     tolerance: float,
-    most: int | None = None,
+    max_targets: int | None = None,
     reach: float | None = None,
     progress: Progress = lambda _: None,
 ) -> MorphBasis:
@@ -85,25 +85,25 @@ def fit(
     ----------
     model : ReducedModel
     binding : BatchBinding
-        The solver mesh's vertices.
+        Binding of the solver mesh's vertices.
     frames : (F, 4m, 3) float32
         Control variables, model units.
     tolerance : float
-        Largest error that is allowed, as a fraction of the diagonal.
-    most : int, optional
-        A limit to the number of targets, whatever the error; at least 2.
+        Maximum error as a fraction of the diagonal.
+    max_targets : int, optional
+        Maximum number of targets, regardless of the error; at least 2.
     reach : float, optional
-        The largest coordinate along any direction, of either sign, that must have weights within [0, 1]; the clip's own
-        are at most 1. Left out, the weights are as tight as the clip allows.
+        Maximum absolute coordinate along any direction that has weights within [0, 1]; the clip's own are at most 1. By
+        default, the range is that of the clip.
     progress : callable, optional
-        Told the share of the work that is done.
+        Receives the share of the work that is done.
 
     Returns
     -------
     MorphBasis
     """
     directions = _directions(model, frames)
-    limit = len(directions) if most is None else min(most - 1, len(directions))
+    limit = len(directions) if max_targets is None else min(max_targets - 1, len(directions))
     allowed = tolerance * float(model.diagonal)
     sample = _Sample(model, binding, frames, directions)
     count = sample.count_for(allowed, limit)
@@ -116,25 +116,25 @@ def fit(
 
 
 def surface_coordinates(model: ReducedModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return C (r, 4m) with CᵀC = WᵀW, the map that keeps lengths of vertex displacements, and its inverse (4m, r).
+    """Return C (r, 4m) with CᵀC = WᵀW, which keeps lengths of vertex displacements, and its inverse (4m, r).
 
-    Directions that move no vertex are left out.
+    They do not contain directions that move no vertex.
     """
     values, vectors = np.linalg.eigh(model.gram)
-    kept = values > NULL_SPACE * values[-1]
+    kept = values > MAX_NULL_EIGENVALUE_RATIO * values[-1]
     root = np.sqrt(values[kept])
     return root[:, None] * vectors[:, kept].T, vectors[:, kept] / root
 
 
 def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
-    """Return all directions (r, 4m, 3) that a clip needs, the most important first; orthonormal in the metric WᵀW."""
+    """Return all directions (r, 4m, 3) of a clip, the most important first; orthonormal in the metric WᵀW."""
     C, C_inverse = surface_coordinates(model)
 
     def moved(chosen: slice) -> NDArray[np.float64]:
         frame = frames[chosen] - model.rest_controls
         return np.tensordot(frame, C, axes=(1, 1)).reshape(len(frame), -1)
 
-    # the smaller of the two Gram matrices: neither grows with both frames and unknowns
+    # the smaller one of the two Gram matrices
     width = 3 * len(C)
     if len(frames) < width:
         everything = moved(slice(None))
@@ -150,13 +150,15 @@ def _directions(model: ReducedModel, frames: Frames) -> NDArray[np.float64]:
 
 
 def _significant(gram: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the eigenvalues (r,) above rounding, the largest first, and their eigenvectors as columns."""
-    energy, vectors = scipy.linalg.eigh(gram, subset_by_value=(NOISE * max(np.trace(gram), 1e-300), np.inf))
+    """Return the eigenvalues (r,) above rounding errors, the largest first, and their eigenvectors as columns."""
+    energy, vectors = scipy.linalg.eigh(
+        gram, subset_by_value=(NOISE_ENERGY_SHARE * max(np.trace(gram), 1e-300), np.inf)
+    )
     return energy[::-1], vectors[:, ::-1]
 
 
 def _coordinates(model: ReducedModel, frames: Frames, directions: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the (F, K) float32 coordinates of a clip in orthonormal directions."""
+    """Return the coordinates (F, K) float32 of a clip in orthonormal directions."""
     coordinates = np.empty((len(frames), len(directions)), dtype=np.float32)
     duals = np.tensordot(directions, model.gram, axes=(1, 1)).transpose(0, 2, 1)
     for start in range(0, len(frames), CHUNK):
@@ -166,22 +168,22 @@ def _coordinates(model: ReducedModel, frames: Frames, directions: NDArray[np.flo
 
 
 class _Sample:
-    """Errors at a few vertices and frames for every number of targets, to guess how many it takes."""
+    """A few vertices and frames, for an estimate of the number of targets."""
 
     def __init__(
         self, model: ReducedModel, binding: BatchBinding, frames: Frames, directions: NDArray[np.float64]
     ) -> None:
         self._model, self._binding = model, binding
         self._frames, self._directions = frames, directions
-        self._vertices = evenly(len(binding), SAMPLE)
-        self._chosen = evenly(len(frames), SAMPLE)
+        self._vertices = evenly(len(binding), SAMPLE_SIZE)
+        self._chosen = evenly(len(frames), SAMPLE_SIZE)
 
     def include(self, frames: NDArray[np.int64], vertices: NDArray[np.int64]) -> None:
         self._chosen = np.union1d(self._chosen, frames)
         self._vertices = np.union1d(self._vertices, vertices)
 
     def count_for(self, allowed: float, limit: int) -> int:
-        """Return the fewest directions, at most `limit`, that keep the sample's error within `allowed`."""
+        """Return the minimum number of directions, up to `limit`, that keep the sample's error within `allowed`."""
         binding, frames = self._binding.only(self._vertices), self._frames[self._chosen]
         residual = binding.displacements(frames - self._model.rest_controls)
         coordinates = _coordinates(self._model, frames, self._directions[:limit])
@@ -201,7 +203,7 @@ def _measure(
     reach: float | None,
     progress: Progress,
 ) -> tuple[MorphBasis, tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Return a basis with its true error, and frames and vertices where it is large."""
+    """Return a basis with its exact error, and frames and vertices with large errors."""
     coordinates = _coordinates(model, frames, directions)
     size = _signed_size(coordinates)
     coordinates /= size
@@ -218,13 +220,13 @@ def _measure(
         at_frames.append(start + worst)
         at_vertices.append(int(vertex[worst]))
         progress(min(1.0, (start + CHUNK) / len(frames)))
-    far = np.argsort(distances)[-WORST:]
+    far = np.argsort(distances)[-MAX_ADDED_SAMPLES:]
     basis = MorphBasis(directions, unit_weights, weights, max(distances))
     return basis, (np.array(at_frames)[far], np.array(at_vertices)[far])
 
 
 def _signed_size(coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return each direction's coordinate (K,) of largest size, with its sign; 1 for one that a clip does not use."""
+    """Return the coordinate (K,) of largest absolute value along each direction; 1 for an unused direction."""
     high, low = coordinates.max(axis=0, initial=0), coordinates.min(axis=0, initial=0)
     size = np.where(high >= -low, high, low)
     return np.where(size == 0, np.float32(1), size)
@@ -233,7 +235,7 @@ def _signed_size(coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
 def displacements(
     character: Character, mesh: SolverMesh, model: ReducedModel, frames: Frames, basis: MorphBasis
 ) -> Displacements:
-    """Return what gives each part its (K, n, 3) position and normal displacements, world coordinates.
+    """Return the displacements (K, n, 3) of positions and normals for each part, world coordinates.
 
     Parameters
     ----------
@@ -243,14 +245,14 @@ def displacements(
     frames : (F, 4m, 3) float32
         Control variables, model units.
     basis : MorphBasis
-        Of these frames.
+        Basis of these frames.
     """
     normals = None
     if any(part.normals is not None for part in character.parts):
         normals = _normal_targets(TurningNormals(character, mesh, model), frames, basis.weights)
 
     def of_part(number: int) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-        part, place = character.parts[number], character.places[number]
+        part, place = character.parts[number], character.vertex_slices[number]
         positions = basis.targets(BatchBinding(model, part.vertices, mesh.of_render[place]))
         return positions, None if normals is None or part.normals is None else normals[:, place]
 
@@ -260,15 +262,15 @@ def displacements(
 def _normal_targets(turning: TurningNormals, frames: Frames, weights: NDArray[np.float32]) -> NDArray[np.float32]:
     """Fit normal displacements (K, N, 3) to a clip's weights by least squares.
 
-    Normals are not linear in the weights as positions are, so no basis is exact; this one is the best on the frames
-    that are looked at, whose number depends on the number of targets only.
+    Unlike positions, normals are not linear in the weights, so that no basis is exact. This one is the best for a
+    sample of frames, whose number depends on the number of targets only.
     """
     count = weights.shape[1]
     chosen = evenly(len(frames), max(64, NORMAL_FRAMES_PER_TARGET * count))
     solve = np.linalg.pinv(weights[chosen].astype(np.float64), rcond=1e-4).T.astype(np.float32)
     fitted = np.zeros((3 * len(turning), count), dtype=np.float32)
-    for start in range(0, len(chosen), AT_A_TIME):
-        chunk = slice(start, start + AT_A_TIME)
+    for start in range(0, len(chosen), FRAMES_PER_CHUNK):
+        chunk = slice(start, start + FRAMES_PER_CHUNK)
         moved = turning.displacements(frames[chosen[chunk]])
         fitted += moved.reshape(len(fitted), -1) @ solve[chunk]
     return fitted.reshape(len(turning), 3, count).transpose(2, 0, 1)

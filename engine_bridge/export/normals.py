@@ -1,22 +1,22 @@
-"""How the normals of a surface turn as it moves, in many frames at a time."""
+"""Rotation of the normals of a moving surface, in many frames at once."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
+from puppetline.compiled import compiled
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
-AT_A_TIME = 32
-"""Frames to ask for at a time: three arrays of all normals are in memory."""
+FRAMES_PER_CHUNK = 32
+"""Number of frames per chunk, which bounds the memory for three arrays of all normals."""
 
 
 class TurningNormals:
     """Displacements of a character's normals.
 
-    A normal turns as the smooth normal of the solver mesh does at its vertex, so that hard edges stay hard.
+    A normal has the rotation of the solver mesh's smooth normal at its vertex, so that hard edges stay hard.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class TurningNormals:
         return len(self._normals)
 
     def displacements(self, frames: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return what is to be added to each normal in some frames.
+        """Return the displacement of each normal in some frames.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class TurningNormals:
         Returns
         -------
         (N, 3, F) float32
-            Of all parts, one after another; 0 where a part has no normals.
+            Displacements for all parts, one after another; 0 for parts without normals.
         """
         now = smooth_normals(self._binding.displacements(frames), self._faces, self._per_unit)
         out = np.empty((*self._normals.shape, len(frames)), dtype=np.float32)
@@ -61,14 +61,14 @@ class TurningNormals:
 def smooth_normals(
     positions: NDArray[np.float32], faces: NDArray[np.int32], per_unit: np.float32
 ) -> NDArray[np.float32]:
-    """Return unit normals of vertices: those of the faces around, by area; 0 where these have none.
+    """Return unit normals of vertices, as means of face normals by area; 0 if the faces have no area.
 
     Parameters
     ----------
     positions : (n, 3, F) float32
     faces : (f, 3) int32
     per_unit : float32
-        One over the size of the mesh: keeps areas within what a float32 can hold.
+        Inverse of the size of the mesh, which keeps areas within the range of float32.
 
     Returns
     -------
@@ -79,8 +79,8 @@ def smooth_normals(
     return normals
 
 
-@numba.njit(cache=True, nogil=True)
-def _sum_faces(positions, faces, per_unit, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _sum_faces(positions, faces, per_unit, normals):
     frames = positions.shape[2]
     for j in range(len(faces)):
         a, b, c = positions[faces[j, 0]], positions[faces[j, 1]], positions[faces[j, 2]]
@@ -108,9 +108,9 @@ def _sum_faces(positions, faces, per_unit, normals):  # type: ignore[no-untyped-
             at[2, f] *= scale
 
 
-@numba.njit(cache=True, nogil=True)
-def _turn(normals, before, after, follows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Find what the smallest rotation that takes one unit vector to another changes each normal by (Rodrigues)."""
+@compiled
+def _turn(normals, before, after, follows, out):
+    """Write the change of each normal by the smallest rotation from one unit vector to another (Rodrigues)."""
     least, one = np.float32(1e-6), np.float32(1)
     for v in range(len(normals)):
         x, y, z = normals[v, 0], normals[v, 1], normals[v, 2]

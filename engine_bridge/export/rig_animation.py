@@ -1,4 +1,4 @@
-"""The animated character by its file's own skeleton: rotations of joints, and nothing else changed."""
+"""Animation of a character by rotations of the joints in its file's own skeleton."""
 
 from dataclasses import dataclass
 
@@ -10,34 +10,34 @@ from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import local_transform, rotation_matrix, tree, world_transforms
 from engine_bridge.character.schema import Animation
-from engine_bridge.export.animation import Take, add_channel, show_all
+from engine_bridge.export.animation import Keyframes, add_channel, show_all
 from engine_bridge.performance.frame_store import Frames
 from engine_bridge.puppet.rig_bones import RigBones
 from puppetline.errors import MeshError, at
 from solver.model import polar
 
-AT_A_TIME = 1024
-"""Frames."""
+FRAMES_PER_CHUNK = 1024
+"""Number of frames that are solved at once."""
 
 NO_ROTATION = [0.0, 0.0, 0.0, 1.0]
 
-EXACT = 1e-4
-"""Relative difference of scales up to which an axis is as long as another: files hold rounded numbers."""
+SCALE_TOLERANCE = 1e-4
+"""Maximum relative difference of equal scales, because files hold rounded numbers."""
 
 
 @dataclass(frozen=True)
 class RigAnimation:
-    """What became of a skeleton.
+    """Numbers about an animated skeleton.
 
     Attributes
     ----------
     animated, following : int
-        Joints with keys of their own, and joints that keep the place and rotation that they have against the one above.
+        Numbers of joints with keyframes, and of joints that keep their transform relative to their parent.
     error : float
-        Largest distance of a joint from where its bones take it, mesh units. It comes from joints that stand elsewhere
-        than the bones bend: they keep their lengths.
+        Maximum distance of a joint from the position by its bones, mesh units. Distances differ at joints that are not
+        where the bones bend, because joints keep their lengths.
     uneven : tuple of str
-        Joints that turn under a scale that is not the same along all axes: no rotation of theirs is exact.
+        Names of joints below a scale that differs by axis, whose rotations are approximate.
     """
 
     animated: int
@@ -46,50 +46,52 @@ class RigAnimation:
     uneven: tuple[str, ...]
 
 
-def animate_rig(character: Character, take: Take, bones: RigBones, motions: Frames) -> tuple[Document, RigAnimation]:
-    """Put a take into a copy of a character's document, as rotations of its own joints.
+def animate_rig(
+    character: Character, keyframes: Keyframes, bones: RigBones, motions: Frames
+) -> tuple[Document, RigAnimation]:
+    """Add an animation to a copy of a character's document that turns the joints of its own skeleton.
 
-    With T_b the motion of a bone, a joint's rotation in the world becomes that of T_b times its own at rest, and its
-    local rotation follows from the new transform of the node above it. Local translations and scales stay, other than
-    the translations of joints that go where their bones take them: those at the top of a skeleton, which bring the
-    root's translation in as well, and targets of inverse kinematics. Nothing else in the document changes.
+    With T_b the motion of a bone, a joint's rotation in the world becomes that of T_b times its own at rest. Its local
+    rotation follows from the new transform of its parent. Local translations and scales stay, except for translations
+    of joints that move with their bones: those at the top of a skeleton, which include the root's translation, and
+    targets of inverse kinematics. Nothing else in the document changes.
 
     Parameters
     ----------
     character : Character
-    take : Take
-        Its weights are not looked at.
+    keyframes : Keyframes
+        Keyframes, whose weights are ignored.
     bones : RigBones
-        Of the character.
+        Bones of the character's joints.
     motions : (F, b, 4, 3) float32
-        Of the bones for row vectors, mesh file's coordinates, without the root's motion.
+        Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
 
     Returns
     -------
     document : Document
-        Ready to be saved.
+        Animated document.
     animation : RigAnimation
 
     Raises
     ------
     MeshError
-        A joint whose matrix is sheared: glTF cannot animate that.
+        A joint with a sheared matrix, which glTF cannot animate.
     """
     document = character.document.copy()
     show_all(document.gltf)
-    moves = bones.shares.any(axis=1) | (take.root is not None and bool(take.root.any()))
-    shown = np.abs(np.linalg.det(_Rest.of(document, bones).above)) > 0  # a scale of 0 hides what is below it
+    moves = bones.shares.any(axis=1) | (keyframes.root is not None and bool(keyframes.root.any()))
+    shown = np.abs(np.linalg.det(_Rest.of(document, bones).above)) > 0  # a scale of 0 hides all nodes below it
     turning, travelling = bones.turning & shown, bones.placed & moves & shown
     for node in bones.nodes[turning | travelling].tolist():
         _unpack_matrix(document, node)
     rest = _Rest.of(document, bones)
-    keys, error = _all_keys(rest, bones, motions, take, turning, travelling)
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    keys, error = _all_keys(rest, bones, motions, keyframes, turning, travelling)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     for (row, path), values in keys.items():
         add_channel(document, animation, clock, values, int(bones.nodes[row]), path)
     if animation["channels"]:
-        document.gltf["animations"].insert(0, animation)  # the first is what viewers play
+        document.gltf["animations"].insert(0, animation)  # viewers play the first one
     animated = int((turning | travelling).sum())
     uneven = [int(bones.nodes[row]) for row in np.flatnonzero(turning) if not _even(rest.above[row])]
     names = tuple(document.gltf["nodes"][node].get("name", f"node {node}") for node in uneven)
@@ -98,17 +100,18 @@ def animate_rig(character: Character, take: Take, bones: RigBones, motions: Fram
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """A skeleton as its nodes stand; column vectors.
+    """Transforms of a skeleton at rest, for column vectors.
 
     Attributes
     ----------
     world, above : (j, 4, 4) float64
-        Transforms of the joints, and of the nodes that they hang on.
+        World transforms of the joints, and of their parent nodes.
     between : (j, 4, 4) float64
-        Transform of that node against the joint above; against the world for a joint that hangs on none.
+        Transforms of the parent nodes relative to the joints above them, or to the world.
     local : (j, 4, 4) float64
+        Transforms of the joints relative to their parent nodes.
     rotations, scales : (j, 3, 3) float64
-        Parts of `local`; of no use for joints that are not animated.
+        Parts of `local`; valid for animated joints only.
     """
 
     world: NDArray[np.float64]
@@ -142,12 +145,12 @@ def _all_keys(
     rest: _Rest,
     bones: RigBones,
     motions: Frames,
-    take: Take,
+    keyframes: Keyframes,
     turning: NDArray[np.bool_],
     travelling: NDArray[np.bool_],
 ) -> tuple[dict[tuple[int, str], NDArray[np.float32]], float]:
-    """Return the keys of joints that turn and travel, by row and path, and how far joints are from their bones."""
-    count, error = len(take.times), 0.0
+    """Return the keyframes of joints by row and path, and the maximum distance of joints from their bones."""
+    count, error = len(keyframes.times), 0.0
     paths = [
         (row, path)
         for row in range(len(bones.nodes))
@@ -155,9 +158,9 @@ def _all_keys(
         if chosen[row]
     ]
     keys = {(row, path): np.empty((count, 4 if path == "rotation" else 3), dtype=np.float32) for row, path in paths}
-    for start in range(0, count, AT_A_TIME):
-        chunk = slice(start, min(start + AT_A_TIME, count))
-        root = np.zeros((chunk.stop - start, 3)) if take.root is None else take.root[chunk].astype(np.float64)
+    for start in range(0, count, FRAMES_PER_CHUNK):
+        chunk = slice(start, min(start + FRAMES_PER_CHUNK, count))
+        root = np.zeros((chunk.stop - start, 3)) if keyframes.root is None else keyframes.root[chunk].astype(np.float64)
         solved, away = _solve(rest, bones, motions[chunk].astype(np.float64), root, turning, travelling)
         for (row, path), values in solved.items():
             before = keys[row, path][start - 1] if start else None
@@ -174,10 +177,10 @@ def _solve(
     turning: NDArray[np.bool_],
     travelling: NDArray[np.bool_],
 ) -> tuple[dict[tuple[int, str], NDArray[np.float64]], float]:
-    """Turn the joints of some frames, from the top down.
+    """Return the keyframes and the error for some frames, from the top down.
 
-    A joint under the transform P, with R of its own at rest, gets the rotation P⁻¹ Q P₀ R: Q is that of its bones, P₀
-    is P at rest. It is a rotation where P has one scale along all axes, mirrored or not, and the nearest one elsewhere.
+    A joint with the parent transform P and the rotation R at rest gets the rotation P⁻¹ Q P₀ R, where Q is the rotation
+    of its bones and P₀ is P at rest. If the scale of P differs by axis, the nearest rotation is used.
     """
     turns = Rotation.from_matrix(motions[:, :, :3].swapaxes(2, 3).reshape(-1, 3, 3)).as_quat()
     turns = turns.reshape(*motions.shape[:2], 4)
@@ -189,7 +192,7 @@ def _solve(
         local = np.tile(rest.local[row], (len(motions), 1, 1))
         place = rest.world[row, :3, 3]
         aim = place + root
-        if bones.shares[row].any():  # a joint stands on the first of its bones
+        if bones.shares[row].any():  # a joint is on the first of its bones
             aim = np.append(place, 1) @ motions[:, np.flatnonzero(bones.shares[row])[0]] + root
         if turning[row]:
             turned = _blend(turns, bones.shares[row]) @ rest.above[row, :3, :3] @ rest.rotations[row]
@@ -206,7 +209,7 @@ def _solve(
 
 
 def _blend(turns: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (f, 3, 3) mean of the rotations of bones (f, b, 4) by their shares (b,)."""
+    """Return the mean (f, 3, 3) of the rotations of bones (f, b, 4) by their shares (b,)."""
     used = np.flatnonzero(shares)
     chosen = turns[:, used]
     nearer = np.where(np.einsum("fbc,fc->fb", chosen, chosen[:, 0]) < 0, -1.0, 1.0)
@@ -215,21 +218,21 @@ def _blend(turns: NDArray[np.float64], shares: NDArray[np.float64]) -> NDArray[n
 
 
 def _without_jumps(keys: NDArray[np.float64], before: NDArray[np.float32] | None) -> NDArray[np.float64]:
-    """Take of each two quaternions (f, 4) of a rotation the one nearer to the frame before."""
+    """Return quaternions (f, 4) with the signs that are nearest to the previous frame."""
     earlier = keys[:1] if before is None else before[None].astype(np.float64)
     products = np.einsum("fc,fc->f", keys, np.concatenate([earlier, keys[:-1]]))
     return keys * np.cumprod(np.where(products < 0, -1, 1))[:, None]
 
 
 def _even(transform: NDArray[np.float64]) -> bool:
-    """Tell whether a transform scales all directions alike."""
+    """Return whether a transform has the same scale in all directions."""
     squares = transform[:3, :3].T @ transform[:3, :3]
     size = np.trace(squares) / 3
-    return bool(np.abs(squares - size * np.eye(3)).max() <= EXACT * size)
+    return bool(np.abs(squares - size * np.eye(3)).max() <= SCALE_TOLERANCE * size)
 
 
 def _unpack_matrix(document: Document, index: int) -> None:
-    """Write a node's matrix as translation, rotation and scale: glTF animates nothing else."""
+    """Replace a node's matrix by translation, rotation and scale, which glTF can animate."""
     node = document.gltf["nodes"][index]
     if "matrix" not in node:
         return
@@ -240,8 +243,8 @@ def _unpack_matrix(document: Document, index: int) -> None:
     if not scale.all() or not _even(turned := matrix[:3, :3] / scale):
         raise MeshError(
             at(document.name, field=f"nodes[{index}].matrix"),
-            found="a matrix that is more than translation, rotation and scale, on a joint",
-            expected="what can be animated",
+            found="a joint with a sheared matrix",
+            expected="a matrix of translation, rotation and scale, which can be animated",
             fix="Use --as morph, or export the character again without the shear.",
         )
     del node["matrix"]

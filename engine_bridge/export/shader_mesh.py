@@ -1,13 +1,12 @@
-"""A character with its ladder coordinates, in a .glb whose vertices an engine's shader moves by live controls.
+"""A character with its isoline coordinates, as a .glb for an engine's shader that moves vertices by live controls.
 
-TEXCOORD_2 to TEXCOORD_5 of each vertex are its ladder coordinates, two fields a set, zero for fields that there are
-not; the first number of TEXCOORD_6 is that of the vertex in the character's scene message, since engines reorder
-vertices (docs/protocol.md).
+TEXCOORD_2 to TEXCOORD_5 of each vertex are its isoline coordinates, two fields per set, zero for missing fields. The
+first number of TEXCOORD_6 is the vertex's number in the character's scene message, because engines reorder vertices
+(docs/protocol.md).
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,13 @@ from engine_bridge.performance.rig import load_rig
 from puppetline.errors import PuppetError, at
 from puppetline.files import check_writable
 
-MOST_FIELDS = 8
-"""Ladder coordinates that fit into two vertex attributes of four numbers."""
+MAX_FIELDS = 8
+"""Maximum number of fields, whose isoline coordinates fit into two vertex attributes of four numbers."""
 
 
 @dataclass(frozen=True)
-class LadderSummary:
-    """What `write_ladder` has to say about its result."""
+class ShaderMeshSummary:
+    """Result of `write_shader_mesh`."""
 
     output: str
     vertices: int
@@ -33,13 +32,9 @@ class LadderSummary:
     bytes: int
     notes: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as plain values for JSON."""
-        return asdict(self)
 
-
-def write_ladder(puppet: Path, output: Path) -> LadderSummary:
-    """Write a puppet's character at rest as a .glb with ladder coordinates.
+def write_shader_mesh(puppet: Path, output: Path) -> ShaderMeshSummary:
+    """Write a puppet's character at rest as a .glb with isoline coordinates.
 
     Parameters
     ----------
@@ -55,20 +50,20 @@ def write_ladder(puppet: Path, output: Path) -> LadderSummary:
     check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
     ladder = rig.model.ladder[rig.mesh.of_render]
     count, fields = ladder.shape
-    if fields > MOST_FIELDS:
+    if fields > MAX_FIELDS:
         raise PuppetError(
             at(puppet, field="[solver], fields"),
             found=f"{fields} fields",
-            expected=f"at most {MOST_FIELDS}, whose ladder coordinates fit into the attributes of a vertex",
-            fix=f"Set it to {MOST_FIELDS}, or let the engine take the mesh from the service.",
+            expected=f"at most {MAX_FIELDS} fields, whose isoline coordinates fit into the attributes of a vertex",
+            fix=f"Set fields to {MAX_FIELDS}, or let the engine load the mesh from the service.",
         )
-    coordinates = np.zeros((count, MOST_FIELDS), np.float32)
+    coordinates = np.zeros((count, MAX_FIELDS), np.float32)
     coordinates[:, :fields] = ladder
     numbers = np.column_stack([np.arange(count), np.zeros(count)]).astype(np.float32)
-    sets = [*np.split(coordinates, MOST_FIELDS // 2, axis=1), numbers]
+    sets = [*np.split(coordinates, MAX_FIELDS // 2, axis=1), numbers]
     document = flatten(rig.character, drawn_normals(rig.character), sets)
     document.save(output)
-    return LadderSummary(
+    return ShaderMeshSummary(
         output=str(output),
         vertices=count,
         triangles=len(rig.character.triangles),

@@ -1,4 +1,4 @@
-"""The animated character as a skinned mesh: joints, weights, and the bones' way through time."""
+"""Animation of a character as a skinned mesh: joints, weights, and the motion of the bones."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -12,80 +12,82 @@ from engine_bridge.character.document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER,
 from engine_bridge.character.scene import skinning as carried_by_skin
 from engine_bridge.character.scene import world_transforms
 from engine_bridge.character.schema import Animation, ChannelTarget, Gltf, Node, Primitive
-from engine_bridge.export.animation import Take, add_channel, add_root, own_mesh, show_all
+from engine_bridge.export.animation import Keyframes, add_channel, add_root, own_mesh, show_all
 from engine_bridge.export.skinning import Skinning
 
-LEAST_LENGTH = 1e-30
+MIN_LENGTH = 1e-30
+"""Minimum length of a transformed normal or tangent that has a direction."""
+
 UP = (0.0, 1.0, 0.0)
-"""A normal of what has none."""
+"""Normal or tangent without a direction."""
 
 TRANSFORMS = ("translation", "rotation", "scale")
-STAYS = (*TRANSFORMS, "matrix", "children", "camera")
-"""What is left behind where a mesh was shown when its node goes to the top of the scene."""
+PLACE_KEYS = (*TRANSFORMS, "matrix", "children", "camera")
+"""Keys that stay in place when the node of a mesh moves to the top of the scene."""
 
 
 def animate_skin(
-    character: Character, take: Take, skinning: Skinning, follows: NDArray[np.int64]
+    character: Character, keyframes: Keyframes, skinning: Skinning, follows: NDArray[np.int64]
 ) -> tuple[Document, tuple[str, ...]]:
-    """Put a take into a copy of a character's document, as bones that its meshes are bound to.
+    """Bind the meshes of a copy of a character's document to new bones, and add their animation.
 
-    A skinned mesh ignores the nodes above it (glTF 2.0, section 3.7.3.3): its vertices are brought into world
-    coordinates and its node to the top of the scene. The bones lie side by side under one node, `skeleton`; points and
-    lines are bound to that, which does not move. A skeleton of the character's own is replaced, and animations that
-    move what the character hung on are left out.
+    A skinned mesh ignores its parent nodes (glTF 2.0, section 3.7.3.3). Its vertices are therefore converted to world
+    coordinates, and its node is moved to the top of the scene. The bones are children of a new node, `skeleton`; points
+    and lines are bound to this node, which does not move. The character's own skeleton is replaced, and animations that
+    move the character's nodes or skeleton are omitted.
 
     Parameters
     ----------
     character : Character
-    take : Take
-        Its weights are not looked at.
+    keyframes : Keyframes
+        Keyframes, whose weights are ignored.
     skinning : Skinning
     follows : (N,) int64
-        The solver vertex that each vertex of all parts follows, one part after another.
+        Solver vertex of each vertex of all parts, one part after another.
 
     Returns
     -------
     document : Document
-        Ready to be saved.
+        Animated document.
     notes : tuple of str
-        What was left out.
+        Sentences about omissions.
     """
     document = character.document.copy()
     gltf = document.gltf
     show_all(gltf)
     nodes = list(dict.fromkeys(part.node for part in character.parts))
-    notes = _leave_out(gltf, nodes)
-    _bring_into_world(document, character, nodes)
+    notes = _drop_animations(gltf, nodes)
+    _convert_to_world(document, character, nodes)
     skin, joints = _add_skeleton(document, skinning)
     bound = {
         (part.node, part.primitive): follows[place]
-        for part, place in zip(character.parts, character.places, strict=True)
+        for part, place in zip(character.parts, character.vertex_slices, strict=True)
     }
     for node in nodes:
         for index, primitive in enumerate(gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]):
             _bind(document, primitive, skinning, bound.get((node, index)))
-        _bring_to_the_top(gltf, node)
+        _move_to_top(gltf, node)
         gltf["nodes"][node]["skin"] = skin
-    _forget_unused_skins(gltf)
+    _drop_unused_skins(gltf)
 
-    animation: Animation = {"name": take.name, "channels": [], "samplers": []}
-    clock = document.add(take.times, bounds=True)
+    animation: Animation = {"name": keyframes.name, "channels": [], "samplers": []}
+    clock = document.add(keyframes.times, bounds=True)
     for bone, joint in enumerate(joints):
         add_channel(document, animation, clock, skinning.rotations[:, bone], joint, "rotation")
         add_channel(document, animation, clock, skinning.translations[:, bone], joint, "translation")
     for node in nodes:
         held = rest_weights(gltf["nodes"][node], gltf["meshes"][gltf["nodes"][node]["mesh"]])
-        if any(held):  # Godot forgets the weights that a mesh has at rest, but plays those of an animation
-            weights = np.tile(np.array(held, dtype=np.float32), len(take.times))
+        if any(held):  # Godot ignores the rest weights of a mesh, but not those of an animation
+            weights = np.tile(np.array(held, dtype=np.float32), len(keyframes.times))
             add_channel(document, animation, clock, weights, node, "weights")
-    if take.root is not None:
-        add_channel(document, animation, clock, take.root, add_root(document), "translation")
-    gltf["animations"].insert(0, animation)  # the first is what viewers play
+    if keyframes.root is not None:
+        add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
+    gltf["animations"].insert(0, animation)  # viewers play the first one
     return document, notes
 
 
-def _leave_out(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
-    """Drop the animations that move what the nodes hang on, or the skeletons that hold them; say so."""
+def _drop_animations(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
+    """Remove the animations that move the nodes, their ancestors or their skeletons; return notes."""
     above = {child: parent for parent, node in enumerate(gltf["nodes"]) for child in node.get("children", [])}
     skins = {gltf["nodes"][node]["skin"] for node in nodes if "skin" in gltf["nodes"][node]}
     placing: set[int] = set()
@@ -104,12 +106,12 @@ def _leave_out(gltf: Gltf, nodes: list[int]) -> tuple[str, ...]:
     gltf["animations"] = [animation for animation in gltf["animations"] if animation not in dropped]
     notes = ["The character's own skeleton is replaced."] if skins else []
     if dropped:
-        notes.append(f"The character's own animations that moved what it hung on ({len(dropped)}) are left out.")
+        notes.append(f"Omitted {len(dropped)} of the file's animations, which moved the character's nodes or skeleton.")
     return tuple(notes)
 
 
 def _pointer(target: ChannelTarget) -> str:
-    """Return where in the file the property of a channel is, as KHR_animation_pointer writes it."""
+    """Return the pointer to a channel's property, as in KHR_animation_pointer."""
     if target["path"] != "pointer":
         return f"/nodes/{target.get('node')}/{target['path']}"
     found: Any = target
@@ -118,8 +120,8 @@ def _pointer(target: ChannelTarget) -> str:
     return str(found)
 
 
-def _bring_into_world(document: Document, character: Character, nodes: Iterable[int]) -> None:
-    """Bring the vertices of what some nodes show into world coordinates, as the nodes and their skins stand."""
+def _convert_to_world(document: Document, character: Character, nodes: Iterable[int]) -> None:
+    """Convert the vertices of some nodes' meshes to world coordinates, with nodes and skins at rest."""
     gltf = document.gltf
     world = world_transforms(document)
     parts = {(part.node, part.primitive): part for part in character.parts}
@@ -131,13 +133,13 @@ def _bring_into_world(document: Document, character: Character, nodes: Iterable[
             if np.array_equal(to_world, np.eye(4)[None]):
                 continue
             _transform(document, primitive, to_world)
-            if part is not None and np.linalg.det(to_world[:, :3, :3]).mean() < 0:  # a mirror turned triangles over
+            if part is not None and np.linalg.det(to_world[:, :3, :3]).mean() < 0:  # a mirror flipped the triangles
                 corners = part.triangles.astype(np.uint32).ravel()
                 primitive["indices"], primitive["mode"] = document.add(corners, ELEMENT_ARRAY_BUFFER), TRIANGLES
 
 
 def _to_world(document: Document, node: int, primitive: Primitive, world: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (1 or n, 4, 4) transforms of points and lines; a skin takes hold of none that has no joints."""
+    """Return the transforms (1 or n, 4, 4) of points and lines; a skin does not move those without joints."""
     shown = document.gltf["nodes"][node]
     if "skin" not in shown or not {"POSITION", "JOINTS_0"} <= primitive["attributes"].keys():
         return world[None, node]
@@ -165,7 +167,7 @@ def _transform(document: Document, primitive: Primitive, to_world: NDArray[np.fl
         if name == "POSITION":
             turned += to_world[:, :3, 3]
         else:
-            turned[np.linalg.norm(turned, axis=1) < LEAST_LENGTH] = UP  # of a part that is scaled to nothing
+            turned[np.linalg.norm(turned, axis=1) < MIN_LENGTH] = UP  # of a part that is scaled to zero
             lengths[name] = np.linalg.norm(turned, axis=1, keepdims=True)
             turned /= lengths[name]
         if name == "TANGENT":
@@ -184,7 +186,7 @@ def _add_vertices(document: Document, values: NDArray[np.floating], name: str) -
 
 
 def _add_skeleton(document: Document, skinning: Skinning) -> tuple[int, list[int]]:
-    """Add a node for the skeleton with one for each bone below it; return the skin and the nodes of the bones."""
+    """Add a node for the skeleton, with a child for each bone; return the skin and the nodes of the bones."""
     gltf = document.gltf
     skeleton = len(gltf["nodes"])
     joints = [skeleton + 1 + bone for bone in range(len(skinning.joints))]
@@ -193,7 +195,7 @@ def _add_skeleton(document: Document, skinning: Skinning) -> tuple[int, list[int
         gltf["nodes"].append({"name": f"bone_{bone}", "translation": place.astype(float).tolist()})
     gltf["scenes"][gltf.get("scene", 0)].setdefault("nodes", []).append(skeleton)
     back = np.tile(np.eye(4, dtype=np.float32), (1 + len(joints), 1, 1))
-    back[1:, 3, :3] = -skinning.joints  # columns lie one after another
+    back[1:, 3, :3] = -skinning.joints  # matrices are stored by columns
     matrices = document.add(back.reshape(-1, 16))
     skin = {"joints": [skeleton, *joints], "skeleton": skeleton, "inverseBindMatrices": matrices}
     gltf["skins"].append({"name": "skeleton", **skin})  # type: ignore[typeddict-item]
@@ -201,13 +203,13 @@ def _add_skeleton(document: Document, skinning: Skinning) -> tuple[int, list[int
 
 
 def _bind(document: Document, primitive: Primitive, skinning: Skinning, follows: NDArray[np.int64] | None) -> None:
-    """Bind a primitive to the bones as the solver vertices that it follows are, or else to the skeleton's own node."""
+    """Bind a primitive to the bones of its solver vertices, or without these to the skeleton's node."""
     attributes = primitive["attributes"]
     for name in [name for name in attributes if name.startswith(("JOINTS_", "WEIGHTS_"))]:
         del attributes[name]
     if follows is not None:
         weights = skinning.weights[follows]
-        joints = skinning.bones[follows] + (weights > 0).astype(np.uint8)  # joint 0 is the skeleton's own node
+        joints = skinning.bones[follows] + (weights > 0).astype(np.uint8)  # joint 0 is the skeleton's node
     elif "POSITION" in attributes:
         weights = np.tile(np.eye(1, 4, dtype=np.float32), (_count(document, primitive), 1))
         joints = np.zeros(weights.shape, dtype=np.uint8)
@@ -217,10 +219,10 @@ def _bind(document: Document, primitive: Primitive, skinning: Skinning, follows:
     attributes["WEIGHTS_0"] = document.add(weights, ARRAY_BUFFER)
 
 
-def _bring_to_the_top(gltf: Gltf, node: int) -> None:
-    """Bring a node to the top of the scene, bare of transforms; what hangs on it stays, on a node in its place."""
+def _move_to_top(gltf: Gltf, node: int) -> None:
+    """Move a node to the top of the scene without its transform; a new node in its place keeps its children."""
     table = gltf["nodes"][node]
-    left: Node = {key: table.pop(key) for key in STAYS if key in table}  # type: ignore[misc, assignment]
+    left: Node = {key: table.pop(key) for key in PLACE_KEYS if key in table}  # type: ignore[misc, assignment]
     tops = gltf["scenes"][gltf.get("scene", 0)]["nodes"]
     rows = [tops, *(other["children"] for other in gltf["nodes"] if "children" in other)]
     row = next((row for row in rows if node in row), tops)
@@ -236,7 +238,7 @@ def _bring_to_the_top(gltf: Gltf, node: int) -> None:
             del parent["children"]
 
 
-def _forget_unused_skins(gltf: Gltf) -> None:
+def _drop_unused_skins(gltf: Gltf) -> None:
     used = sorted({node["skin"] for node in gltf["nodes"] if "skin" in node})
     gltf["skins"] = [gltf["skins"][skin] for skin in used]
     for node in gltf["nodes"]:

@@ -1,8 +1,8 @@
-"""A clip as a skeleton: a few rigid bones, and weights by which every vertex follows at most four of them.
+"""A skeleton for a clip: a few rigid bones, and weights with which each vertex follows at most four of them.
 
 Dem Bones (B. H. Le, Z. Deng, *Smooth Skinning Decomposition with Rigid Bones*, 2012) finds bones and weights for a
-sample of the vertices in a sample of the frames. From there every vertex gets its weights, the bones their motion in
-every frame, and the error is measured on all vertices and all frames, on the very numbers that are written.
+sample of the vertices in a sample of the frames. Weights of all vertices and motion of the bones in all frames follow
+from these. The error is measured for all vertices and frames, with the numbers that are written.
 """
 
 from collections.abc import Callable
@@ -24,61 +24,61 @@ from solver.model.reduced_model import ReducedModel, position_matrix
 from solver.motion.deformer import to_file_units
 from solver.surface.mesh import SolverMesh
 
-COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
-"""Numbers of bones that are tried, the fewest first."""
+BONE_COUNTS = (4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""Numbers of bones that are tried, in this order."""
 
-FRAMES, VERTICES = 60, 2000
-"""Size of the sample that Dem Bones sees."""
+SAMPLE_FRAMES, SAMPLE_VERTICES = 60, 2000
+"""Numbers of frames and vertices in the sample for Dem Bones."""
 
 ITERATIONS = 40
-"""Turns of Dem Bones between weights and motion."""
+"""Number of iterations of Dem Bones."""
 
-PROBES = 500
-"""Vertices by which frames are compared."""
+PROBE_VERTICES = 500
+"""Number of vertices with which frames are compared."""
 
-TELLING = 5
-"""Poses, the rest pose among them, by which vertices are compared: what is near in all of them moves alike."""
+COMPARED_POSES = 5
+"""Number of poses, including the rest pose, with which vertices are compared: vertices near in all move alike."""
 
-ELIGIBLE = 20_000
-"""Vertices among which the sample is chosen."""
+CANDIDATE_VERTICES = 20_000
+"""Number of vertices from which the sample is chosen."""
 
-NEIGHBOURS = 6
-"""Vertices of the sample that a vertex looks at."""
+NEIGHBOUR_COUNT = 6
+"""Number of vertices of the sample that determine a vertex's expected weights."""
 
-CANDIDATES = 8
-"""Bones that are tried for a vertex."""
+CANDIDATE_BONES = 8
+"""Number of bones that are tried for a vertex."""
 
-NEARLY_NOTHING = 1e-4
-"""Diagonals that keep the nearness of a vertex to itself finite."""
+DISTANCE_OFFSET = 1e-4
+"""Offset of distances, in diagonals, that keeps the nearness of a vertex to itself finite."""
 
-FRAMES_AT_ONCE = 16
-"""Frames that are compared at a time."""
+FRAMES_PER_CHUNK = 16
+"""Number of frames that are compared at once."""
 
-CHUNK = 512
-"""Vertices that are solved for at a time."""
+VERTICES_PER_CHUNK = 512
+"""Number of vertices that are solved at once."""
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Skinning:
-    """A skeleton with its motion, and the weights of the solver mesh's vertices.
+    """A skeleton with its motion, and skin weights of the solver mesh's vertices.
 
     Attributes
     ----------
     weights : (n, 4) float32
-        Sum 1.
+        Weights, whose sum is 1.
     bones : (n, 4) uint8
         Bone of each weight.
     joints : (B, 3) float32
-        Where the bones are at rest, unturned; mesh file's coordinates.
+        Positions of the bones at rest, where they have no rotation; mesh file's coordinates.
     rotations : (F, B, 4) float32
         Unit quaternions x, y, z, w, without jumps of sign.
     translations : (F, B, 3) float32
-        Where the bones are.
+        Positions of the bones.
     error, rms : float
-        Largest and root mean square distance of a vertex from where the solver puts it, over all vertices and frames;
-        mesh units.
+        Maximum and root mean square distance of a vertex from the solver's position, over all vertices and frames; mesh
+        units.
     """
 
     weights: NDArray[np.float32]
@@ -91,7 +91,7 @@ class Skinning:
 
 
 def require_dem_bones() -> None:
-    """Find out before the work whether Dem Bones is there.
+    """Check that Dem Bones is installed.
 
     Raises
     ------
@@ -100,9 +100,9 @@ def require_dem_bones() -> None:
     if find_spec("py_dem_bones") is None or find_spec("threadpoolctl") is None:
         raise OutputError(
             "--as skin",
-            found="no Dem Bones, which finds the bones",
+            found="no installation of Dem Bones",
             expected="the Python package py-dem-bones",
-            fix="Install it with: pip install 'puppetline[skin]'. Where there is none for your system, use --as morph.",
+            fix="Install it: pip install 'puppetline[skin]'. If it is not available for your system, use --as morph.",
         )
 
 
@@ -124,16 +124,16 @@ def fit(
     frames : (F, 4m, 3) float32
         Control variables, model units.
     tolerance : float
-        Largest error that is allowed, as a fraction of the diagonal.
+        Maximum error as a fraction of the diagonal.
     bones : int, optional
-        The number of bones, whatever the error; at most 128. There may be fewer where the motion has no use for more.
+        Number of bones, regardless of the error; at most 128. Simple motion may get fewer.
     progress : callable, optional
-        Told the share of the work that is done.
+        Receives the share of the work that is done.
 
     Returns
     -------
     Skinning
-        The first of `COUNTS` within the tolerance, else the closest.
+        Result with the first of `BONE_COUNTS` within the tolerance, else the one with the smallest error.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def fit(
     """
     require_dem_bones()
     sample = _Sample(model, mesh, frames)
-    counts = COUNTS if bones is None else (bones,)
+    counts = BONE_COUNTS if bones is None else (bones,)
     best: Skinning | None = None
     for step, count in enumerate(counts):
         found = sample.decompose(count)
@@ -153,20 +153,12 @@ def fit(
                 break
         progress((step + 1) / len(counts))
     progress(1.0)
-    assert best is not None  # noqa: S101  # the last count is always carried out
+    assert best is not None  # noqa: S101  # the last count is always tried
     return best
 
 
 class _Sample:
-    """Vertices and frames that stand for all.
-
-    Parameters
-    ----------
-    model : ReducedModel
-    mesh : SolverMesh
-    frames : (F, 4m, 3) float32
-        Control variables, model units.
-    """
+    """A sample of the vertices and frames."""
 
     def __init__(self, model: ReducedModel, mesh: SolverMesh, frames: NDArray[np.float32]) -> None:
         self._model, self._mesh, self._all_frames = model, mesh, frames
@@ -174,20 +166,20 @@ class _Sample:
         self._W = position_matrix(self._rest, model.ladder.astype(np.float64), model.weights, model.isolines)
         count = len(self._rest)
         poses = np.concatenate([model.rest_controls[None], frames])
-        seen = _places(self._W[evenly(count, PROBES)], poses)
-        self._frames = poses[farthest(seen.swapaxes(0, 1).reshape(len(poses), -1), FRAMES)]
-        moves = _places(self._W, self._frames[:TELLING]).reshape(count, -1)
-        eligible = evenly(count, ELIGIBLE)
-        self._vertices = eligible[farthest(moves[eligible], VERTICES)]
-        ranks = range(1, min(NEIGHBOURS, len(self._vertices)) + 1)
+        seen = _places(self._W[evenly(count, PROBE_VERTICES)], poses)
+        self._frames = poses[farthest(seen.swapaxes(0, 1).reshape(len(poses), -1), SAMPLE_FRAMES)]
+        moves = _places(self._W, self._frames[:COMPARED_POSES]).reshape(count, -1)
+        eligible = evenly(count, CANDIDATE_VERTICES)
+        self._vertices = eligible[farthest(moves[eligible], SAMPLE_VERTICES)]
+        ranks = range(1, min(NEIGHBOUR_COUNT, len(self._vertices)) + 1)
         distance, near = cKDTree(moves[self._vertices]).query(moves, k=ranks)
         self._near: NDArray[np.int64] = np.asarray(near)
-        nearness = 1 / (np.asarray(distance) + NEARLY_NOTHING) ** 2
+        nearness = 1 / (np.asarray(distance) + DISTANCE_OFFSET) ** 2
         self._share = nearness / nearness.sum(axis=1, keepdims=True)
         self._links = links(moves[self._vertices])
 
     def decompose(self, count: int) -> "_Bones":
-        """Find so many bones, or fewer, by the sample."""
+        """Find up to `count` bones for the sample."""
         rest, places = self._rest[self._vertices], _places(self._W[self._vertices], self._frames)
         weights, motion = dem_bones(rest, places, self._links, count)
         better = skin_weights.sparse(*self._weights(self._vertices, weights, motion), weights.shape[1])
@@ -198,7 +190,7 @@ class _Sample:
         return _Bones(better.toarray(), motion, float(np.linalg.norm(off, axis=-1).max()))
 
     def skin(self, found: "_Bones") -> Skinning:
-        """Carry what was found for the sample over to all vertices and all frames."""
+        """Extend the bones of the sample to all vertices and frames."""
         every = np.arange(len(self._rest))
         weights, bones = skin_weights.packed(*self._weights(every, found.weights, found.motion))
         used, numbers = np.unique(bones[weights > 0], return_inverse=True)
@@ -210,7 +202,7 @@ class _Sample:
         size, center = float(self._model.diagonal), self._model.center
         middles = sums.own[:, :3] / sums.own[:, 3:]
         joints = (middles * size + center).astype(np.float32)
-        # each bone is where its motion takes its joint, rounded as it is written
+        # each bone is at the moved position of its joint, which is rounded as in the file
         turns = motion[..., :3]
         moved = np.einsum("fbij,bj->fbi", turns, self._model.to_model(joints.astype(np.float64))) + motion[..., 3]
         translations = (moved * size + center).astype(np.float32)
@@ -221,14 +213,14 @@ class _Sample:
     def _weights(
         self, chosen: NDArray[np.int64], of_sample: NDArray[np.float64], motion: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return the weights of some vertices and the bones that these belong to, both (n, K)."""
+        """Return the weights of some vertices and their bones, both (n, K)."""
         count = of_sample.shape[1]
         lines = motion.transpose(3, 1, 0, 2).reshape(4, -1)
         weights, bones = [], []
-        for start in range(0, len(chosen), CHUNK):
-            part = chosen[start : start + CHUNK]
+        for start in range(0, len(chosen), VERTICES_PER_CHUNK):
+            part = chosen[start : start + VERTICES_PER_CHUNK]
             expected = np.einsum("nk,nkb->nb", self._share[part], of_sample[self._near[part]])
-            candidates = np.argsort(-expected, axis=1, kind="stable")[:, :CANDIDATES]
+            candidates = np.argsort(-expected, axis=1, kind="stable")[:, :CANDIDATE_BONES]
             carried = _with_one(self._rest[part]) @ lines
             missed = carried.reshape(len(part), count, -1)[np.arange(len(part))[:, None], candidates]
             missed -= _places(self._W[part], self._frames).reshape(len(part), 1, -1)
@@ -243,12 +235,12 @@ class _Sample:
         rotations: NDArray[np.float32],
         translations: NDArray[np.float32],
     ) -> tuple[float, float]:
-        """Play the skeleton as a viewer does; return the largest and the root mean square error, mesh units."""
+        """Return the maximum and the root mean square error when the skeleton is played, mesh units."""
         binding = Binding.of_solver_mesh(self._model, self._mesh)
         lines = bone_motion.blend_lines(binding.rest, weights)
         largest = total = 0.0
-        for start in range(0, len(rotations), FRAMES_AT_ONCE):
-            part = slice(start, start + FRAMES_AT_ONCE)
+        for start in range(0, len(rotations), FRAMES_PER_CHUNK):
+            part = slice(start, start + FRAMES_PER_CHUNK)
             turns = Rotation.from_quat(rotations[part].reshape(-1, 4)).as_matrix().reshape(-1, len(joints), 3, 3)
             offset = translations[part] - np.einsum("fbij,bj->fbi", turns, joints)
             played = bone_motion.carried(lines, np.concatenate([turns, offset[..., None]], axis=-1))
@@ -261,14 +253,14 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _Bones:
-    """Bones as far as the sample tells.
+    """Bones of the sample.
 
     Attributes
     ----------
     weights : (sample, B) float64
     motion : (frames of the sample, B, 3, 4) float64
     error : float
-        The largest, in diagonals.
+        Maximum error in diagonals.
     """
 
     weights: NDArray[np.float64]
@@ -279,17 +271,18 @@ class _Bones:
 def dem_bones(
     rest: NDArray[np.float64], places: NDArray[np.float64], edges: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Decompose the motion of some points into that of rigid bones.
+    """Decompose the motion of points into that of rigid bones.
 
     Parameters
     ----------
     rest : (n, 3) float64
-        In diagonals.
+        Rest positions in diagonals.
     places : (n, F, 3) float64
+        Positions in the frames.
     edges : (e, 2) int64
-        A graph in one piece: a bone begins as a connected part of it.
+        Connected graph, of whose connected parts bones begin.
     count : int
-        Bones; fewer are found where the motion has no use for more.
+        Number of bones; simple motion may get fewer.
 
     Returns
     -------
@@ -301,21 +294,21 @@ def dem_bones(
 
     solver = DemBones()
     solver.nV, solver.nF, _ = places.shape
-    solver.nS, solver.nB, solver.nnz, solver.nIters = 1, count, skin_weights.INFLUENCES, ITERATIONS
-    solver.transAffine = bone_motion.AFFINITY
+    solver.nS, solver.nB, solver.nnz, solver.nIters = 1, count, skin_weights.MAX_INFLUENCES, ITERATIONS
+    solver.transAffine = bone_motion.AFFINITY_WEIGHT
     solver.fStart = np.array([0, solver.nF], dtype=np.int32)
     solver.subjectID = np.zeros(solver.nF, dtype=np.int32)
     solver.u = rest.T.copy()
     solver.v = places.reshape(len(rest), -1).T.copy()
     solver.fv = edges.tolist()
-    with threadpool_limits(1, user_api="openmp"):  # sums of several threads come out differently each time
+    with threadpool_limits(1, user_api="openmp"):  # sums over several threads are not deterministic
         solver.compute()
     blocks = solver.m.reshape(solver.nF, 4, solver.nB, 4)
     return solver.get_weights().T, blocks[:, :3].transpose(0, 2, 1, 3)
 
 
 def _places(W: csr_matrix, frames: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Return (n, F, 3) positions W R in model units."""
+    """Return the positions W R (n, F, 3) in model units."""
     return (W @ frames.swapaxes(0, 1).reshape(W.shape[1], -1)).reshape(W.shape[0], -1, 3)
 
 
@@ -324,7 +317,7 @@ def _with_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Turn (F, B, 3, 3) rotations into (F, B, 4) quaternions; of each two, the one nearer to the frame before."""
+    """Return quaternions (F, B, 4) of rotations (F, B, 3, 3), with the signs that are nearest to the previous frame."""
     quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat(canonical=True).reshape(*turns.shape[:2], 4)
     turned_over = np.einsum("fbc,fbc->fb", quaternions[1:], quaternions[:-1]) < 0
     quaternions[1:] *= np.cumprod(np.where(turned_over, -1, 1), axis=0)[..., None]
@@ -332,7 +325,7 @@ def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 def farthest(points: NDArray[np.floating], count: int) -> NDArray[np.int64]:
-    """Choose points that cover all others: the first, then always the one farthest from those chosen.
+    """Choose the first point, then repeatedly the one farthest from all chosen points.
 
     Parameters
     ----------
@@ -342,7 +335,7 @@ def farthest(points: NDArray[np.floating], count: int) -> NDArray[np.int64]:
     Returns
     -------
     (≤ count,) int64
-        In that order; no two at one place.
+        Indices in that order, of distinct points.
     """
     chosen = [0]
     distance = np.full(len(points), np.inf)
@@ -356,8 +349,8 @@ def farthest(points: NDArray[np.floating], count: int) -> NDArray[np.int64]:
 
 
 def links(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the (e, 2) pairs of a graph that ties each point to those around it and leaves no part of it alone."""
-    around = np.asarray(cKDTree(points).query(points, k=range(1, min(NEIGHBOURS + 1, len(points)) + 1))[1])
+    """Return the edges (e, 2) of a connected graph that links each point to its neighbours."""
+    around = np.asarray(cKDTree(points).query(points, k=range(1, min(NEIGHBOUR_COUNT + 1, len(points)) + 1))[1])
     found = np.column_stack([np.repeat(np.arange(len(points)), around.shape[1] - 1), around[:, 1:].ravel()])
     while True:
         graph = coo_matrix((np.ones(len(found)), found.T), shape=(len(points), len(points)))

@@ -1,13 +1,13 @@
-"""Signed coordinates of a pose as morph weights that never leave [0, 1].
+"""Conversion of signed coordinates of a pose to morph weights within [0, 1].
 
-Blender clamps morph weights to [0, 1] on import and Unity can clamp them while it plays (docs/characters.md), but the
+Blender clamps morph weights to [0, 1] on import and Unity can clamp them during playback (docs/characters.md), but the
 coordinates w_k of a pose along the directions D_k of a morph basis have both signs. One more target solves this. With a
-bound l_k ≤ 0 below each coordinate, m = max(0, max_k w_k / l_k) and u_k = w_k − m l_k,
+lower bound l_k ≤ 0 of each coordinate, m = max(0, max_k w_k / l_k) and u_k = w_k − m l_k,
 
     Σ w_k D_k = Σ u_k D_k + m Σ l_k D_k,
 
-and no u_k is below 0. Each u_k is divided by its span, the largest value that it takes, and its target is multiplied by
-it. The rest pose has w = 0 and so keeps all weights at 0. Between keyframes all weights are linear, as w was.
+and u_k ≥ 0. Each u_k is divided by its span, its maximum, and its target is multiplied by the span. The rest pose has
+w = 0 and therefore zero weights. Between keyframes all weights are linear, like w.
 """
 
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class UnitWeights:
-    """Turns signed coordinates into weights within [0, 1], and directions into the targets that these weights are for.
+    """Conversion of signed coordinates to weights within [0, 1], and of directions to targets for these weights.
 
     Attributes
     ----------
     lowest : (K,) float64
-        A bound l_k ≤ 0 below each coordinate.
+        Lower bounds l_k ≤ 0 of the coordinates.
     spans : (K,) float64
-        The largest value of each u_k; positive.
+        Maximum of each u_k; positive.
     """
 
     lowest: NDArray[np.float64]
@@ -34,29 +34,29 @@ class UnitWeights:
 
     @classmethod
     def of_clip(cls, coordinates: NDArray[np.floating]) -> Self:
-        """Make the tightest weights for a clip's (F, K) coordinates: the largest weight of each target is 1."""
+        """Return the conversion for a clip's coordinates (F, K) in which the largest weight of each target is 1."""
         lowest = np.minimum(coordinates.min(axis=0, initial=0), 0).astype(np.float64)
         spans = cls(lowest, np.ones_like(lowest))._shifted(coordinates)[0].max(axis=0, initial=0)
         return cls(lowest, np.where(spans > 0, spans, 1.0))
 
     @classmethod
     def within(cls, reach: NDArray[np.float64]) -> Self:
-        """Make weights for any coordinates from −reach to reach, (K,) positive numbers."""
+        """Return the conversion for coordinates from −reach to reach, positive numbers (K,)."""
         return cls(-reach, 2 * reach)
 
     @property
     def count(self) -> int:
-        """The number of targets: K, and one more if any coordinate may be negative."""
+        """Number of targets: K, plus one if any coordinate may be negative."""
         return len(self.lowest) + bool((self.lowest < 0).any())
 
     def weights(self, coordinates: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return the (F, count) float32 weights of (F, K) coordinates that keep to the bounds."""
+        """Return the weights (F, count) float32 of coordinates (F, K) within the bounds."""
         shifted, opposite = self._shifted(coordinates)
         weights = np.column_stack([shifted / self.spans, opposite])[:, : self.count]
-        return np.clip(weights, 0, 1).astype(np.float32)  # rounding may go beyond by 1e-16
+        return np.clip(weights, 0, 1).astype(np.float32)  # rounding may exceed the range by 1e-16
 
     def targets(self, directions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Return the directions of the targets, (count, …) float64, of (K, …) directions."""
+        """Return the targets (count, …) float64 for directions (K, …)."""
         spanned = self.spans.reshape(-1, *[1] * (directions.ndim - 1)) * directions
         opposite = np.tensordot(self.lowest, directions, axes=1)
         return np.concatenate([spanned, opposite[None]])[: self.count]

@@ -1,1 +1,1 @@
-"""A performer's frames become a character's controls, live and offline alike."""
+"""From a performer's frames to a character's controls, live and offline."""

@@ -1,4 +1,4 @@
-"""When a performer stands still, and in which pose."""
+"""Detection of a performer who stands still, and of the pose."""
 
 from collections import deque
 
@@ -8,64 +8,65 @@ from numpy.typing import NDArray
 from capture import body
 from capture.skeleton import JOINTS, LOST, SkeletonFrame
 
-SECOND = 1.0
-"""Seconds for which a performer must stand still."""
+STILL_SECONDS = 1.0
+"""Time for which a performer must stand still, in seconds."""
 
-NOW = 0.4
-"""Seconds whose median is the pose at a moment."""
+POSE_SECONDS = 0.4
+"""Time over which the median gives the current pose, in seconds."""
 
-MOST_FRAMES = 240
+MAX_FRAMES = 240
+"""Maximum number of stored frames."""
 
-DRIFT = 0.03
-"""Metres that a joint may have moved from the first half of the second to the other; a Kinect's noise averages out."""
+MAX_DRIFT_METRES = 0.03
+"""Maximum motion of a joint between the means of both halves of the time, in metres; noise averages out."""
 
-UNSTEADY = 0.1
-"""Share of the joints that may have moved more: sensors guess at hands and feet."""
+MAX_MOVING_SHARE = 0.1
+"""Maximum share of joints that move more, because sensors guess at hands and feet."""
 
-FEWEST_FRAMES, FEWEST_JOINTS = 8, 6
-"""Below these there is too little to tell a pose by."""
+MIN_FRAMES, MIN_JOINTS = 8, 6
+"""Minimum numbers of frames, and of joints known in both halves, that determine a pose."""
 
-SAME_BODY = 0.12
-"""Mean relative difference of bone lengths up to which it may be the same person."""
+MAX_LENGTH_DIFFERENCE = 0.12
+"""Maximum mean relative difference of bone lengths of the same person."""
 
 
-class LastSecond:
-    """A performer's last second, to be asked whether they stood still."""
+class RecentFrames:
+    """The frames of a performer's last second."""
 
     def __init__(self) -> None:
-        self._frames: deque[SkeletonFrame] = deque(maxlen=MOST_FRAMES)
+        self._frames: deque[SkeletonFrame] = deque(maxlen=MAX_FRAMES)
 
     def add(self, frame: SkeletonFrame) -> None:
-        """Take the next frame."""
+        """Add the next frame."""
         self._frames.append(frame)
-        while frame.time - self._frames[0].time > SECOND:
+        while frame.time - self._frames[0].time > STILL_SECONDS:
             self._frames.popleft()
 
-    def forget(self) -> None:
-        """Begin anew."""
+    def clear(self) -> None:
+        """Forget all frames."""
         self._frames.clear()
 
-    def still(self) -> bool:
-        """Tell whether the performer stood still for the whole second."""
-        if len(self._frames) < FEWEST_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * SECOND:
+    def is_still(self) -> bool:
+        """Return whether the performer stood still for the whole second."""
+        if len(self._frames) < MIN_FRAMES or self._frames[-1].time - self._frames[0].time < 0.9 * STILL_SECONDS:
             return False
-        positions, confidence = self._stacked(SECOND)
+        positions, confidence = self._stacked(STILL_SECONDS)
         seen = np.where((confidence > LOST)[..., None], positions, np.nan)
         half = len(seen) // 2
         known = (confidence[:half] > LOST).any(axis=0) & (confidence[half:] > LOST).any(axis=0)
-        if np.count_nonzero(known) < FEWEST_JOINTS:
+        if np.count_nonzero(known) < MIN_JOINTS:
             return False
         before, after = np.nanmean(seen[:half, known], axis=0), np.nanmean(seen[half:, known], axis=0)
-        moved = np.linalg.norm(after - before, axis=1) > DRIFT
-        return bool(moved.mean() <= UNSTEADY)
+        moved = np.linalg.norm(after - before, axis=1) > MAX_DRIFT_METRES
+        return bool(moved.mean() <= MAX_MOVING_SHARE)
 
-    def pose(self, seconds: float = SECOND) -> NDArray[np.float64]:
-        """Return the median pose (20, 3) of the last `seconds`, NaN for joints that were never seen in them."""
+    def pose(self, seconds: float = STILL_SECONDS) -> NDArray[np.float64]:
+        """Return the median pose (20, 3) of the last `seconds`, NaN for joints that were always lost."""
         positions, confidence = self._stacked(seconds)
         return body.resting_pose(positions, confidence, 0, len(positions))
 
-    def enough(self, seconds: float) -> bool:
-        """Tell whether there are frames over at least that long."""
+    def cover(self, seconds: float) -> bool:
+        """Return whether at least two frames cover this time."""
         return len(self._frames) > 1 and self._frames[-1].time - self._frames[0].time >= seconds
 
     def _stacked(self, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -77,6 +78,6 @@ class LastSecond:
 
 
 def same_body(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """Tell whether two poses (20, 3) may be of one person, by the lengths of their bones."""
-    ours, theirs = (np.array(list(body.bone_lengths(pose).values())) for pose in (one, other))
-    return bool(np.mean(np.abs(ours - theirs)) <= SAME_BODY * np.mean(ours))
+    """Return whether two poses (20, 3) may be of one person, by the lengths of their bones."""
+    first, second = (np.array(list(body.bone_lengths(pose).values())) for pose in (one, other))
+    return bool(np.mean(np.abs(first - second)) <= MAX_LENGTH_DIFFERENCE * np.mean(first))

@@ -1,4 +1,4 @@
-"""A recorded skeleton, performed by a character."""
+"""Recorded skeletons solved for a character."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from solver.motion.limbs import bones_of
 from solver.surface.contacts import PartSeparation
 
 REST_SECONDS = 0.5
-"""Length of the moment whose median pose is the performer's rest pose."""
+"""Time over which the median pose is the performer's rest pose, in seconds."""
 
-SHORTEST_CLIP = 2
-"""Frames; one alone is a pose and not an animation."""
+MIN_CLIP_FRAMES = 2
+"""Minimum number of frames of an animation."""
 
 Progress = Callable[[str, float], None]
-"""Told the name of a stage and the share of it that is done."""
+"""Callback that receives the name of a step and the share of it that is done."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class Clip:
         Translation, mesh file's coordinates.
     motions : FrameStore
         (F, b, 4, 3) float32: motions of the bones for row vectors, mesh file's coordinates, without the root's. Empty
-        for the forms that are not made of them.
+        unless the file's own skeleton is animated.
     stretch : tuple of float
         Edge stretch over the clip: 1st, 50th and 99th percentile.
     parts_apart : float or None
-        How far parts that touched at rest came apart, as a fraction of the diagonal; None for a character of one part.
+        Maximum separation of parts that touch at rest, as a fraction of the diagonal; None for a character of one part.
     notes : tuple of str
-        What the user should know about the log.
+        Sentences for the user about the recording.
     """
 
     rig: Rig
@@ -66,13 +66,13 @@ class Clip:
 
 
 def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
-    """Read a log and put the chosen performer on an even clock.
+    """Read a recording and resample the chosen performer to an even frame rate.
 
     Returns
     -------
     timeline : Timeline
     notes : tuple of str
-        What was assumed, dropped and held.
+        Sentences about assumptions, skipped data and held joints.
 
     Raises
     ------
@@ -82,29 +82,29 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     try:
         clip, chosen = choose(clips, settings.user)
         timeline = resample(clip, settings.fps, settings.max_gap)
-    except SkeletonLogError as error:  # these know clips, not files
+    except SkeletonLogError as error:  # these errors do not name the file
         where = at(log, field=error.where)
         raise SkeletonLogError(where, found=error.found, expected=error.expected, fix=error.fix) from error
-    if len(timeline.positions) < SHORTEST_CLIP:
+    if len(timeline.positions) < MIN_CLIP_FRAMES:
         raise SkeletonLogError(
             log,
-            found=f"a clip that gives a single frame at {settings.fps:g} a second",
-            expected=f"at least {SHORTEST_CLIP} frames",
-            fix="Take a longer recording, or raise --fps.",
+            found=f"a recording with a single frame at {settings.fps:g} frames per second",
+            expected=f"at least {MIN_CLIP_FRAMES} frames",
+            fix="Use a longer recording, or raise --fps.",
         )
     if settings.rest_at > timeline.times[-1]:
         raise SkeletonLogError(
             log,
-            found=f"a clip of {timeline.times[-1]:.2f} s",
-            expected=f"one that reaches second {settings.rest_at:g}, where the rest pose is to be",
-            fix="Choose an earlier moment with --rest-at.",
+            found=f"a recording of {timeline.times[-1]:.2f} s",
+            expected=f"a recording that contains the time of the rest pose, {settings.rest_at:g} s",
+            fix="Choose an earlier time with --rest-at.",
         )
     others = (chosen,) if len(clips) > 1 else ()
     return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
 
 
 def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
-    """Return the performer's joints (20, 3) in the pose that stands for the character's rest pose."""
+    """Return the performer's calibration pose (20, 3), which corresponds to the character's rest pose."""
     return body.resting_pose(
         timeline.positions,
         timeline.confidence,
@@ -114,7 +114,7 @@ def resting_pose(timeline: Timeline, settings: Settings) -> NDArray[np.float64]:
 
 
 class Solved(NamedTuple):
-    """Some frames of a performance.
+    """Solved frames.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class Solved(NamedTuple):
     root : (f, 3) float32
         Translation, mesh file's coordinates.
     motions : (f, b, 4, 3) float32
-        Of the bones for row vectors, mesh file's coordinates, without the root's.
+        Motions of the bones for row vectors, mesh file's coordinates, without the root's.
     """
 
     R: NDArray[np.float32]
@@ -131,19 +131,19 @@ class Solved(NamedTuple):
     motions: NDArray[np.float32]
 
 
-def solve(rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int) -> Iterator[Solved]:
-    """Run the performance over a whole timeline.
+def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> Iterator[Solved]:
+    """Solve all frames of a timeline.
 
     Yields
     ------
     Solved
-        The next frames, at most `at_a_time`.
+        The next frames, at most `chunk_size`.
     """
     performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, settings))
     count = len(timeline.positions)
     bones = len(performance.deformer.bones)
-    for start in range(0, count, at_a_time):
-        numbers = range(start, min(start + at_a_time, count))
+    for start in range(0, count, chunk_size):
+        numbers = range(start, min(start + chunk_size, count))
         R = np.empty((len(numbers), *rig.model.rest_controls.shape), dtype=np.float32)
         root = np.empty((len(numbers), 3), dtype=np.float32)
         motions = np.empty((len(numbers), bones, 4, 3), dtype=np.float32)
@@ -154,14 +154,14 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, at_a_time: int) -> I
 
 
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
-    """Run the performance over a whole timeline, and look at what it does to the character."""
+    """Solve all frames of a timeline, and measure the deformation of the character."""
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
     frames = FrameStore(rig.model.rest_controls.shape)
     motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
     root = np.empty((len(timeline.positions), 3), dtype=np.float32)
 
-    def look_at(vertices: NDArray[np.float32]) -> None:
+    def measure(vertices: NDArray[np.float32]) -> None:
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)
@@ -171,11 +171,14 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         frames.append(solved.R)
         if settings.form == "rig":
             motions.append(solved.motions)
-        look_at(surface.displacements(solved.R))  # from the middle: lengths of edges are precise anywhere
+        measure(surface.displacements(solved.R))  # relative to the middle, where edge lengths are precise
         progress("Performing", len(frames) / len(root))
     rest = resting_pose(timeline, settings)
     unknown = [joint for joint in rig.puppet.driven_by if np.isnan(rest[JOINTS.index(joint)]).any()]
     if unknown:
-        notes = (*notes, f"The log never knows {', '.join(unknown)}: what only they move stays still.")
+        notes = (
+            *notes,
+            f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
+        )
     parts_apart = None if separation is None else separation.worst
     return Clip(rig, timeline, frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes)

@@ -1,43 +1,33 @@
-"""Solved frames, kept where an hour of them does not fill the memory."""
+"""Storage of solved frames, in a temporary file if they are large."""
 
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Protocol, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.errors import OutputError
 
-IN_MEMORY = 32_000_000
-"""Bytes beyond which frames go to a temporary file."""
-
-
-class Frames(Protocol):
-    """Control variables of a clip, of which some are looked at at a time: an array, or a `FrameStore`."""
-
-    def __len__(self) -> int:
-        """Return F."""
-
-    def __getitem__(self, chosen: slice | NDArray[np.integer], /) -> NDArray[np.float32]:
-        """Return the (some, 4m, 3) float32 frames that are chosen."""
+MAX_MEMORY_BYTES = 32_000_000
+"""Maximum size of frames in memory, in bytes."""
 
 
 class FrameStore:
-    """An array of frames that grows at its end and is read a few frames at a time.
+    """An array of frames that grows at its end and is read in chunks.
 
     Parameters
     ----------
     shape : tuple of int
-        Of one frame.
+        Shape of a frame.
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self._shape = shape
         self._size = 4 * int(np.prod(shape))
         self._count = 0
-        self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115  # goes when this goes
+        self._file = tempfile.SpooledTemporaryFile(max_size=MAX_MEMORY_BYTES)  # noqa: SIM115  # deleted with this object
 
     def append(self, frames: NDArray[np.floating]) -> None:
         """Add some (F, …) frames, as float32.
@@ -45,20 +35,20 @@ class FrameStore:
         Raises
         ------
         OutputError
-            The system has no room for them.
+            No space is left for temporary files.
         """
         try:
             self._file.seek(self._count * self._size)
             self._file.write(np.ascontiguousarray(frames, dtype=np.float32).tobytes())
             self._file.flush()
         except OSError as error:
-            with suppress(OSError):  # what is still waiting to be written has no room either
+            with suppress(OSError):  # closing flushes the buffer, which fails too
                 self._file.close()
             raise OutputError(
                 "the folder for temporary files",
                 found=error.strerror or str(error),
-                expected=f"room for the frames of a long clip, {self._size * 108_000 / 1e6:.0f} MB an hour",
-                fix="Make room or give permission there, or name another folder in the environment variable TMPDIR.",
+                expected=f"space for the frames of a long clip, {self._size * 108_000 / 1e6:.0f} MB per hour",
+                fix="Free space, grant access to the folder, or set another folder in the environment variable TMPDIR.",
             ) from error
         self._count += len(frames)
 
@@ -71,7 +61,7 @@ class FrameStore:
     @overload
     def __getitem__(self, chosen: slice | NDArray[np.integer]) -> NDArray[np.float32]: ...
     def __getitem__(self, chosen: int | slice | NDArray[np.integer]) -> NDArray[np.float32]:
-        """Read frames as an array of them would give them."""
+        """Return frames as an array would."""
         numbers = np.arange(self._count)[chosen]
         if numbers.ndim == 0:
             return self._read(int(numbers), 1)[0]
@@ -81,7 +71,7 @@ class FrameStore:
         return np.array(rows, dtype=np.float32).reshape(-1, *self._shape)
 
     def __iter__(self) -> Iterator[NDArray[np.float32]]:
-        """Go through the frames one by one."""
+        """Yield the frames."""
         return (self._read(number, 1)[0] for number in range(self._count))
 
     def _read(self, first: int, count: int) -> NDArray[np.float32]:
@@ -89,6 +79,10 @@ class FrameStore:
         return np.frombuffer(self._file.read(count * self._size), dtype=np.float32).reshape(count, *self._shape)
 
 
+Frames = FrameStore | NDArray[np.float32]
+"""Frames of a clip, which are read in chunks."""
+
+
 def evenly(n: int, count: int) -> NDArray[np.int64]:
-    """Return up to `count` indices of n, ascending, evenly spread, with the first and the last."""
+    """Return up to `count` evenly spaced, ascending indices below n, including the first and the last."""
     return np.unique(np.linspace(0, n - 1, min(n, count)).astype(np.int64))

@@ -1,11 +1,11 @@
-"""A character with limbs as one of Unity's humanoids: its bones by name, turned against a T-pose.
+"""Mapping of a character's limbs to the bones of a Unity humanoid.
 
-Humanoids of VRM and Unity stand in a T-pose with every bone unturned, whatever their shape. A character's own rest pose
-may be any: arms in an A, arms that hang, a bent back. So a bone's turn is that which took it from the T-pose to the
-character's rest, then its motion since.
+In a T-pose, all bones of a VRM or Unity humanoid have no rotation. The rest pose of a character differs: its arms may
+form an A or hang, its back may be bent. The rotation of a bone is therefore its motion since rest after the rotation
+from the T-pose to rest.
 
-Coordinates are Unity's: left-handed, metres, right +x, up +y, forward +z. A character's own, in which left is +x,
-become these by a mirrored x; conjugated by it, a rotation is one again.
+Coordinates are Unity's: left-handed, metres, right +x, up +y, forward +z. Character coordinates, in which left is +x,
+are mirrored in x; rotations are conjugated by this mirror.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ LIMBS: dict[str, tuple[str, ...]] = {
     "left leg": ("LeftUpperLeg", "LeftLowerLeg", "LeftFoot"),
     "right leg": ("RightUpperLeg", "RightLowerLeg", "RightFoot"),
 }
-"""Which limb of a puppet file is which of Unity's bones, root to tip; a name goes to the first limb that has it."""
+"""Unity's bones for each limb of a puppet file, root to tip; a bone belongs to the first limb that lists it."""
 
 T_POSE: dict[str, tuple[float, float, float]] = {
     TRUNK: (0.0, 1.0, 0.0),
@@ -39,10 +39,10 @@ T_POSE: dict[str, tuple[float, float, float]] = {
     "left leg": (0.0, -1.0, 0.0),
     "right leg": (0.0, -1.0, 0.0),
 }
-"""Where their bones point in a T-pose; feet point forward."""
+"""Directions of the limbs' bones in a T-pose; feet point forward."""
 
-UPRIGHT = (TRUNK, "neck", "head")
-"""Limbs in the middle of the body. One that follows by "turn" stands for an upright one, however it is bent at rest."""
+UPRIGHT_LIMBS = (TRUNK, "neck", "head")
+"""Limbs in the middle of the body. A limb that follows by "turn" counts as upright, even if it is bent at rest."""
 
 PARENTS: dict[str, str] = {
     "Spine": "Hips",
@@ -63,43 +63,43 @@ PARENTS: dict[str, str] = {
         }.items()
     },
 }
-"""The bone that each hangs on."""
+"""Parent of each bone."""
 
-COLLAR = 0.25
-"""Where a shoulder begins on the way from the end of the trunk to the upper arm."""
+SHOULDER_SHARE = 0.25
+"""Start of a shoulder, as a share of the distance from the end of the trunk to the upper arm."""
 
-FLAT = 0.1
-"""Least horizontal share of a foot's direction by which it has a heading."""
+MIN_HEADING_SHARE = 0.1
+"""Minimum horizontal share of a foot's direction that gives it a heading."""
 
 
 @dataclass(frozen=True, eq=False)
 class Humanoid:
-    """A character's bones under Unity's names.
+    """A character's bones by Unity's names.
 
     Attributes
     ----------
     names : tuple of str
-        Of the n bones that the character has, parents first; the hips are the first.
+        Names of the n bones, parents first, beginning with the hips.
     parents : (n,) int64
-        −1 for the hips.
+        Rows of the parents, −1 for the hips.
     bones : (n,) int64
-        The character's own bone that each moves with.
-    places : (n, 3) float64
-        Where each begins at rest, mesh file's coordinates.
+        Character's bone that each bone moves with.
+    heads : (n, 3) float64
+        Starts of the bones at rest, mesh file's coordinates.
     turns : (n, 3, 3) float64
-        From the T-pose to rest, for column vectors.
+        Rotations from the T-pose to rest, for column vectors.
     axes : (3, 3) float64
-        Rows: the mesh file's directions of the character's right, up and forward.
+        Character's right, up and forward in the mesh file's coordinates, as rows.
     origin : (3,) float64
-        The floor below the hips at rest, mesh file's coordinates.
+        Point on the floor below the hips at rest, mesh file's coordinates.
     scale : float
-        Metres a unit of the mesh file.
+        Metres per unit of the mesh file.
     """
 
     names: tuple[str, ...]
     parents: NDArray[np.int64]
     bones: NDArray[np.int64]
-    places: NDArray[np.float64]
+    heads: NDArray[np.float64]
     turns: NDArray[np.float64]
     axes: NDArray[np.float64]
     origin: NDArray[np.float64]
@@ -108,7 +108,7 @@ class Humanoid:
     def pose(
         self, motions: NDArray[np.float64], root: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pose the bones, each in the frame of the one that it hangs on; the hips' are the world's.
+        """Return the bones' positions and rotations relative to their parents, and the hips' in the world.
 
         Parameters
         ----------
@@ -126,9 +126,9 @@ class Humanoid:
         """
         own = motions[self.bones]
         turned = self.axes @ own[:, :3].swapaxes(1, 2) @ self.axes.T @ self.turns
-        moved = np.einsum("ni,nij->nj", self.places, own[:, :3]) + own[:, 3] + root
+        moved = np.einsum("ni,nij->nj", self.heads, own[:, :3]) + own[:, 3] + root
         places = self.scale * (moved - self.origin) @ self.axes.T
-        # a parent of −1 is the last row: the world
+        # a parent of −1 is the last row, which is the world
         to_parent = np.concatenate([turned, np.eye(3)[None]])[self.parents].swapaxes(1, 2)
         beside = places - np.concatenate([places, np.zeros((1, 3))])[self.parents]
         positions = np.einsum("nij,nj->ni", to_parent, beside)
@@ -136,22 +136,22 @@ class Humanoid:
 
 
 def is_humanoid(puppet: Puppet) -> bool:
-    """Tell whether a character has limbs of a humanoid: a trunk, and an arm or a leg."""
+    """Return whether a character has limbs of a humanoid: a trunk, and an arm or a leg."""
     names = {limb.name for limb in puppet.limb}
-    return TRUNK in names and any(name not in UPRIGHT for name in names & LIMBS.keys())
+    return TRUNK in names and any(name not in UPRIGHT_LIMBS for name in names & LIMBS.keys())
 
 
 def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
-    """Find the bones of a humanoid in a character's limbs.
+    """Map a character's limbs to the bones of a humanoid.
 
-    Where a limb has fewer bones than Unity has names, the last bone has the names that are left: they turn together.
+    If a limb has fewer bones than Unity, all remaining Unity bones move with its last bone.
 
     Parameters
     ----------
     puppet : Puppet
-        One that `is_humanoid`.
+        A puppet for which `is_humanoid` is true.
     rest : (n, 3) float64
-        The character's vertices, mesh file's coordinates.
+        Character's vertices, mesh file's coordinates.
     """
     limbs = parents_first(puppet.limbs)
     axes = np.diag([-1.0, 1.0, 1.0]) @ puppet.character.basis
@@ -164,7 +164,7 @@ def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
     for name in LIMBS:
         if name in by_name:
             if name.endswith("arm"):
-                collar = trunk_end + COLLAR * (by_name[name].points[0] - trunk_end)
+                collar = trunk_end + SHOULDER_SHARE * (by_name[name].points[0] - trunk_end)
                 found[f"{name.split()[0].capitalize()}Shoulder"] = found["Chest"][0], collar
             for bone, number, place in _named(by_name[name], [bone for bone in LIMBS[name] if bone not in found]):
                 found[bone] = first[name] + number, place
@@ -176,7 +176,7 @@ def humanoid_of(puppet: Puppet, rest: NDArray[np.float64]) -> Humanoid:
         names=names,
         parents=np.array([names.index(PARENTS[name]) if name in PARENTS else -1 for name in names], dtype=np.int64),
         bones=bones,
-        places=np.array([place for _, place in found.values()]),
+        heads=np.array([place for _, place in found.values()]),
         turns=to_rest[bones],
         axes=axes,
         origin=hips + ((rest @ up).min() - hips @ up) * up,
@@ -191,12 +191,12 @@ def _first_bones(limbs: Sequence[Limb]) -> dict[str, int]:
 
 
 def _named(limb: Limb, names: Sequence[str]) -> Iterator[tuple[str, int, NDArray[np.float64]]]:
-    """Go through the bones of a limb that have names: name, number in the limb, and where it begins.
+    """Yield the named bones of a limb: name, number in the limb, and start.
 
-    Names beyond the limb's bones stand evenly along its last bone, those of hands and feet at its end.
+    Names beyond the limb's bones are spaced evenly along its last bone, those of hands and feet at its end.
     """
     count = len(limb.points) - 1
-    steps = max(len(names) - count + (limb.name in UPRIGHT), 1)
+    steps = max(len(names) - count + (limb.name in UPRIGHT_LIMBS), 1)
     for number, name in enumerate(names):
         bone = min(number, count - 1)
         head, tail = limb.points[bone], limb.points[bone + 1]
@@ -204,12 +204,12 @@ def _named(limb: Limb, names: Sequence[str]) -> Iterator[tuple[str, int, NDArray
 
 
 def _to_rest(limbs: Sequence[Limb], bones: Bones, axes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the turn from the T-pose to rest of each bone (b, 3, 3): the least one on top of what it hangs on."""
+    """Return each bone's rotation from the T-pose to rest (b, 3, 3), the least one relative to its parent's."""
     aims = (bones.tails - bones.heads) @ axes.T / bones.lengths[:, None]
-    turns = np.tile(np.eye(3), (len(bones) + 1, 1, 1))  # the last one is what a bone with parent −1 hangs on
+    turns = np.tile(np.eye(3), (len(bones) + 1, 1, 1))  # the last row belongs to parent −1
     row = 0
     for limb in limbs:
-        stands_upright = limb.follow == "turn" and limb.name in UPRIGHT
+        stands_upright = limb.follow == "turn" and limb.name in UPRIGHT_LIMBS
         names = LIMBS.get(limb.name, ())
         for number in range(len(limb.points) - 1):
             turns[row] = turns[bones.parents[row]]
@@ -222,16 +222,16 @@ def _to_rest(limbs: Sequence[Limb], bones: Bones, axes: NDArray[np.float64]) -> 
 
 
 def _heading(aim: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the turn about the upright axis of a foot that points somewhere; no more, for at rest its sole is flat."""
+    """Return a foot's rotation about the upright axis only, because its sole is flat at rest."""
     flat = float(np.hypot(aim[0], aim[2]))
-    if flat < FLAT:
+    if flat < MIN_HEADING_SHARE:
         return np.eye(3)
     s, c = aim[0] / flat, aim[2] / flat
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def _least(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the least rotation from one direction to another, about the forward axis where they are opposite."""
+    """Return the least rotation from one direction to another; about the forward axis if they are opposite."""
     cosine = float(a @ b)
     if cosine < -1 + 1e-9:
         axis = np.array([0.0, 0.0, 1.0]) - a[2] * a if abs(a[2]) < 0.9 else np.array([1.0, 0.0, 0.0]) - a[0] * a

@@ -1,4 +1,4 @@
-"""What a character does while nobody plays it: a recorded performance, over and over without a seam."""
+"""Idle recordings: motion of a character without a performer, in a seamless loop."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -17,14 +17,14 @@ from solver.motion.motion_blend import difference, moved_by
 
 
 class Places(NamedTuple):
-    """Where a character's handles and bones are.
+    """Positions of a character's handles and bones.
 
     Attributes
     ----------
     targets : (h, 3) float64
-        Without the root's motion, mesh file's coordinates.
+        Positions of the handles without the root's motion, mesh file's coordinates.
     motions : (b, 4, 3) float64
-        Without the root's motion.
+        Motions of the bones without the root's motion.
     root : (3,) float64
         The root's translation.
     """
@@ -34,31 +34,31 @@ class Places(NamedTuple):
     root: NDArray[np.float64]
 
 
-CROSSFADE = 0.5
-"""Seconds in which the end of the performance goes over into its beginning."""
+CROSSFADE_SECONDS = 0.5
+"""Duration of the blend from the recording's end to its start, in seconds."""
 
 
 class Idle:
-    """A recorded performance as handle targets in a loop.
+    """A recording as a loop of handle positions and bone motions.
 
     Parameters
     ----------
     log : Path
-        Any skeleton log.
+        Recording in any format.
     rig : Rig
     deformer : Deformer
-        Of the rig; not moved.
+        Deformer of the rig, which is not changed.
 
     Attributes
     ----------
     puppet : Puppet
-        Whose mapping it was made with.
+        Puppet with the mapping that was used.
     targets : (T, h, 3) float64
-        Where the handles go, frame by frame, mesh file's coordinates.
+        Positions of the handles in each frame, mesh file's coordinates.
     motions : (T, b, 4, 3) float64
-        And the bones.
+        Motions of the bones.
     root : (T, 3) float64
-        And the character with them.
+        Translation of the character.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Idle:
         self.motions = _seamless_motions(np.array([aim.motions for aim in aims]), self._fps, self._bones)
 
     def at(self, seconds: float) -> Places:
-        """Return where the character is after so many seconds of idling."""
+        """Return the positions at a time in seconds since the start of the loop."""
         place = seconds * self._fps % len(self.targets)
         before, share = int(place), place % 1
         after = (before + 1) % len(self.targets)
@@ -93,7 +93,7 @@ class Idle:
 
 
 def _seamless(values: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
-    """Shorten a sequence (T, …) so that its end blends into what comes before its new beginning."""
+    """Shorten a sequence (T, …) so that its end blends into the frames before its new start."""
     overlap = _overlap(len(values), fps)
     if not overlap:
         return values
@@ -104,7 +104,7 @@ def _seamless(values: NDArray[np.float64], fps: float) -> NDArray[np.float64]:
 
 
 def _seamless_motions(motions: NDArray[np.float64], fps: float, bones: Bones) -> NDArray[np.float64]:
-    """Do the same with motions of bones (T, b, 4, 3)."""
+    """Shorten motions of bones (T, b, 4, 3) like `_seamless`."""
     overlap = _overlap(len(motions), fps)
     middle = motions[overlap:].copy()
     for k, last in enumerate(range(len(middle) - overlap, len(middle))):
@@ -113,5 +113,5 @@ def _seamless_motions(motions: NDArray[np.float64], fps: float, bones: Bones) ->
 
 
 def _overlap(frames: int, fps: float) -> int:
-    """Return how many frames at the end go over into the beginning."""
-    return min(round(CROSSFADE * fps), frames // 2)
+    """Return the number of frames at the end that blend into the start."""
+    return min(round(CROSSFADE_SECONDS * fps), frames // 2)

@@ -1,4 +1,4 @@
-"""A puppet on stage with one performer: the pipeline of recorded skeletons, frame by frame."""
+"""Retargeting and deformation of a character by one performer, frame by frame."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,14 @@ from solver.surface.mesh import SolverMesh
 
 @dataclass(frozen=True)
 class Pose:
-    """One frame of a character.
+    """Pose of a character in one frame.
 
     Attributes
     ----------
     R : (4m, 3) float64
         Control variables, model units.
     root : (3,) float64
-        Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+        Translation of the whole character, mesh file's coordinates; zero if the puppet has no root.
     motions : (b, 4, 3) float64
         Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     """
@@ -33,17 +33,17 @@ class Pose:
 
 
 class Performance:
-    """A puppet moved by one performer from the first frame to the last.
+    """A puppet that one performer drives.
 
     Parameters
     ----------
     puppet : Puppet
     mesh : SolverMesh
-        Of the puppet's character.
+        Mesh of the puppet's character.
     model : ReducedModel
-        Of that mesh.
+        Reduced model of that mesh.
     rest : (20, 3) float64
-        The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
+        Performer's calibration pose, sensor coordinates, NaN for unknown joints.
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, model: ReducedModel, rest: NDArray[np.float64]) -> None:
@@ -51,21 +51,21 @@ class Performance:
         self.retargeting = Retargeting(puppet, mesh, self.deformer, rest)
 
     def step(self, frame: SkeletonFrame, out: NDArray[np.float64] | None = None) -> Pose:
-        """Take the next frame.
+        """Return the pose of the next frame.
 
         Parameters
         ----------
         frame : SkeletonFrame
-            Later than the one before.
+            A later frame than the previous one.
         out : (4m, 3) float64, optional
-            Where the pose's R is written.
+            Array for the pose's R.
         """
         aim = self.retargeting.step(frame)
         return Pose(self.deformer.solve(aim.targets, aim.motions, out), aim.root, aim.motions)
 
 
 def make_deformer(puppet: Puppet, mesh: SolverMesh, model: ReducedModel) -> Deformer:
-    """Bind a character's model to a puppet's handles."""
+    """Return a deformer for a character's model and a puppet's handles."""
     return Deformer(
         model,
         mesh,

@@ -1,8 +1,8 @@
-"""A performer's frames as the motions of a puppet's bones and the targets of its handles.
+"""Retargeting of a performer's frames to motions of a puppet's bones and targets of its handles.
 
-A frame is smoothed (`capture.smoothing`), mirrored if the puppet says so, and turned into character axes. Limbs take
-the directions of the performer's (`solver.motion.limb_motion`). For the handles a frame is freed of the root's own
-motion and scaled to the character (`solver.motion.retarget`); a character's trunk carries its handles.
+A frame is smoothed (`capture.smoothing`), mirrored if the puppet requires it, and converted to character axes. Limbs
+follow the directions of the performer's (`solver.motion.limb_motion`). For the handles, the root's motion is removed
+and the rest is scaled to the character (`solver.motion.retarget`); handles move with a character's trunk.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body, orientations
-from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
+from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
@@ -27,19 +27,19 @@ from solver.surface.mesh import SolverMesh
 
 
 @dataclass(frozen=True, slots=True)
-class Aim:
-    """Where a performer wants a character's handles and bones.
+class RetargetedFrame:
+    """Targets of a character's handles and motions of its bones in one frame.
 
     Attributes
     ----------
     targets : (h, 3) float64
-        Mesh file's coordinates, without the root's motion.
+        Targets of the handles without the root's motion, mesh file's coordinates.
     motions : (b, 4, 3) float64
         Motions of the bones for row vectors, mesh file's coordinates, without the root's motion.
     root : (3,) float64
-        Translation of the whole character, mesh file's coordinates; zero where the puppet has no root.
+        Translation of the whole character, mesh file's coordinates; zero if the puppet has no root.
     joints : (20, 3) float64
-        The smoothed joints, metres, sensor frame.
+        Smoothed joints, metres, sensor coordinates.
     """
 
     targets: NDArray[np.float64]
@@ -56,17 +56,17 @@ PERFORMER = Performer(
 
 
 class Retargeting:
-    """A puppet's handles and limbs, moved by one performer.
+    """Retargeting of one performer to a puppet's handles and limbs.
 
     Parameters
     ----------
     puppet : Puppet
     mesh : SolverMesh
-        Of the puppet's character.
+        Mesh of the puppet's character.
     deformer : Deformer
-        Of that mesh and the puppet's handles and bones; tried out for their reach, and not moved.
+        Deformer of that mesh, used to find the reach of the handles and bones; it is not changed.
     rest : (20, 3) float64
-        The performer's joints in the pose that stands for the character's rest pose; sensor frame, NaN where unknown.
+        Performer's calibration pose, sensor coordinates, NaN for unknown joints.
     """
 
     def __init__(self, puppet: Puppet, mesh: SolverMesh, deformer: Deformer, rest: NDArray[np.float64]) -> None:
@@ -90,8 +90,8 @@ class Retargeting:
         self._root_return = SmoothReturn(1)
         self._with_root = np.full_like(self._rest, np.nan)  # all joints when the root was last known
 
-    def step(self, frame: SkeletonFrame) -> Aim:
-        """Take the next frame, later than the one before."""
+    def step(self, frame: SkeletonFrame) -> RetargetedFrame:
+        """Retarget the next frame, which is later than the previous one."""
         joints = self._filter.step(frame.time, frame.positions, frame.confidence)
         positions = self._to_character(joints)
         confidence = frame.confidence[OPPOSITE] if self._puppet.retarget.mirror else frame.confidence
@@ -112,27 +112,27 @@ class Retargeting:
         root = self.root_scale * moved @ self._basis
         if self._feet is not None:
             self._feet.step(frame.time, positions, confidence, motions, root)
-        return Aim(targets, motions, root, joints)
+        return RetargetedFrame(targets, motions, root, joints)
 
     @property
     def standing(self) -> NDArray[np.float64]:
-        """(l, 3) float64: where the character's feet are held, mesh file's coordinates; NaN where they are not."""
+        """Positions (l, 3) float64 where the character's feet are held, mesh file's coordinates; NaN for free feet."""
         return np.empty((0, 3)) if self._feet is None else self._feet.places
 
     def stand(self, places: NDArray[np.float64]) -> None:
-        """Hold feet from the first frame on, as `standing` of another one of the same puppet says; others are not."""
+        """Hold the feet at the positions `standing` of a previous retargeting of the same puppet."""
         if self._feet is not None and places.shape == self.standing.shape:
             self._feet.hold(places)
 
     def _against_trunk(self, positions: NDArray[np.float64], motions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return joints (20, 3) from the hips and in the axes of a trunk that has moved."""
+        """Return joints (20, 3) relative to the hips and to the axes of the moved trunk."""
         turn = self._basis @ motions[self._limbs.trunk, :3] @ self._basis.T
         return (positions - positions[JOINT_INDEX["hip_center"]]) @ turn.T
 
     def _root_displacement(self, displacement: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return where the root has moved to (3,); while its joint is lost it goes on with the median of the others.
+        """Return the displacement (3,) of the root; a lost joint moves with the median of the others.
 
-        NaN where nothing is known.
+        It is NaN if no joint is known.
         """
         known = known & np.isfinite(displacement).all(axis=1)
         if known[self._root]:
@@ -146,7 +146,7 @@ class Retargeting:
         return to_character_axes(mirrored(positions) if self._puppet.retarget.mirror else positions)
 
     def _orientations(self, frame: SkeletonFrame) -> NDArray[np.float64] | None:
-        """Return how the performer's bones are turned (20, 4), character axes, where the frame says so."""
+        """Return the rotations (20, 4) of the performer's bones, character axes, if the frame has them."""
         if frame.orientations is None:
             return None
         mirror = self._puppet.retarget.mirror
@@ -156,29 +156,29 @@ class Retargeting:
 
 
 def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArray[np.float64]) -> Fit:
-    """Set the performer's size against the character's (the paper's Eq. 5, for want of a window).
+    """Find the scale from the performer to the character (the paper's Eq. 5, without its window).
 
-    With ``scale = "auto"`` a limb of the performer that is stretched out fully takes its handles to the end of their
-    reach, found by trying the deformation; a number is used as it stands, without limits.
+    With ``scale = "auto"``, a fully stretched limb of the performer takes its handles to the end of their reach, which
+    test deformations determine. A number is used without limits.
 
     Parameters
     ----------
     puppet : Puppet
     deformer : Deformer
-        Of the puppet's character and handles.
+        Deformer of the puppet's character and handles.
     mesh : SolverMesh
-        The character.
+        Mesh of the character.
     rest : (20, 3) float64
-        The performer, sensor frame.
+        Performer's calibration pose, sensor coordinates.
     """
     mapping = puppet.mapping
-    if puppet.units_a_metre is not None or not puppet.handle:
-        count, units = len(puppet.handle), puppet.units_a_metre or 1.0
+    if puppet.units_per_metre is not None or not puppet.handle:
+        count, units = len(puppet.handle), puppet.units_per_metre or 1.0
         return Fit(np.full(count, units), np.full((count, 3, 2), np.inf))
     arm = mapping.matrix @ body.reach(mirrored(rest) if puppet.retarget.mirror else rest)
     limbs, of_handle = _limbs(puppet, arm)
     reach = limb_reach(deformer, mesh, limbs)[of_handle]
-    # the directions of the mesh in which the handle's joints may move it at all
+    # directions of the mesh in which the joints can move each handle
     used = mapping.axes @ np.abs(puppet.character.basis)
     typical = np.einsum("has,ha->h", reach, used) / np.maximum(2 * used.sum(axis=1), 1)
     share = np.abs(limbs[of_handle, np.arange(len(arm))])
@@ -187,20 +187,20 @@ def fit_sizes(puppet: Puppet, deformer: Deformer, mesh: SolverMesh, rest: NDArra
 
 
 def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Sort handles by the limb of the performer that moves them.
+    """Group handles by the limb of the performer that moves them.
 
-    A handle moved by several limbs, or by none, is one by itself. Where the trunk goes, the arms go too.
+    A handle that several limbs move, or none, is a group of its own. The arms belong to the trunk's group too.
 
     Returns
     -------
     limbs : (l, h) float64
-        Each handle's share of a limb's motion, as `limb_reach` wants it.
+        Share of each handle in a limb's motion, for `limb_reach`.
     of_handle : (h,) int64
-        The limb of each handle.
+        Limb of each handle.
     """
     names = []
     for number, handle in enumerate(puppet.handle):
-        moved_by = {limb for limb, joints in body.LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
+        moved_by = {limb for limb, joints in LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
         names.append(moved_by.pop() if len(moved_by) == 1 else f"handle {number}")
     distinct = list(dict.fromkeys(names))
     of_handle = np.array([distinct.index(name) for name in names])
@@ -212,7 +212,7 @@ def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64
 
 
 def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
-    """Return the two legs whose feet are held on the floor; none for other characters, or if the puppet says so."""
+    """Return the two legs whose feet are held on the floor; none for other characters or with free feet."""
     if puppet.root is None or puppet.root.feet == "free":
         return ()
     legs = [leg for side in ("left", "right") if (leg := _leg(puppet, side)) is not None]
@@ -220,8 +220,8 @@ def legs_of(puppet: Puppet) -> tuple[Leg, ...]:
 
 
 def _leg(puppet: Puppet, side: str) -> Leg | None:
-    """Find the bones that point where a performer's thigh and shin do, and the one after them."""
-    found = _chain(puppet, "hip", "knee", "ankle", side)
+    """Return the bones that follow the directions of a performer's thigh and shin, and the bone after them."""
+    found = _chain(puppet, side, "hip", "knee", "ankle")
     if found is None:
         return None
     thigh, last, _ = found
@@ -229,19 +229,19 @@ def _leg(puppet: Puppet, side: str) -> Leg | None:
 
 
 def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | None:
-    """Return what moves the arms of a body that is built otherwise; None without two arms that follow directions.
+    """Return the adjustment of arms to a body with another build; None without two arms that follow directions.
 
     Parameters
     ----------
     puppet : Puppet
     bones : Bones
-        Of its limbs.
+        Bones of its limbs.
     rest : (20, 3) float64
-        The performer, NaN where unknown.
+        Performer's calibration pose, NaN for unknown joints.
     """
     arms = []
     for side in ("left", "right"):
-        found = _chain(puppet, "shoulder", "elbow", "wrist", side)
+        found = _chain(puppet, side, "shoulder", "elbow", "wrist")
         if found is None or len(found[2]) > 1:
             return None
         upper, last, (joint,) = found
@@ -253,21 +253,11 @@ def arms_of(puppet: Puppet, bones: Bones, rest: NDArray[np.float64]) -> Arms | N
     return Arms(bones, left, right, float(performers), puppet.character.basis, space=space, meet=meet)
 
 
-def _chain(puppet: Puppet, *names: str) -> tuple[int, int, tuple[int, ...]] | None:
-    """Find a limb that points where three joints of one side do.
+def _chain(puppet: Puppet, side: str, *joints: str) -> tuple[int, int, tuple[int, ...]] | None:
+    """Find a limb that follows the directions between three joints of one side, which are given by name.
 
-    Parameters
-    ----------
-    puppet : Puppet
-    names : str
-        Three joints and the side.
-
-    Returns
-    -------
-    tuple of int, int and tuple of int, or None
-        The bone between the first two, the limb's last bone, and the joints at its tip.
+    Returns the bone between the first two joints, the limb's last bone, and the joints at its tip.
     """
-    *joints, side = names
     chain, first = tuple((JOINT_INDEX[f"{joint}_{side}"],) for joint in joints), 0
     for limb in parents_first(puppet.limbs):
         last = first + len(limb.points) - 2
@@ -281,13 +271,13 @@ def _chain(puppet: Puppet, *names: str) -> tuple[int, int, tuple[int, ...]] | No
 def _root_scale(
     puppet: Puppet, mesh: SolverMesh, rest: NDArray[np.float64], legs: tuple[Leg, ...], bones: Bones
 ) -> float:
-    """Return mesh units per metre of the root: the number given, or the character's size to the performer's.
+    """Return mesh units per metre of the root: the puppet's scale, or the ratio of character size to performer size.
 
-    A character that stands on its feet is measured by its legs, so that a step is as long as the legs make it; any
-    other by its height.
+    The size of a character whose feet are held is the length of its legs, which determines its steps; the size of any
+    other is its height.
     """
-    if puppet.units_a_metre is not None:
-        return puppet.units_a_metre
+    if puppet.units_per_metre is not None:
+        return puppet.units_per_metre
     if legs:
         performers = body.bone_lengths(rest)
         length = np.mean([performers[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")])

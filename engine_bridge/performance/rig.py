@@ -1,4 +1,4 @@
-"""A puppet made ready: its character read, welded and reduced, from the cache where that was done before."""
+"""Rigs: puppets with their prepared characters."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +7,7 @@ import platformdirs
 
 from engine_bridge.character.character import Character, load_character
 from engine_bridge.character.preparation import prepare
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.placement import check_handles, check_limbs
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.skin_shares import skin_shares
@@ -19,7 +19,7 @@ from solver.surface.mesh import SolverMesh
 
 @dataclass(frozen=True)
 class Rig:
-    """A puppet with all that is pre-computed for its character."""
+    """A puppet with its character, mesh and reduced model."""
 
     puppet: Puppet
     character: Character
@@ -28,12 +28,12 @@ class Rig:
 
 
 def cache_folder() -> Path:
-    """Return where what is pre-computed is kept between runs."""
+    """Return the folder of the cache."""
     return platformdirs.user_cache_path("puppetline") / "models"
 
 
 def load_rig(path: Path) -> Rig:
-    """Load a puppet file and prepare its character, from the cache where that was done before.
+    """Load a puppet file and prepare its character, with a cache.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def load_rig(path: Path) -> Rig:
 
 
 def rig_of(puppet: Puppet, path: Path) -> Rig:
-    """Prepare the character of a puppet that was loaded from a file.
+    """Prepare the character of a puppet from a file.
 
     Raises
     ------
@@ -53,9 +53,9 @@ def rig_of(puppet: Puppet, path: Path) -> Rig:
     if not file.is_file():
         raise PuppetError(
             at(path, field="[character], mesh"),
-            found=f"{puppet.character.mesh!r}, and there is no file {file}",
-            expected="a mesh file, its path relative to the puppet file",
-            fix="Correct the path, or put the mesh there.",
+            found=f"{puppet.character.mesh!r}, which leads to the missing file {file}",
+            expected="the path of a mesh relative to the puppet file",
+            fix="Correct the path, or copy the mesh there.",
         )
     rig = make_rig(puppet, load_character(file, cache_folder()))
     check_limbs(puppet.limb, rig.mesh, path)

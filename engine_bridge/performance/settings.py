@@ -1,4 +1,4 @@
-"""What a user may choose for one conversion."""
+"""Settings of a conversion."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -7,8 +7,8 @@ from capture.formats.options import ReadOptions
 
 Form = Literal["morph", "skin", "frames", "rig"]
 
-TOLERANCE: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
-"""Largest error as a fraction of the diagonal where the user does not say: a few rigid bones follow less closely."""
+DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
+"""Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise."""
 
 
 @dataclass(frozen=True)
@@ -18,24 +18,24 @@ class Settings:
     Attributes
     ----------
     user : int or None
-        The performer; None for the longest tracked.
+        User number of the performer; None for the one that was tracked longest.
     fps : float
-        Keyframes a second.
+        Keyframes per second.
     max_gap : float
-        Seconds without a joint that are bridged; over longer gaps it is held.
+        Maximum time for which a lost joint is interpolated, in seconds; in longer gaps it is held.
     rest_at : float
-        Second of the log at which the performer stands as the character does at rest.
+        Time of the performer's calibration pose in the recording, in seconds.
     form : {"morph", "skin", "frames", "rig"}
-        What the animation is made of: a few morph targets, bones, a morph target for each keyframe, or the joints of
-        the file's own skeleton.
+        Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
+        own skeleton.
     tolerance : float or None
-        Largest error of the animation against the solver, as a fraction of the diagonal; None for that of `TOLERANCE`.
+        Maximum error of the animation relative to the solver, as a fraction of the diagonal; None for the default.
     targets : int or None
-        A limit to the number of morph targets, at least 2.
+        Maximum number of morph targets, at least 2.
     bones : int or None
-        The number of bones.
+        Number of bones.
     log : ReadOptions
-        What the log does not say itself.
+        Properties of the recording that its file does not contain.
     """
 
     user: int | None = None
@@ -49,6 +49,6 @@ class Settings:
     log: ReadOptions = field(default_factory=ReadOptions)
 
     @property
-    def allowed(self) -> float:
-        """The tolerance that holds."""
-        return TOLERANCE[self.form] if self.tolerance is None else self.tolerance
+    def max_error(self) -> float:
+        """The tolerance, or the default one of the form."""
+        return DEFAULT_TOLERANCES[self.form] if self.tolerance is None else self.tolerance

@@ -1,1 +1,1 @@
-"""Pictures: of characters, of puppets, and of what a sensor sees."""
+"""Images of characters, puppet files, clips and sources."""

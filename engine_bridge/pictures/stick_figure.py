@@ -1,28 +1,26 @@
-"""A picture of a performer's skeleton, drawn by the camera that draws a character."""
+"""An image of a performer's skeleton, from the same camera as an image of a character."""
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from capture.skeleton import JOINT_INDEX, PARENTS
-from engine_bridge.pictures.preview import View, backdrop, project
+from engine_bridge.pictures.renderer import View, backdrop, project
 
 SUPERSAMPLING = 3
 LEFT, RIGHT, MIDDLE = (214, 106, 36), (38, 104, 178), (74, 78, 86)
-"""sRGB of the performer's left side, right side, and the trunk with the head."""
-WIDTH = 0.018
-"""Of a bone's line, as a share of the picture's smaller side."""
-HEAD = 0.055
-"""Radius of the head, as the same share."""
+"""sRGB colours of the performer's left side, right side, and trunk with head."""
+BONE_WIDTH, HEAD_RADIUS = 0.018, 0.055
+"""Sizes relative to the image's smaller side."""
 
 
 def draw(joints: NDArray[np.floating], view: View, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Draw a performer's bones, the nearer ones over the others.
+    """Draw a performer's bones, the nearer ones on top.
 
     Parameters
     ----------
     joints : (20, 3) float
-        Metres, character axes (y up, left at +x, forward +z); NaN for joints that are not known.
+        Metres, character axes (y up, left at +x, forward +z); NaN for lost joints.
     view : View
     size : tuple of 2 ints
         Width and height in pixels.
@@ -34,7 +32,7 @@ def draw(joints: NDArray[np.floating], view: View, size: tuple[int, int]) -> NDA
     """
     large = (size[0] * SUPERSAMPLING, size[1] * SUPERSAMPLING)
     image = Image.fromarray(backdrop(large))
-    pen, thick = ImageDraw.Draw(image), round(WIDTH * min(large))
+    pen, thick = ImageDraw.Draw(image), round(BONE_WIDTH * min(large))
     seen = project(joints, view, large)
     bones = [(JOINT_INDEX[parent], JOINT_INDEX[joint], _color(joint)) for joint, parent in PARENTS.items()]
     known = [bone for bone in bones if np.isfinite(seen[list(bone[:2])]).all()]
@@ -45,7 +43,7 @@ def draw(joints: NDArray[np.floating], view: View, size: tuple[int, int]) -> NDA
             _dot(pen, x, y, thick / 2, color)
     head = seen[JOINT_INDEX["head"]]
     if np.isfinite(head).all():
-        _dot(pen, float(head[0]), float(head[1]), HEAD * min(large), MIDDLE)
+        _dot(pen, float(head[0]), float(head[1]), HEAD_RADIUS * min(large), MIDDLE)
     return np.asarray(image.resize(size, Image.Resampling.BOX))
 
 

@@ -1,1 +1,1 @@
-"""The puppet file: its model, its editing, and a first proposal for any mesh."""
+"""The puppet file: its contents, editing, and proposals for any mesh."""

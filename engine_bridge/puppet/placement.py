@@ -1,4 +1,4 @@
-"""Whether the handles and limbs of a puppet are where its mesh is."""
+"""Checks that the handles and limbs of a puppet are on and inside its mesh."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,16 +11,16 @@ from engine_bridge.puppet.puppet import HandleTable, LimbTable
 from puppetline.errors import PuppetError, at
 from solver.surface.mesh import SolverMesh, snap
 
-OFF_THE_MESH = 0.1
-"""Distance from the surface, as a share of the diagonal, beyond which a handle is a mistake, and a limb's point that is
-outside the character."""
+MAX_DISTANCE_SHARE = 0.1
+"""Maximum distance from the surface of a handle, and of a limb's point outside the character, as a share of the
+diagonal."""
 
-INSIDE = 0.5
-"""Absolute value of the winding number from which a point is inside."""
+INSIDE_WINDING_NUMBER = 0.5
+"""Absolute winding number from which a point counts as inside."""
 
 
 def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str | Path) -> None:
-    """Refuse handles that are too far from the surface to have been meant.
+    """Refuse handles that are far from the surface.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def check_handles(handles: Sequence[HandleTable], mesh: SolverMesh, where: str |
 
 
 def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path) -> None:
-    """Refuse limbs with points that are outside the character and too far from it to have been meant.
+    """Refuse limbs with points that are outside the character and far from its surface.
 
     Raises
     ------
@@ -45,17 +45,20 @@ def check_limbs(limbs: Sequence[LimbTable], mesh: SolverMesh, where: str | Path)
         for place, position in enumerate(limb.points, 1):
             point = np.array(position)
             nearest = _if_far(point, mesh)
-            if nearest is not None and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE:
+            if (
+                nearest is not None
+                and abs(igl.winding_number(mesh.vertices, mesh.faces, point[None])[0]) < INSIDE_WINDING_NUMBER
+            ):
                 field = f"[[limb]] {number} {limb.name!r}, points, {place}"
                 raise _off_the_mesh(point, nearest, mesh, at(where, field=field), "inside")
 
 
 def _if_far(point: NDArray[np.float64], mesh: SolverMesh) -> NDArray[np.float64] | None:
-    """Return the nearest surface point (3,) if that is too far from a point; else None."""
-    allowed = OFF_THE_MESH * mesh.diagonal
+    """Return the surface point (3,) nearest to a point if it is too far away, else None."""
+    allowed = MAX_DISTANCE_SHARE * mesh.diagonal
     away = mesh.vertices - point
     if np.einsum("vx,vx->v", away, away).min() <= allowed**2:
-        return None  # the surface is no farther away than its nearest vertex
+        return None  # the surface is at most as far away as its nearest vertex
     corners, blend = snap(mesh, point)
     nearest: NDArray[np.float64] = blend[0] @ mesh.vertices[corners[0]]
     return nearest if np.linalg.norm(nearest - point) > allowed else None

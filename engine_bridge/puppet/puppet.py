@@ -1,23 +1,15 @@
-"""The puppet file: which character, which limbs and handles, which joints move them.
-
-TOML; the unit that users edit, share and load. `load` checks all of it and says what to mend; `dump` writes one.
-"""
+"""Contents of a puppet file: a character, its limbs and handles, and the joints that move them."""
 
 import difflib
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-import tomlkit
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, FiniteFloat, StrictBool, model_validator
 
 from capture.skeleton import JOINT_INDEX, JOINTS
 from capture.smoothing import Smoothing
-from puppetline import toml_schema
-from puppetline.errors import PuppetError
-from puppetline.files import written_whole
 from puppetline.toml_schema import Table, mistake
 from solver.model.reduced_model import ModelParameters
 from solver.model.rotations import RotationMode
@@ -27,31 +19,30 @@ from solver.motion.retarget import Mapping
 Direction = Literal["x", "-x", "y", "-y", "z", "-z"]
 AxisSet = Literal["", "x", "y", "z", "xy", "xz", "yz", "xyz"]
 DEFAULT_SMOOTHING = Smoothing()
-MOST_ISOLINES = 640
-"""Memory grows with the square of this; eight times the default take half a gigabyte."""
+MAX_ISOLINES = 640
+"""Maximum number of isolines of all fields. Memory grows with its square; this number takes half a gigabyte."""
 
-
-ON_A_BONE = 0.05
-"""Distance of a bone's middle from another limb's bone, as a share of its length, below which both hold one region."""
+OVERLAP_SHARE = 0.05
+"""Distance of a bone's middle from another limb's bone, as a share of its length, below which the two overlap."""
 
 
 def _known_joint(name: str) -> str:
     if name not in JOINT_INDEX:
         close = difflib.get_close_matches(name, JOINTS, 1)
-        fix = f"Did you mean {close[0]!r}?" if close else f"Choose one of them: {', '.join(JOINTS)}."
+        fix = f"Did you mean {close[0]!r}?" if close else f"Choose one of these: {', '.join(JOINTS)}."
         raise mistake(found=repr(name), expected="the name of a Kinect joint", fix=fix)
     return name
 
 
 JointName = Annotated[str, AfterValidator(_known_joint)]
-# strict: TOML has types, and true is not 1.0
+# strict, because TOML has types: true is not 1.0
 Number = Annotated[FiniteFloat, Field(strict=True, ge=-1e9, le=1e9)]
 Count = Annotated[int, Field(strict=True)]
 Scale = Literal["auto"] | Annotated[Number, Field(gt=0)]
 
 
 class CharacterTable(Table):
-    """[character]: the mesh, relative to the puppet file, how it stands in its own coordinates, and metres a unit."""
+    """[character]: the mesh's path relative to the puppet file, its orientation, and metres per mesh unit."""
 
     mesh: Annotated[str, Field(min_length=1)]
     up: Direction = "y"
@@ -63,9 +54,9 @@ class CharacterTable(Table):
         if self.up[-1] == self.front[-1]:
             raise mistake(
                 "front",
-                found=f"{self.front!r}, and up is {self.up!r}",
+                found=f"front {self.front!r} with up {self.up!r}",
                 expected="up and front along different axes",
-                fix="Give front another axis.",
+                fix="Choose another axis for front.",
             )
         return self
 
@@ -90,16 +81,19 @@ class HandleTable(Table):
     gain: Number = 1.0
 
     @model_validator(mode="after")
-    def _one_of_the_two(self) -> Self:
+    def _check_joints(self) -> Self:
         if self.joint is not None and self.joints is not None:
             raise mistake(
-                "joints", found="both joint and joints", expected="one of the two", fix="Leave one of them out."
+                "joints",
+                found="both joint and joints",
+                expected="either joint or joints",
+                fix="Remove one of the keys.",
             )
         return self
 
     @property
     def driven_by(self) -> tuple[str, ...]:
-        """Its joints; none for a handle that stays where it is."""
+        """Names of its joints; empty for a handle that does not move."""
         return self.joints or (() if self.joint is None else (self.joint,))
 
 
@@ -114,7 +108,7 @@ class LimbTable(Table):
     parent: Annotated[str, Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
-    def _is_a_chain(self) -> Self:
+    def _check_chain(self) -> Self:
         if len(self.points) < 2:
             raise mistake(
                 "points",
@@ -127,27 +121,27 @@ class LimbTable(Table):
                 "joints",
                 found=f"{_counted(len(self.joints), 'joint')} for {_counted(len(self.points), 'point')}",
                 expected="one joint for each point",
-                fix="Give both lists the same length; several joints in brackets of their own are averaged.",
+                fix="Give both lists the same length. To average several joints, put them in brackets.",
             )
         for number, (head, tail) in enumerate(pairwise(self.points), 2):
             if head == tail:
                 raise mistake(
                     "points",
                     number - 1,
-                    found=f"[{', '.join(f'{x:g}' for x in tail)}], as the point before",
-                    expected="points apart from each other",
-                    fix="Remove one of the two, and its joint.",
+                    found=f"[{', '.join(f'{x:g}' for x in tail)}], which equals the point before it",
+                    expected="a point that differs from the one before it",
+                    fix="Remove one of the two points and its joint.",
                 )
         return self
 
     @property
     def driven_by(self) -> tuple[tuple[str, ...], ...]:
-        """The joints of each point."""
+        """Names of each point's joints."""
         return tuple((joint,) if isinstance(joint, str) else joint for joint in self.joints)
 
 
 class RootTable(Table):
-    """[root]: the joint that carries the whole character, and whether the character turns and stands on its feet."""
+    """[root]: the joint that moves the whole character, and whether the character turns and stands on its feet."""
 
     joint: JointName = "hip_center"
     axes: AxisSet = "xz"
@@ -156,7 +150,7 @@ class RootTable(Table):
 
 
 class RetargetTable(Table):
-    """[retarget]: mirror, the character's metres for one of the performer's, and what its arms do otherwise."""
+    """[retarget]: mirroring, metres of the character per metre of the performer, and adjustments of the arms."""
 
     mirror: StrictBool = False
     scale: Scale = "auto"
@@ -165,7 +159,7 @@ class RetargetTable(Table):
 
 
 class SmoothingTable(Table):
-    """[smoothing]: see docs/smoothing.md; the defaults are those of `capture.smoothing.Smoothing`."""
+    """[smoothing]: parameters of `capture.smoothing.Smoothing` (docs/smoothing.md)."""
 
     alpha: Annotated[Number, Field(gt=0, le=1)] = DEFAULT_SMOOTHING.alpha
     gamma: Annotated[Number, Field(ge=0, le=1)] = DEFAULT_SMOOTHING.gamma
@@ -175,12 +169,12 @@ class SmoothingTable(Table):
 
     @property
     def parameters(self) -> Smoothing:
-        """The filter's own parameters."""
+        """Parameters of the filter."""
         return Smoothing(**self.model_dump())
 
 
 class SolverTable(Table):
-    """[solver]: size of the reduced model, and work a frame."""
+    """[solver]: size of the reduced model, and iterations per frame."""
 
     fields: Annotated[Count, Field(ge=1, le=64)] = 8
     isolines: Annotated[Count, Field(ge=2, le=64)] = 10
@@ -188,24 +182,24 @@ class SolverTable(Table):
     rotations: RotationMode | None = None
 
     @model_validator(mode="after")
-    def _fits_in_memory(self) -> Self:
-        if self.fields * self.isolines > MOST_ISOLINES:
+    def _check_size(self) -> Self:
+        if self.fields * self.isolines > MAX_ISOLINES:
             raise mistake(
                 "isolines",
                 found=f"{self.fields} fields with {self.isolines} isolines each",
-                expected=f"no more than {MOST_ISOLINES} isolines together",
-                fix="Lower one of the two; 8 and 10 are a sound choice.",
+                expected=f"at most {MAX_ISOLINES} isolines in total",
+                fix="Lower one of the two numbers; 8 fields of 10 isolines suit most characters.",
             )
         return self
 
     @property
     def parameters(self) -> ModelParameters:
-        """What the reduced model depends on."""
+        """Parameters of the reduced model."""
         return ModelParameters(fields=self.fields, isolines=self.isolines)
 
 
 class Puppet(Table):
-    """A whole puppet file."""
+    """All tables of a puppet file."""
 
     character: CharacterTable
     limb: tuple[LimbTable, ...] = ()
@@ -216,17 +210,17 @@ class Puppet(Table):
     solver: SolverTable = SolverTable()
 
     @model_validator(mode="after")
-    def _something_moves(self) -> Self:
+    def _check_not_empty(self) -> Self:
         if not self.limb and not self.handle:
             raise mistake(
                 found="neither a limb nor a handle",
-                expected="at least one of them",
+                expected="at least one limb or handle",
                 fix="Add a table [[limb]] or [[handle]].",
             )
         return self
 
     @model_validator(mode="after")
-    def _names_differ(self) -> Self:
+    def _check_names(self) -> Self:
         for kind, tables_ in (("limb", self.limb), ("handle", self.handle)):
             names = [table.name for table in tables_]
             for index, name in enumerate(names):
@@ -235,14 +229,14 @@ class Puppet(Table):
                         kind,
                         index,
                         "name",
-                        found=f"{name!r} again",
-                        expected=f"a name of its own for each {kind}",
+                        found=f"a second {kind} named {name!r}",
+                        expected=f"a different name for each {kind}",
                         fix=f"Rename one of the two {kind}s {name!r}.",
                     )
         return self
 
     @model_validator(mode="after")
-    def _limbs_hang_together(self) -> Self:
+    def _check_parents(self) -> Self:
         names = [limb.name for limb in self.limb]
         for index, limb in enumerate(self.limb):
             if limb.parent is not None and limb.parent not in names:
@@ -251,25 +245,25 @@ class Puppet(Table):
                     "limb",
                     index,
                     "parent",
-                    found=f"{limb.parent!r}, and there is no limb of that name",
+                    found=f"{limb.parent!r}, which is not the name of a limb",
                     expected="the name of another limb" + (f": {', '.join(others)}" if others else ""),
-                    fix="Correct the name, or leave parent out.",
+                    fix="Correct the name, or remove the key parent.",
                 )
         for index, limb in enumerate(self.limb):
-            circle = self._way_to_the_root(limb.name)
-            if circle[-1] == limb.name and len(circle) > 1:
+            cycle = self._with_ancestors(limb.name)
+            if cycle[-1] == limb.name and len(cycle) > 1:
                 raise mistake(
                     "limb",
                     index,
                     "parent",
-                    found=f"a circle: {' on '.join(map(repr, circle))}",
-                    expected="limbs that hang on each other up to one that hangs on none",
-                    fix="Give one of them another parent, or none.",
+                    found=f"a cycle of parents: {', '.join(map(repr, cycle))}",
+                    expected="parents that lead to a limb without a parent",
+                    fix="Change or remove the parent of one of these limbs.",
                 )
         return self
 
     @model_validator(mode="after")
-    def _limbs_lie_apart(self) -> Self:
+    def _check_overlaps(self) -> Self:
         for index, limb in enumerate(self.limb):
             for other in self.limb[:index]:
                 if _overlap(limb, other):
@@ -277,30 +271,30 @@ class Puppet(Table):
                         "limb",
                         index,
                         "points",
-                        found=f"bones in the same place as those of the limb {other.name!r}",
-                        expected="limbs that lie apart and touch at most where one hangs on the other",
+                        found=f"a bone that overlaps a bone of the limb {other.name!r}",
+                        expected="limbs that touch only where one joins the other",
                         fix="Remove one of the two limbs, or move its points.",
                     )
         return self
 
-    def _way_to_the_root(self, name: str) -> list[str]:
-        """Return the names of a limb and those that it hangs on, up to the root or the first that comes again."""
-        parents, way = self.limb_parents, [name]
-        while (parent := parents[way[-1]]) is not None:
-            way.append(parent)
-            if parent in way[:-1]:
+    def _with_ancestors(self, name: str) -> list[str]:
+        """Return the names of a limb and its ancestors, up to the root or the first name that repeats."""
+        parents, names = self.limb_parents, [name]
+        while (parent := parents[names[-1]]) is not None:
+            names.append(parent)
+            if parent in names[:-1]:
                 break
-        return way
+        return names
 
     @property
     def limb_parents(self) -> dict[str, str | None]:
-        """What each limb hangs on: what it says, or the trunk."""
-        there = any(limb.name == TRUNK for limb in self.limb)
-        return {limb.name: limb.parent or (TRUNK if there and limb.name != TRUNK else None) for limb in self.limb}
+        """Each limb's parent: the one in the file, else the trunk if there is one."""
+        has_trunk = any(limb.name == TRUNK for limb in self.limb)
+        return {limb.name: limb.parent or (TRUNK if has_trunk and limb.name != TRUNK else None) for limb in self.limb}
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """The limbs, their joints by number."""
+        """The limbs, with joints as indices into `JOINTS`."""
         parents = self.limb_parents
         return tuple(
             Limb(
@@ -321,7 +315,7 @@ class Puppet(Table):
 
     @property
     def driven_by(self) -> tuple[str, ...]:
-        """All joints that move anything, in the order of `JOINTS`."""
+        """Names of all joints that move the character, in the order of `JOINTS`."""
         used = {joint for handle in self.handle for joint in handle.driven_by}
         used |= {joint for limb in self.limb for joints in limb.driven_by for joint in joints}
         if self.root is not None:
@@ -329,18 +323,18 @@ class Puppet(Table):
         return tuple(joint for joint in JOINTS if joint in used)
 
     @property
-    def units_a_metre(self) -> float | None:
-        """Mesh units that the character moves for a metre of the performer; None where that is to be found out."""
+    def units_per_metre(self) -> float | None:
+        """Mesh units that the character moves per metre of the performer; None for an automatic scale."""
         return None if self.retarget.scale == "auto" else self.retarget.scale / self.character.scale
 
     @property
     def handle_positions(self) -> NDArray[np.float64]:
-        """(h, 3) float64, mesh file's coordinates."""
+        """Positions of the handles (h, 3) float64, file coordinates."""
         return np.array([handle.position for handle in self.handle], dtype=np.float64).reshape(-1, 3)
 
     @property
     def mapping(self) -> Mapping:
-        """M, the axis masks and the gains (Section 3.3)."""
+        """Matrix M, axis masks and gains of the handles (Section 3.3)."""
         matrix = np.zeros((len(self.handle), len(JOINTS)))
         for row, handle in zip(matrix, self.handle, strict=True):
             for joint in handle.driven_by:
@@ -353,7 +347,7 @@ class Puppet(Table):
 
 
 def with_handle(puppet: Puppet, index: int, joints: tuple[str, ...], axes: AxisSet, gain: float) -> Puppet:
-    """Return a puppet one of whose handles is moved otherwise."""
+    """Return a copy of a puppet in which one handle has other joints, axes and gain."""
     handles = list(puppet.handle)
     changed: dict[str, Any] = {"axes": axes, "gain": gain}
     if joints != handles[index].driven_by:
@@ -373,114 +367,16 @@ def _counted(count: int, noun: str) -> str:
 
 
 def _overlap(one: LimbTable, other: LimbTable) -> bool:
-    """Tell whether a bone of one limb lies along a bone of another: the middle of the shorter is on the longer."""
+    """Return whether a bone of one limb lies along a bone of another: the middle of the shorter is on the longer."""
     for a in pairwise(np.array(one.points)):
         for b in pairwise(np.array(other.points)):
             (start, end), (from_, to) = sorted((a, b), key=lambda bone: float(np.linalg.norm(bone[1] - bone[0])))
             middle, along = (start + end) / 2, to - from_
             share = np.clip((middle - from_) @ along / (along @ along), 0, 1)
-            if np.linalg.norm(middle - from_ - share * along) < ON_A_BONE * np.linalg.norm(end - start):
+            if np.linalg.norm(middle - from_ - share * along) < OVERLAP_SHARE * np.linalg.norm(end - start):
                 return True
     return False
 
 
 def _unit_vector(direction: str) -> NDArray[np.float64]:
     return np.eye(3)["xyz".index(direction[-1])] * (-1.0 if direction.startswith("-") else 1.0)
-
-
-def load(path: Path) -> Puppet:
-    """Read and check a puppet file.
-
-    Raises
-    ------
-    PuppetError
-        With the line of a syntax error, or the table and key of anything else.
-    """
-    return loads(read(path), path)
-
-
-def read(path: Path) -> str:
-    """Read a puppet file without looking at what it says.
-
-    Raises
-    ------
-    PuppetError
-    """
-    fix = "Check the path, or make one: puppetline new MESH -o PUPPET.toml"
-    return toml_schema.read_text(path, "a puppet file", fix, PuppetError)
-
-
-def loads(text: str, where: str | Path) -> Puppet:
-    """Parse and check the text of a puppet file.
-
-    Parameters
-    ----------
-    text : str
-    where : str or Path
-        What error messages call it.
-
-    Raises
-    ------
-    PuppetError
-        As `load` does.
-    """
-    return check(toml_schema.parse(text, where, PuppetError), where)
-
-
-def check(values: dict[str, Any], where: str | Path) -> Puppet:
-    """Check a puppet's values.
-
-    Parameters
-    ----------
-    values : dict
-        As parsed from TOML.
-    where : str or Path
-        What error messages call it.
-
-    Raises
-    ------
-    PuppetError
-        For the first thing that is wrong.
-    """
-    return toml_schema.check(Puppet, values, where, PuppetError)
-
-
-def dump(puppet: Puppet, path: Path) -> None:
-    """Write a puppet file, whole or not at all; `load` gives an equal puppet back.
-
-    Raises
-    ------
-    OutputError
-    """
-    with written_whole(path) as beside:
-        beside.write_text(dumps(puppet), encoding="utf-8")
-
-
-def dumps(puppet: Puppet) -> str:
-    """Return a puppet as TOML, without the values that are defaults."""
-    values = puppet.model_dump(exclude_none=True, exclude_defaults=True)
-    document = tomlkit.document()
-    document["character"] = values["character"]
-    for name in ("limb", "handle"):
-        if name in values:
-            document[name] = tomlkit.aot()
-            for each in values[name]:
-                table = tomlkit.table()
-                table.update({key: _as_list(value) for key, value in each.items()})
-                document[name].append(table)
-    if puppet.root is not None:
-        document["root"] = root_values(puppet.root)
-    for name in ("retarget", "smoothing", "solver"):
-        if name in values:
-            document[name] = values[name]
-    return tomlkit.dumps(document)
-
-
-def root_values(root: RootTable) -> dict[str, Any]:
-    """Return what a file says of a root: joint and axes always, since the table stands for itself."""
-    return {"joint": root.joint, "axes": root.axes} | root.model_dump(exclude_defaults=True)
-
-
-def _as_list(value: Any) -> Any:
-    """Return tuples of tuples as lists of lists: what TOML has."""
-    return [_as_list(item) for item in value] if isinstance(value, tuple) else value

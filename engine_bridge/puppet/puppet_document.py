@@ -1,4 +1,4 @@
-"""A puppet file whose mapping is edited by program: what the user wrote around it stays as it is."""
+"""Editing the mapping in a puppet file: comments, layout and all other values of the file stay as they are."""
 
 import re
 import shutil
@@ -9,21 +9,22 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AbstractTable, InlineTable
 
-from engine_bridge.puppet import puppet as puppet_file
-from engine_bridge.puppet.puppet import Puppet, root_values
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.puppet.puppet_file import root_values
 from puppetline.errors import PuppetError
 from puppetline.files import written_whole
 from puppetline.toml_schema import Table
 
 HANDLE_KEYS = "joint", "joints", "axes", "gain"
-"""Of a handle, what belongs to the mapping."""
+"""Keys of a handle that belong to the mapping."""
 
 ROOT_KEYS = "joint", "axes", "turns", "feet"
-"""The same of the root."""
+"""Keys of the root that belong to the mapping."""
 
 
 class PuppetDocument:
-    """A puppet file as it was read or written last.
+    """A puppet file as it was last read or written.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ class PuppetDocument:
     ----------
     path : Path
     puppet : Puppet
-        What it says.
+        Contents of the file.
 
     Raises
     ------
@@ -46,26 +47,26 @@ class PuppetDocument:
         self.puppet = puppet_file.loads(self._text, path)
 
     def save(self, puppet: Puppet) -> None:
-        """Write the mapping of a puppet into the file; everything else, and the layout, stays.
+        """Write the mapping of a puppet into the file; all other values and the layout stay.
 
         Parameters
         ----------
         puppet : Puppet
-            The one of the file but for joints, axes and gains of its handles, root and scale.
+            The puppet of the file, with other joints, axes and gains of handles, another root or scale.
 
         Raises
         ------
         PuppetError
-            Somebody else has changed the file.
+            The file has changed since it was loaded or saved.
         OutputError
         """
         path = self.path.resolve()
         if not path.is_file() or puppet_file.read(path) != self._text:
             raise PuppetError(
                 self.path,
-                found="a file that somebody has changed since it was loaded",
-                expected="the file as it was loaded or saved last",
-                fix="Reload to go on with that file; edits that are not saved are lost. Or put the old one back.",
+                found="a file that has changed since it was loaded",
+                expected="the file as it was last loaded or saved",
+                fix="Reload the file, which discards unsaved edits, or restore its previous version.",
             )
         text = with_mapping(self._text, self.puppet, puppet)
         if puppet_file.loads(text, self.path) != puppet:
@@ -73,7 +74,7 @@ class PuppetDocument:
                 self.path,
                 found="a layout in which the mapping cannot be edited",
                 expected="tables as `puppetline new` writes them",
-                fix="Change the file by hand, and reload.",
+                fix="Edit the file by hand and reload it.",
             )
         with written_whole(path) as beside:
             beside.write_bytes(text.encode())
@@ -89,7 +90,7 @@ def with_mapping(text: str, before: Puppet, after: Puppet) -> str:
     text : str
         TOML.
     before, after : Puppet
-        What it says, and what it shall say.
+        Contents of the file now and after the edit.
     """
     document = tomlkit.parse(text)
     for table, was, becomes in zip(document.get("handle", ()), before.handle, after.handle, strict=True):
@@ -109,7 +110,7 @@ def with_mapping(text: str, before: Puppet, after: Puppet) -> str:
 
 
 def _update(table: Any, before: Table, after: Table, keys: Iterable[str]) -> None:
-    """Change those keys of a table that differ; one that is there keeps its place and its comment."""
+    """Change those keys of a table that differ; existing keys keep their place and comment."""
     for key in keys:
         value = getattr(after, key)
         if value == getattr(before, key):
@@ -125,9 +126,9 @@ def _update(table: Any, before: Table, after: Table, keys: Iterable[str]) -> Non
 
 
 def _append(table: AbstractTable, key: str, value: Any) -> None:
-    """Add a key right behind the last one: what stands below that belongs to the next table, for whoever reads it."""
+    """Add a key directly after the last one; comments below that belong to the next table."""
     body = table.value.body
-    end = 1 + max((place for place, (known, _) in enumerate(body) if known is not None), default=-1)
+    end = 1 + max((index for index, (known, _) in enumerate(body) if known is not None), default=-1)
     rest = [] if isinstance(table, InlineTable) else body[end:]
     del body[len(body) - len(rest) :]
     table[key] = value

@@ -1,4 +1,4 @@
-"""Which bones of a puppet the joints of a file's own skeleton follow."""
+"""Bones of a puppet that the joints of a file's skeleton follow."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,39 +10,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
-from engine_bridge.character.scene import tree, world_transforms
+from engine_bridge.character.scene import tree
+from engine_bridge.puppet.file_skeleton import FileSkeleton
 from puppetline.errors import PuppetError, at
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
-ON_THE_LIMB = 0.01
-"""Greatest distance between a limb and its first joint, as a fraction of the diagonal."""
+MAX_LIMB_DISTANCE = 0.01
+"""Maximum distance between a limb and its first joint, as a fraction of the diagonal."""
 
-BESIDE_THE_LIMB = 0.02
-"""The same for a joint on a limb that does not hang there, as a target of inverse kinematics."""
+MAX_TARGET_DISTANCE = 0.02
+"""Maximum distance between a limb and a target of inverse kinematics, as a fraction of the diagonal."""
 
-AT_A_HEAD = 0.002
-"""A joint this near to a bone's head, as a fraction of the diagonal, is at it: puppet files hold rounded numbers."""
+HEAD_TOLERANCE = 0.002
+"""Maximum distance between a joint and a bone's head that count as one point, as a fraction of the diagonal: puppet
+files hold rounded numbers."""
 
 
 @dataclass(frozen=True, eq=False)
 class RigBones:
-    """Which bones the joints of a file's skeleton follow.
+    """Bones that the joints of a file's skeleton follow.
 
     Attributes
     ----------
     nodes : (j,) int64
         The joints, parents before their children.
     parents : (j,) int64
-        Row of the nearest joint above each, −1 for none.
+        Row of each joint's nearest ancestor, −1 for none.
     shares : (j, b) float64
         Share of each bone's rotation in that of each joint. A row's sum is 1, or 0 for a joint that does not turn.
     placed : (j,) bool
-        Joints that go where their bones take them: they hang on no joint, or on one of another limb. All others keep
-        the translation that they have in the file.
+        Joints that move with their bones, because they have no parent or their parent belongs to another limb. All
+        others keep their translation from the file.
     missing : tuple of str
-        Names of the limbs that have no joint.
+        Names of limbs without a joint.
     loose : tuple of str
-        Names of shown nodes without a skin and without a joint above them; they are among the joints.
+        Names of shown nodes without a skin and without a joint above them; they count as joints.
     """
 
     nodes: NDArray[np.int64]
@@ -54,12 +56,12 @@ class RigBones:
 
     @property
     def turning(self) -> NDArray[np.bool_]:
-        """(j,) bool: joints that turn otherwise than the one above them."""
+        """Joints (j,) bool whose rotation differs from their parent's."""
         above = np.where(self.parents[:, None] >= 0, self.shares[self.parents], 0.0)
         return np.asarray((self.shares != above).any(axis=1))
 
     def of_nodes(self, character: Character) -> NDArray[np.int64]:
-        """Return for each node (nodes,) the bone that moves it most; −1 for none."""
+        """Return the bone (nodes,) that moves each node most, −1 for none."""
         strongest = np.where(self.shares.any(axis=1), self.shares.argmax(axis=1), -1)
         own = dict(zip(self.nodes.tolist(), strongest.tolist(), strict=True))
         found = np.full(len(character.document.gltf["nodes"]), -1)
@@ -69,15 +71,15 @@ class RigBones:
 
 
 def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
-    """Find which bones the joints of a file's skeleton follow.
+    """Return the bones that the joints of a file's skeleton follow.
 
-    1. A limb's first joint is where its first point is, or the first joint on its first bone.
-    2. From there a line of joints leads to the limb's end. A joint of the line turns as the bone between it and the
-       next joint; where that is several bones, with the shares of their lengths. The trunk's line leads from the top
-       of the skeleton to the joint on which head, neck or arms hang.
-    3. Another joint that hangs on a line turns as the bone beside it; what hangs on such a joint turns with it.
-    4. A target of inverse kinematics hangs on the top of the skeleton or on nothing, and lies on a limb beyond its
-       first bone; it follows that. Meshes without a joint follow the bone nearest to their middle.
+    1. The first joint of a limb is at its first point, or is the first joint on its first bone.
+    2. A chain of joints leads from the first joint to the limb's end. Each of them follows the bones between it and the
+       next joint, in proportion to their lengths. The trunk's chain leads from the top of the skeleton to the parent of
+       head, neck or arms.
+    3. Any other child of a joint in a chain follows the bone next to it, and so do its descendants.
+    4. A target of inverse kinematics has the top of the skeleton as its parent, or no parent, and is on a limb beyond
+       its first bone; it follows the bone there. Meshes without a joint follow the bone nearest to their middle.
 
     Parameters
     ----------
@@ -88,13 +90,13 @@ def rig_bones(character: Character, limbs: Sequence[Limb]) -> RigBones:
     Returns
     -------
     RigBones
-        Without joints where the file has no skeleton.
+        Without joints if the file has no skeleton.
     """
-    return _Sorting(_Skeleton.of(character), limbs).result()
+    return _BoneAssignment(FileSkeleton.of(character), limbs).result()
 
 
 def require_joints(character: Character, limbs: Sequence[Limb], where: Path) -> None:
-    """Refuse a puppet whose limbs say nothing to a skeleton in its character's file.
+    """Refuse a puppet without limbs along the skeleton in its character's file.
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def require_joints(character: Character, limbs: Sequence[Limb], where: Path) -> 
     Raises
     ------
     PuppetError
-        No limbs, no skeleton, or none of the limbs on it.
+        No limbs, no skeleton, or no limb on it.
     """
     if not limbs:
         raise PuppetError(
@@ -120,7 +122,7 @@ def require_joints(character: Character, limbs: Sequence[Limb], where: Path) -> 
         raise PuppetError(
             at(where, field="[character], mesh"),
             found="a file without a skeleton",
-            expected="one with a skeleton, whose joints --as rig turns",
+            expected="a file with a skeleton, which --as rig requires",
             fix="Use --as morph.",
         )
     others = [limb.name for limb in limbs if limb.name != TRUNK]
@@ -134,78 +136,8 @@ def require_joints(character: Character, limbs: Sequence[Limb], where: Path) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class _Skeleton:
-    """Joints by row, parents before their children.
-
-    Attributes
-    ----------
-    nodes, parents : (j,) list of int
-    places : (j, 3) float64
-        Of a loose node, the middle of what it shows.
-    loose : dict
-        Row to name.
-    diagonal : float
-    """
-
-    nodes: list[int]
-    parents: list[int]
-    places: NDArray[np.float64]
-    loose: dict[int, str]
-    diagonal: float
-
-    @classmethod
-    def of(cls, character: Character) -> "_Skeleton":
-        """Take the joints of all skins, or the nodes that lead to several meshes where nothing is skinned."""
-        document, gltf = character.document, character.document.gltf
-        walk = tree(document)
-        above = {node: parent for node, parent in walk if parent is not None}
-        middles = _middles(character)
-        chosen = {joint for skin in gltf["skins"] for joint in skin["joints"]}
-        if not chosen and len(middles) > 1:
-            chosen = {other for node in middles for other in _way_up(node, above)}
-        loose: set[int] = set()
-        for node, _ in walk if chosen else ():
-            hangs = not (chosen | loose).isdisjoint(_way_up(node, above))
-            if node in middles and "skin" not in gltf["nodes"][node] and not hangs:
-                loose.add(node)
-        nodes = [node for node, _ in walk if node in chosen or node in loose]
-        rows = {node: row for row, node in enumerate(nodes)}
-        parents = [next((rows[other] for other in _way_up(node, above)[1:] if other in rows), -1) for node in nodes]
-        places = world_transforms(document)[np.array(nodes, dtype=np.int64), :3, 3]
-        for node in loose:
-            places[rows[node]] = middles[node]
-        names = {rows[node]: gltf["nodes"][node].get("name", f"node {node}") for node in sorted(loose)}
-        return cls(nodes, parents, places, names, float(np.linalg.norm(np.ptp(character.vertices, axis=0))))
-
-    def __len__(self) -> int:
-        return len(self.nodes)
-
-    @cached_property
-    def ways_up(self) -> list[list[int]]:
-        """Each joint and those above it, from itself to the top."""
-        above = {row: parent for row, parent in enumerate(self.parents) if parent >= 0}
-        return [_way_up(row, above) for row in range(len(self))]
-
-
-def _way_up(node: int, above: dict[int, int]) -> list[int]:
-    way = [node]
-    while way[-1] in above:
-        way.append(above[way[-1]])
-    return way
-
-
-def _middles(character: Character) -> dict[int, NDArray[np.float64]]:
-    """Return the middle of what each node shows."""
-    shown: dict[int, list[NDArray[np.float64]]] = {}
-    for part in character.parts:
-        shown.setdefault(part.node, []).append(part.vertices)
-    whole = {node: np.concatenate(parts) for node, parts in shown.items()}
-    return {node: (places.min(axis=0) + places.max(axis=0)) / 2 for node, places in whole.items()}
-
-
-@dataclass(frozen=True, eq=False)
 class _Polyline:
-    """The bones of a limb, end to end.
+    """Bones of a limb as a polyline.
 
     Attributes
     ----------
@@ -213,7 +145,7 @@ class _Polyline:
     bones : slice
         Numbers of its bones.
     near : float
-        A place this near to a bone's head is at it, mesh units.
+        Maximum distance of a position from a bone's head that counts as the head, mesh units.
     """
 
     limb: Limb
@@ -222,62 +154,64 @@ class _Polyline:
 
     @cached_property
     def heads(self) -> NDArray[np.float64]:
-        """(k,) float64: how far along the limb each of its points is."""
+        """Distances (k,) float64 of the limb's points along it."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.limb.points, axis=0), axis=1))])
 
-    def nearest(self, place: NDArray[np.float64]) -> tuple[float, float]:
-        """Return how far along the limb a place is, and how far away from it."""
+    def nearest(self, position: NDArray[np.float64]) -> tuple[float, float]:
+        """Return a position's distance along the limb and its distance from it."""
         along, away = 0.0, np.inf
         for head, (start, end) in zip(self.heads, pairwise(self.limb.points), strict=False):
-            way = end - start
-            share = float(np.clip((place - start) @ way / (way @ way), 0, 1))
-            distance = float(np.linalg.norm(place - start - share * way))
+            bone = end - start
+            share = float(np.clip((position - start) @ bone / (bone @ bone), 0, 1))
+            distance = float(np.linalg.norm(position - start - share * bone))
             if distance < away:
-                along, away = head + share * float(np.linalg.norm(way)), distance
+                along, away = head + share * float(np.linalg.norm(bone)), distance
         at = self.heads[np.abs(self.heads - along).argmin()]
         return float(at if abs(at - along) <= self.near else along), away
 
     def bone_at(self, along: float) -> int:
-        """Return the number of the bone at a place; of two that meet there, the second."""
+        """Return the number of the bone at a distance along the limb; where two bones meet, the second."""
         last = self.bones.stop - self.bones.start - 1
         return self.bones.start + min(int(np.searchsorted(self.heads, along, "right")) - 1, last)
 
     def overlaps(self, start: float, end: float) -> NDArray[np.float64]:
-        """Return the length of each bone between two places along the limb."""
+        """Return the length of each bone between two distances along the limb."""
         return np.maximum(np.minimum(self.heads[1:], end) - np.maximum(self.heads[:-1], start), 0.0)
 
 
-class _Sorting:
-    """Gives each joint of a skeleton its bones."""
+class _BoneAssignment:
+    """Assigns bones to the joints of a skeleton."""
 
-    def __init__(self, skeleton: _Skeleton, limbs: Sequence[Limb]) -> None:
+    def __init__(self, skeleton: FileSkeleton, limbs: Sequence[Limb]) -> None:
         self.skeleton = skeleton
         self.bones = bones_of(limbs)
         self.polylines: dict[str, _Polyline] = {}
         for limb in parents_first(limbs):
-            start = sum(len(line.limb.points) - 1 for line in self.polylines.values())
+            start = sum(len(polyline.limb.points) - 1 for polyline in self.polylines.values())
             bones = slice(start, start + len(limb.points) - 1)
-            self.polylines[limb.name] = _Polyline(limb, bones, AT_A_HEAD * skeleton.diagonal)
+            self.polylines[limb.name] = _Polyline(limb, bones, HEAD_TOLERANCE * skeleton.diagonal)
         self.trunk = self.polylines.get(TRUNK)
         self.firsts = self._first_joints()
-        self.limb_of = [next((self.firsts[row] for row in way if row in self.firsts), None) for way in skeleton.ways_up]
+        self.limb_of = [
+            next((self.firsts[row] for row in path if row in self.firsts), None) for path in skeleton.paths_to_top
+        ]
         self.shares = np.zeros((len(skeleton), len(self.bones)))
-        self.stretches: dict[int, tuple[_Polyline, float, float]] = {}  # of joints of lines: from where to where
+        self.stretches: dict[int, tuple[_Polyline, float, float]] = {}  # of joints on polylines
 
     def result(self) -> RigBones:
-        """Sort all joints."""
+        """Assign bones to all joints."""
         for first, name in self.firsts.items():
-            below = (row for row, way in enumerate(self.skeleton.ways_up) if first in way)
+            below = (row for row, path in enumerate(self.skeleton.paths_to_top) if first in path)
             members = [row for row in below if self.limb_of[row] == name]
-            line = self.polylines[name]
-            end = min(members, key=lambda row: self._away(row, line.limb.points[-1]))
-            way = self.skeleton.ways_up[end]
-            self._lead(line, way[way.index(first) :: -1])
-        for way in self._trunk_lines():
-            self._lead(self.trunk, way)
+            polyline = self.polylines[name]
+            end = min(members, key=lambda row: self._away(row, polyline.limb.points[-1]))
+            path = self.skeleton.paths_to_top[end]
+            self._assign_path(polyline, path[path.index(first) :: -1])
+        for path in self._trunk_paths():
+            self._assign_path(self.trunk, path)
         for row in range(len(self.skeleton)):
             if row not in self.stretches:
-                self.shares[row] = self._beside(row)
+                self.shares[row] = self._shares_beside(row)
         parents = np.array(self.skeleton.parents, dtype=np.int64)
         return RigBones(
             nodes=np.array(self.skeleton.nodes, dtype=np.int64),
@@ -289,23 +223,23 @@ class _Sorting:
         )
 
     def _first_joints(self) -> dict[int, str]:
-        """Return the first joint of each limb, in each tree of joints, with the limb's name.
+        """Return the first joint of each limb in each tree of joints, with the limb's name.
 
-        The trunk has none: its first point is between the legs.
+        The trunk has none, because its first point is between the legs.
         """
         found: dict[int, str] = {}
-        limbs = [line for name, line in self.polylines.items() if name != TRUNK]
+        limbs = [polyline for name, polyline in self.polylines.items() if name != TRUNK]
         tops = [row for row, parent in enumerate(self.skeleton.parents) if parent < 0]
         tops = [row for row in tops if row not in self.skeleton.loose]
         for strict in (True, False):
             for top in tops:
-                for line in limbs:
-                    there = any(name == line.limb.name and self._top(row) == top for row, name in found.items())
-                    candidates = [] if there else list(self._candidates(line, top, strict))
-                    candidates = [row for row in candidates if row not in found and self._fits(row, line, found)]
+                for polyline in limbs:
+                    there = any(name == polyline.limb.name and self._top(row) == top for row, name in found.items())
+                    candidates = [] if there else list(self._candidates(polyline, top, strict))
+                    candidates = [row for row in candidates if row not in found and self._fits(row, polyline, found)]
                     if candidates:
-                        best = min(candidates, key=lambda row: self._misfit(row, line))
-                        found[best] = line.limb.name
+                        best = min(candidates, key=lambda row: self._misfit(row, polyline))
+                        found[best] = polyline.limb.name
             found = {
                 row: name
                 for row, name in found.items()
@@ -314,117 +248,120 @@ class _Sorting:
         return found
 
     def _top(self, row: int) -> int:
-        return self.skeleton.ways_up[row][-1]
+        return self.skeleton.paths_to_top[row][-1]
 
-    def _candidates(self, line: _Polyline, top: int, strict: bool) -> Iterator[int]:
-        """Yield the joints of a tree that are at a limb's first point, or else on its first bone."""
-        allowed = ON_THE_LIMB * self.skeleton.diagonal
-        for row, place in enumerate(self.skeleton.places):
+    def _candidates(self, polyline: _Polyline, top: int, strict: bool) -> Iterator[int]:
+        """Yield the joints of a tree at a limb's first point, or if not strict, on its first bone."""
+        allowed = MAX_LIMB_DISTANCE * self.skeleton.diagonal
+        for row, position in enumerate(self.skeleton.positions):
             if self._top(row) == top:
-                along, away = line.nearest(place)
-                at_first = bool(np.linalg.norm(place - line.limb.points[0]) <= allowed)
-                if at_first if strict else away <= allowed and 0 < along < line.heads[1]:
+                along, away = polyline.nearest(position)
+                at_first = bool(np.linalg.norm(position - polyline.limb.points[0]) <= allowed)
+                if at_first if strict else away <= allowed and 0 < along < polyline.heads[1]:
                     yield row
 
-    def _misfit(self, row: int, line: _Polyline) -> tuple[float, int]:
-        """Return how badly a joint begins a limb, and of two at one place, first the one below the other."""
-        below = [other for other, way in enumerate(self.skeleton.ways_up) if row in way]
-        start, following = line.limb.points[:2]
-        away = float(np.linalg.norm(self.skeleton.places[row] - start))
-        away += float(np.linalg.norm(self.skeleton.places[below] - following, axis=1).min())
-        return round(away / line.near), -len(self.skeleton.ways_up[row])
+    def _misfit(self, row: int, polyline: _Polyline) -> tuple[float, int]:
+        """Return a sort key for first joints of a limb: the misfit, then the deeper of two joints at one position."""
+        below = [other for other, path in enumerate(self.skeleton.paths_to_top) if row in path]
+        start, following = polyline.limb.points[:2]
+        away = float(np.linalg.norm(self.skeleton.positions[row] - start))
+        away += float(np.linalg.norm(self.skeleton.positions[below] - following, axis=1).min())
+        return round(away / polyline.near), -len(self.skeleton.paths_to_top[row])
 
-    def _fits(self, row: int, line: _Polyline, found: dict[int, str]) -> bool:
-        """Tell whether no other limb's joint hangs on a joint, other than of limbs that hang on this limb."""
+    def _fits(self, row: int, polyline: _Polyline, found: dict[int, str]) -> bool:
+        """Return whether all limbs with a first joint below this joint are children of this limb."""
         for other, name in found.items():
-            if row in self.skeleton.ways_up[other][1:] and not self._hangs_on(self.polylines[name], line):
+            if row in self.skeleton.paths_to_top[other][1:] and not self._is_child(self.polylines[name], polyline):
                 return False
         return True
 
-    def _hangs_on(self, line: _Polyline, other: _Polyline) -> bool:
-        """Tell whether a limb hangs on another: the puppet says so, or it begins where the other ends."""
-        limb: Limb | None = line.limb
+    def _is_child(self, polyline: _Polyline, other: _Polyline) -> bool:
+        """Return whether a limb is a child of another, in the puppet or because it begins where the other ends."""
+        limb: Limb | None = polyline.limb
         while limb is not None and limb.parent is not None:
             if limb.parent == other.limb.name:
                 return True
             limb = self.polylines[limb.parent].limb
-        return bool(np.linalg.norm(line.limb.points[0] - other.limb.points[-1]) <= ON_THE_LIMB * self.skeleton.diagonal)
+        return bool(
+            np.linalg.norm(polyline.limb.points[0] - other.limb.points[-1])
+            <= MAX_LIMB_DISTANCE * self.skeleton.diagonal
+        )
 
-    def _trunk_lines(self) -> Iterator[list[int]]:
-        """Yield for each tree the joints from its top to the one on which head, neck or arms hang."""
+    def _trunk_paths(self) -> Iterator[list[int]]:
+        """Yield for each tree the joints from its top to the parent of head, neck or arms."""
         if self.trunk is None:
             return
         end = self.trunk.limb.points[-1]
         for top in dict.fromkeys(self._top(row) for row in self.firsts):
             firsts = [row for row in self.firsts if self._top(row) == top]
-            upper = [row for row in firsts if self._hangs_on_bone(row) == self.trunk.bones.stop - 1]
+            upper = [row for row in firsts if self._parent_bone(row) == self.trunk.bones.stop - 1]
             upper = [self.skeleton.parents[row] for row in sorted(upper, key=lambda row: self._away(row, end))]
             upper = [row for row in upper if row >= 0 and self.limb_of[row] is None]
             members = [row for row, limb in enumerate(self.limb_of) if limb is None and self._top(row) == top]
             if members:
                 last = upper[0] if upper else min(members, key=lambda row: self._away(row, end))
-                yield self.skeleton.ways_up[last][::-1]
+                yield self.skeleton.paths_to_top[last][::-1]
 
-    def _hangs_on_bone(self, first: int) -> int:
+    def _parent_bone(self, first: int) -> int:
         return int(self.bones.parents[self.polylines[self.firsts[first]].bones.start])
 
-    def _away(self, row: int, place: NDArray[np.float64]) -> float:
-        return float(np.linalg.norm(self.skeleton.places[row] - place))
+    def _away(self, row: int, position: NDArray[np.float64]) -> float:
+        return float(np.linalg.norm(self.skeleton.positions[row] - position))
 
-    def _lead(self, line: _Polyline | None, way: Sequence[int]) -> None:
-        """Give the joints that lead along a limb their bones."""
-        if line is None:
+    def _assign_path(self, polyline: _Polyline | None, path: Sequence[int]) -> None:
+        """Assign bones to the joints along a limb."""
+        if polyline is None:
             return
-        along = np.array([line.nearest(self.skeleton.places[row])[0] for row in way])
-        along = np.minimum.accumulate(along[::-1])[::-1]  # a joint that lies beyond the next one
-        for number, (row, start) in enumerate(zip(way, along, strict=True)):
-            last = number == len(way) - 1
-            end = float(line.heads[-1] if last else along[number + 1])
-            lengths = line.overlaps(start, end)
-            if not lengths.any() or (last and line is not self.trunk):
-                self.shares[row, line.bone_at(start)] = 1
-            elif last:  # it holds all the rest of the trunk: what is most of that
-                self.shares[row, line.bones.start + int(lengths.argmax())] = 1
+        along = np.array([polyline.nearest(self.skeleton.positions[row])[0] for row in path])
+        along = np.minimum.accumulate(along[::-1])[::-1]  # a joint may lie beyond the next one
+        for number, (row, start) in enumerate(zip(path, along, strict=True)):
+            last = number == len(path) - 1
+            end = float(polyline.heads[-1] if last else along[number + 1])
+            lengths = polyline.overlaps(start, end)
+            if not lengths.any() or (last and polyline is not self.trunk):
+                self.shares[row, polyline.bone_at(start)] = 1
+            elif last:  # it moves the rest of the trunk, which is mostly this bone
+                self.shares[row, polyline.bones.start + int(lengths.argmax())] = 1
             else:
-                self.shares[row, line.bones] = lengths / lengths.sum()
-            self.stretches[row] = line, float(start), end
+                self.shares[row, polyline.bones] = lengths / lengths.sum()
+            self.stretches[row] = polyline, float(start), end
 
-    def _beside(self, row: int) -> NDArray[np.float64]:
-        """Return the shares (b,) of a joint that is not in a line."""
-        parent, place = self.skeleton.parents[row], self.skeleton.places[row]
+    def _shares_beside(self, row: int) -> NDArray[np.float64]:
+        """Return the shares (b,) of a joint that is not on a polyline."""
+        parent, position = self.skeleton.parents[row], self.skeleton.positions[row]
         if row in self.skeleton.loose:
-            line = min(self.polylines.values(), key=lambda line: line.nearest(place)[1])
-            return self._only(line.bone_at(line.nearest(place)[0]))
+            polyline = min(self.polylines.values(), key=lambda polyline: polyline.nearest(position)[1])
+            return self._single(polyline.bone_at(polyline.nearest(position)[0]))
         if self.limb_of[row] is None and (parent < 0 or self.skeleton.parents[parent] < 0):
-            target = self._target(place)
+            target = self._target_bone(position)
             if target is not None:
-                return self._only(target)
+                return self._single(target)
         if parent < 0:
-            return self._only(None if self.trunk is None else self.trunk.bones.start)
+            return self._single(None if self.trunk is None else self.trunk.bones.start)
         if parent in self.stretches:
-            line, start, end = self.stretches[parent]
-            along, _ = line.nearest(place)
+            polyline, start, end = self.stretches[parent]
+            along, _ = polyline.nearest(position)
             if start <= along <= end:
-                return self._only(line.bone_at(along))
+                return self._single(polyline.bone_at(along))
         return self.shares[parent]
 
-    def _target(self, place: NDArray[np.float64]) -> int | None:
-        """Return the bone on which a target of inverse kinematics lies: not a limb's first one."""
+    def _target_bone(self, position: NDArray[np.float64]) -> int | None:
+        """Return the bone at a target of inverse kinematics, which is never a limb's first bone; None without one."""
         found = []
-        for name, line in self.polylines.items():
-            along, away = line.nearest(place)
-            if name != TRUNK and away <= BESIDE_THE_LIMB * self.skeleton.diagonal and along >= line.heads[1]:
-                found.append((away, line.bone_at(along)))
+        for name, polyline in self.polylines.items():
+            along, away = polyline.nearest(position)
+            if name != TRUNK and away <= MAX_TARGET_DISTANCE * self.skeleton.diagonal and along >= polyline.heads[1]:
+                found.append((away, polyline.bone_at(along)))
         return min(found)[1] if found else None
 
-    def _only(self, bone: int | None) -> NDArray[np.float64]:
+    def _single(self, bone: int | None) -> NDArray[np.float64]:
         shares = np.zeros(len(self.bones))
         if bone is not None:
             shares[bone] = 1
         return shares
 
     def _joined(self, row: int, parent: int) -> bool:
-        """Tell whether a joint's bones are those of the joint above it, or hang together with them."""
+        """Return whether a joint's bones are those of its parent, or adjacent to them."""
         own, above = (set(np.flatnonzero(self.shares[each]).tolist()) for each in (row, parent))
         if not above:
             return all(self.bones.parents[bone] < 0 for bone in own)

@@ -1,6 +1,5 @@
-"""The limbs of a character whose file has a skeleton: its joints by their names and by where they hang."""
+"""Limbs of a character from the skeleton in its file: from the names of its joints and their hierarchy."""
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -10,89 +9,24 @@ from numpy.typing import NDArray
 from engine_bridge.character.character import Character
 from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
+from engine_bridge.puppet.joint_names import LEG_PARTS, parse_joint_name
 from engine_bridge.puppet.puppet import Direction
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
 
-SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+MIN_NECK_SHARE = 0.3
+"""Minimum length of a neck that is a separate limb, as a share of the trunk's length."""
 
-WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-"""A word in the name of a joint: `LeftForeArm`, `upper_arm.L`, `J_Bip_R_LowerLeg`."""
+GIRDLE_COSINE = np.cos(np.pi / 4)
+"""Cosine of the largest angle between the left-right direction and a bone that leads from the spine to a leg."""
 
-DECORATION = {
-    "mixamorig",
-    "def",
-    "b",
-    "c",
-    "j",
-    "cc",
-    "base",
-    "bip",
-    "valve",
-    "biped",
-    "bn",
-    "jnt",
-    "joint",
-    "bone",
-    "bend",
-}
-"""Words that programs put before or after a joint's own name."""
+LYING_COSINE = np.cos(np.radians(45))
+"""Cosine of the angle between spine and up below which a body may be four-legged."""
 
-CONTROLS = {
-    "ik",
-    "fk",
-    "pole",
-    "target",
-    "ctrl",
-    "control",
-    "mch",
-    "org",
-    "twist",
-    "roll",
-    "heel",
-    "end",
-    "nub",
-    "helper",
-}
-"""Words in the names of joints that steer others; such a joint counts where vertices follow it."""
-
-PARTS = {
-    "head": "head|skull",
-    "neck": "neck",
-    "spine": "spine|torso|abdomen|chest|upperchest|waist|ribcage|back|hips?|pelvis|body|spinelower|spineupper",
-    "girdle": "clavicle|collar|collarbone|shoulder",
-    "upper arm": "upperarm|uparm|arm|shldr",
-    "lower arm": "lowerarm|lowarm|forearm|elbow",
-    "hand": "hand|wrist|palm[a-z]?",
-    "thigh": "upperleg|upleg|thigh|femur",
-    "shin": "lowerleg|lowleg|calf|shin|knee",
-    "leg": "leg|midleg",
-    "foot": "foot|ankle|footback|paw|hoof",
-    "toe": "toes?|toebase|ball",
-    "tail": "tail",
-    "wing": "wing|feather",
-}
-"""Part of the body by a joint's own name: side, digits and decoration taken off."""
-
-PATTERNS = {part: re.compile(f"(?:{names})") for part, names in PARTS.items()}
-
-QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
-
-LEG = ("thigh", "leg", "shin", "foot", "toe")
-
-LONG_NECK = 0.3
-"""A neck of at least this share of the trunk's length is a limb of its own."""
-
-GIRDLE = np.cos(np.pi / 4)
-"""A bone within 45° of the line from left to right only leads from the spine to a leg."""
-
-LYING = np.cos(np.radians(45))
-"""Cosine between spine and up below which a body may be four-legged."""
-
-REACHING = 0.3
-"""Forelegs end this near to the ground, as a share of the height of the shoulders."""
+MAX_HAND_HEIGHT_SHARE = 0.3
+"""Maximum height of the ends of forelegs, as a share of the height of the shoulders."""
 
 UP = np.array([0.0, 1.0, 0.0])
-"""Up in glTF."""
+"""Up direction in glTF."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +36,13 @@ class Joint:
     Attributes
     ----------
     name : str
-        As in the file, or VRM's name for it.
+        As in the file, or its name in VRM's table.
     parent : int
-        Index of the joint it hangs on, −1 for none.
+        Index of the parent joint, −1 for none.
     place : (3,) float64
         Mesh file's coordinates.
     vertices : (n, 3) float64
-        Those that follow this joint more than any other.
+        Vertices that follow this joint more than any other.
     """
 
     name: str
@@ -117,56 +51,44 @@ class Joint:
     vertices: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class _Meaning:
-    """What a joint's name says."""
-
-    side: str | None
-    quarter: str | None
-    part: str
-
-
-def rig_limbs(character: Character, up: NDArray[np.float64] = UP) -> Limbs | None:
-    """Find a character's limbs by the joints of its file's skeleton, as that stands.
+def rig_limbs(character: Character) -> Limbs | None:
+    """Find a character's limbs by the joints of its file's skeleton.
 
     Parameters
     ----------
     character : Character
-    up : (3,) float64
-        Mesh file's coordinates.
 
     Returns
     -------
     Limbs or None
-        None where the file has no skeleton. No chains where its names say nothing; a note says so.
+        None if the file has no skeleton. No chains, but a note, if its joint names are unknown.
     """
     joints = _joints(character)
-    limbs = limbs_of(joints, up) if joints else None
+    limbs = limbs_of_joints(joints) if joints else None
     if limbs is not None and not limbs.chains and not character.document.gltf["skins"]:
-        return None  # names of parts, which need not say anything
+        return None  # names of mesh parts need not mean anything
     return limbs
 
 
-def limbs_of(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
+def limbs_of_joints(joints: Sequence[Joint]) -> Limbs:
     """Find the limbs of a skeleton.
 
-    Names of VRM, Mixamo, Rigify, Unreal, Quaternius and KayKit and plain ones are known, with a side in any spelling.
-    Joints between those of a limb (twists, controls) are passed over.
+    Known names are those of VRM, Mixamo, Rigify, Unreal, Quaternius and KayKit, and plain English ones, with a side in
+    any spelling. Other joints within a limb (twists, controls) are skipped.
 
     Parameters
     ----------
     joints : sequence of Joint
-    up : (3,) float64
     """
     skeleton = _Skeleton(joints)
     found = skeleton.arms_and_legs()
-    four_legged = _lies(found, up)
+    four_legged = _is_four_legged(found)
     names = {"arm": "front leg", "leg": "hind leg"} if four_legged else {"front leg": "arm", "hind leg": "leg"}
     found = {_renamed(name, names): points for name, points in found.items()}
     behind, before = ("hind leg", "front leg") if four_legged else ("leg", "arm")
     if not any({f"left {pair}", f"right {pair}"} <= found.keys() for pair in (behind, before)):
         some = ", ".join(dict.fromkeys(joint.name for joint in joints[:5]))
-        note = f"The names of the joints in its skeleton say too little ({some}, …): limbs are found from the shape."
+        note = f"The joint names in the skeleton are unknown ({some}, …); limbs are found from the shape."
         return Limbs((), (note,))
     trunk = skeleton.trunk(found, behind, before)
     limbs = {} if trunk is None else {"trunk": trunk}
@@ -178,12 +100,12 @@ def limbs_of(joints: Sequence[Joint], up: NDArray[np.float64] = UP) -> Limbs:
 
 
 def axes_of(limbs: Limbs) -> tuple[Direction, Direction] | None:
-    """Return which way a skeleton with named limbs stands and faces: legs go down, left is on its left.
+    """Return up and front of a skeleton with named limbs: legs point down, and left limbs are on the left.
 
     Parameters
     ----------
     limbs : Limbs
-        From a skeleton, whose names say which side is which.
+        From a skeleton with named sides.
     """
     points = limbs.points
     pairs = [
@@ -207,11 +129,11 @@ def _direction(axis: int, sign: float) -> Direction:
 
 
 class _Skeleton:
-    """Joints with what their names mean."""
+    """Joints with the meanings of their names."""
 
     def __init__(self, joints: Sequence[Joint]) -> None:
         self.joints = joints
-        self.meanings = [_meaning(joint) for joint in joints]
+        self.meanings = [parse_joint_name(joint.name, len(joint.vertices) > 0) for joint in joints]
         self.children: list[list[int]] = [[] for _ in joints]
         for index, joint in enumerate(joints):
             if joint.parent >= 0:
@@ -223,14 +145,14 @@ class _Skeleton:
             yield index
 
     def below(self, index: int) -> list[int]:
-        """Return a joint and all that hang on it."""
+        """Return a joint and all of its descendants."""
         return [index, *(other for child in self.children[index] for other in self.below(child))]
 
     def place(self, index: int) -> NDArray[np.float64]:
         return self.joints[index].place
 
     def named(self, side: str | None, quarter: str | None, *parts: str) -> list[int]:
-        """Return joints by what they mean, those near the root first."""
+        """Return the joints of a side, quarter and parts, those near the root first."""
         wanted = [
             index
             for index, meaning in enumerate(self.meanings)
@@ -239,12 +161,12 @@ class _Skeleton:
         return sorted(wanted, key=lambda index: (self.depth[index], index))
 
     def arms_and_legs(self) -> dict[str, NDArray[np.float64]]:
-        """Return arms and legs by the names that they have in the skeleton."""
+        """Return arms and legs by their names in the skeleton."""
         found: dict[str, NDArray[np.float64]] = {}
         for side in ("left", "right"):
             arm, leg = self.arm(side), self.leg(side, None)
             front, hind = self.leg(side, "front"), self.leg(side, "hind")
-            if front is not None and hind is None:  # only the front ones are said to be that
+            if front is not None and hind is None:  # only the front legs are marked as such
                 leg, hind = None, leg
             limbs = {"arm": arm, "leg": leg, "front leg": front, "hind leg": hind}
             found |= {f"{side} {name}": points for name, points in limbs.items() if points is not None}
@@ -252,7 +174,7 @@ class _Skeleton:
 
     def arm(self, side: str) -> NDArray[np.float64] | None:
         upper, lower = self.named(side, None, "upper arm"), self.named(side, None, "lower arm")
-        if not upper:  # what is called a shoulder may be all that there is
+        if not upper:  # the shoulder may be the upper arm's only joint
             upper = [index for index in self.named(side, None, "girdle") if set(self.below(index)) & set(lower)]
         if not upper or not lower:
             return None
@@ -268,7 +190,7 @@ class _Skeleton:
         return np.array(chain)
 
     def leg(self, side: str, quarter: str | None) -> NDArray[np.float64] | None:
-        named = self.named(side, quarter, "girdle", *LEG)
+        named = self.named(side, quarter, "girdle", *LEG_PARTS)
         tops = [index for index in named if not set(named) & set(self.ancestors(index))]
         legs = [top for top in tops if set(self.below(top)) & set(self.named(side, quarter, "thigh", "leg"))]
         if not legs:
@@ -280,11 +202,11 @@ class _Skeleton:
             if chain[-1] in self.ancestors(index) and not twice:
                 chain.append(index)
         feet = [index for index in tops if index != top]
-        if feet and "foot" not in map(self.part, chain):  # moved by inverse kinematics, it hangs on the root
+        if feet and "foot" not in map(self.part, chain):  # a foot with inverse kinematics hangs on the root
             chain.append(feet[0])
         chain = [index for index in chain if self.part(index) != "toe"]
         across = self.across(quarter)
-        while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE:
+        while len(chain) > 3 and abs(_unit(self.place(chain[1]) - self.place(chain[0])) @ across) > GIRDLE_COSINE:
             del chain[0]
         if len(chain) < 3 or self.part(chain[0]) == "girdle":
             return None
@@ -294,7 +216,9 @@ class _Skeleton:
 
     def across(self, quarter: str | None) -> NDArray[np.float64]:
         """Return the direction from right to left legs."""
-        left, right = ([self.place(index) for index in self.named(side, quarter, *LEG)] for side in ("left", "right"))
+        left, right = (
+            [self.place(index) for index in self.named(side, quarter, *LEG_PARTS)] for side in ("left", "right")
+        )
         return _unit(np.mean(left, axis=0) - np.mean(right, axis=0)) if left and right else np.zeros(3)
 
     def part(self, index: int) -> str | None:
@@ -302,7 +226,7 @@ class _Skeleton:
         return meaning.part if meaning else None
 
     def end(self, before: NDArray[np.float64], root: NDArray[np.float64], held: Sequence[int]) -> NDArray[np.float64]:
-        """Return the far end of what some joints hold, straight on from a joint."""
+        """Return the far end of the vertices of some joints, along their direction from a joint."""
         vertices = np.concatenate([self.joints[index].vertices for index in held])
         if not len(vertices):
             places = np.array([self.place(index) for index in held])
@@ -310,12 +234,12 @@ class _Skeleton:
             if np.linalg.norm(far - root) > 0:
                 return far
             return root + 0.3 * (root - before)
-        direction = _unit((vertices.min(axis=0) + vertices.max(axis=0)) / 2 - root)  # no matter where details are
+        direction = _unit((vertices.min(axis=0) + vertices.max(axis=0)) / 2 - root)  # regardless of where details are
         reach = np.quantile((vertices - root) @ direction, 0.95)
         return np.asarray(root + max(float(reach), 0.0) * direction)
 
     def trunk(self, limbs: dict[str, NDArray[np.float64]], behind: str, before: str) -> NDArray[np.float64] | None:
-        """Return the points of hips, middle and the root of the neck."""
+        """Return the points of the trunk: the hips, its middle, and the root of the neck."""
         legs = [points[0] for name, points in limbs.items() if name.endswith(behind)]
         arms = [points[0] for name, points in limbs.items() if name.endswith(before)]
         if not legs or not (arms or self.named(None, None, "neck", "head")):
@@ -331,7 +255,7 @@ class _Skeleton:
         return np.array([low, nearest, high])
 
     def head(self, trunk: NDArray[np.float64] | None, four_legged: bool) -> dict[str, NDArray[np.float64]]:
-        """Return the head from the trunk's end, with a neck between where that is long."""
+        """Return the head from the trunk's end, after a neck if that is long."""
         heads, necks = self.named(None, None, "head"), self.named(None, None, "neck")
         if not heads:
             return {}
@@ -341,7 +265,7 @@ class _Skeleton:
         if (
             trunk is None
             or not four_legged
-            or np.linalg.norm(root - start) < LONG_NECK * np.linalg.norm(trunk[-1] - trunk[0])
+            or np.linalg.norm(root - start) < MIN_NECK_SHARE * np.linalg.norm(trunk[-1] - trunk[0])
         ):
             return {"head": np.array([start, tip])}
         way = np.array([start, *(self.place(index) for index in necks[1:]), root])
@@ -362,43 +286,21 @@ class _Skeleton:
         return found
 
 
-def _meaning(joint: Joint) -> _Meaning | None:
-    """Read a joint's name."""
-    words = [word.lower() for word in WORD.findall(joint.name.rsplit(":", 1)[-1])]
-    sides = [SIDES[word] for word in words if word in SIDES]
-    words = [word for word in words if word not in SIDES and word not in DECORATION]
-    if not sides and words and words[0][0] in "lr" and _part("".join(words)) is None:  # DAZ: lShin
-        sides, words[0] = [SIDES[words[0][0]]], words[0][1:]
-    if CONTROLS & set(words) and not len(joint.vertices):
-        return None
-    name = "".join(word for word in words if word not in CONTROLS or word in ("twist", "roll"))
-    part, quarter = _part(name), None
-    for word, which in QUARTERS.items():
-        rest = name.removeprefix(word)
-        if rest != name and sides and part is None and _part(rest) in (*LEG, "girdle"):
-            part, quarter = _part(rest), which
-    return _Meaning(sides[0] if sides else None, quarter, part) if part else None
-
-
-def _part(name: str) -> str | None:
-    return next((part for part, pattern in PATTERNS.items() if pattern.fullmatch(name)), None)
-
-
 def _renamed(name: str, names: dict[str, str]) -> str:
     side, limb = name.split(" ", 1)
     return f"{side} {names.get(limb, limb)}"
 
 
-def _lies(limbs: dict[str, NDArray[np.float64]], up: NDArray[np.float64]) -> bool:
-    """Return whether what could be arms are legs: they reach the ground, and the spine lies across them."""
+def _is_four_legged(limbs: dict[str, NDArray[np.float64]]) -> bool:
+    """Return whether the arms are legs: they reach the ground, and the spine is not upright."""
     behind = [points for name, points in limbs.items() if name.endswith(("hind leg", "left leg", "right leg"))]
     before = [points for name, points in limbs.items() if name.endswith(("front leg", "arm"))]
     if not behind or not before:
         return False
     hips, shoulders = (np.mean([points[0] for points in limbs], axis=0) for limbs in (behind, before))
     soles, hands = (np.mean([points[-1] for points in limbs], axis=0) for limbs in (behind, before))
-    upright = _unit(shoulders - hips) @ up > LYING
-    return bool(not upright and (hands - soles) @ up < REACHING * ((shoulders - soles) @ up))
+    upright = _unit(shoulders - hips) @ UP > LYING_COSINE
+    return bool(not upright and (hands - soles) @ UP < MAX_HAND_HEIGHT_SHARE * ((shoulders - soles) @ UP))
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -406,7 +308,7 @@ def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _joints(character: Character) -> list[Joint]:
-    """Return the joints of all skins, or the nodes that carry meshes where nothing is skinned."""
+    """Return the joints of all skins; without skins, the named nodes of a character of several parts."""
     document = character.document
     gltf = document.gltf
     nodes = sorted({joint for skin in gltf["skins"] for joint in skin["joints"]})
@@ -430,7 +332,7 @@ def _joints(character: Character) -> list[Joint]:
 
 
 def _vrm_names(document: Document) -> dict[int, str]:
-    """Return VRM's names of the nodes of a humanoid, of version 0 or 1."""
+    """Return the names of nodes in the humanoid table of VRM 0 or 1."""
     extensions = document.gltf.get("extensions", {})
     older = extensions.get("VRM", {}).get("humanoid", {}).get("humanBones", [])
     newer = extensions.get("VRMC_vrm", {}).get("humanoid", {}).get("humanBones", {})
@@ -439,8 +341,8 @@ def _vrm_names(document: Document) -> dict[int, str]:
     return {node: bone for bone, node in named if isinstance(bone, str) and isinstance(node, int)}
 
 
-def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return what moves each vertex: joints, or the node that shows it where it has no skin.
+def vertex_influences(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the nodes that move each vertex: joints, or the node that shows it if it has no skin.
 
     Parameters
     ----------
@@ -450,7 +352,7 @@ def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float6
     -------
     nodes : (N, k) int64
     shares : (N, k) float64
-        How much the vertex follows each of these nodes.
+        Share of each of these nodes in the vertex's motion.
     """
     gltf, found = character.document.gltf, []
     for part in character.parts:
@@ -467,6 +369,6 @@ def followed(character: Character) -> tuple[NDArray[np.int64], NDArray[np.float6
 
 
 def _most_followed(character: Character) -> NDArray[np.int64]:
-    """Return the node (N,) that each vertex follows most."""
-    nodes, shares = followed(character)
+    """Return the node (N,) with the largest share in each vertex's motion."""
+    nodes, shares = vertex_influences(character)
     return np.asarray(nodes[np.arange(len(nodes)), shares.argmax(axis=1)])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import SkeletonFrame
-from engine_bridge.performance.calibration import NOW, LastSecond, same_body
+from engine_bridge.performance.calibration import POSE_SECONDS, RecentFrames, same_body
 
 Calibrate = Literal["still", "at_once", "command"]
 """After the first second without motion; after a moment, in any pose; or only by command."""
@@ -26,26 +26,26 @@ class AutomaticCalibration:
 
     def __init__(self, calibrate: Calibrate) -> None:
         self.calibrate = calibrate
-        self._last_second = LastSecond()
+        self._recent = RecentFrames()
         self._returning = False
         self._provisional = False  # calibrated before standing still
 
     def enter(self, returning: bool) -> None:
         """Watch another performer; a returning one has a calibration already."""
         self._returning, self._provisional = returning, False
-        self._last_second.forget()
+        self._recent.clear()
 
     def forget(self) -> None:
         """Forget what the performer did until now."""
-        self._last_second.forget()
+        self._recent.clear()
 
     def add(self, frame: SkeletonFrame) -> None:
         """Add a frame of the performer."""
-        self._last_second.add(frame)
+        self._recent.add(frame)
 
     def present_pose(self) -> NDArray[np.float64] | None:
         """Return the performer's present pose (20, 3) in metres, sensor coordinates; None if too little is known."""
-        return self._last_second.pose(NOW) if self._last_second.enough(0.0) else None
+        return self._recent.pose(POSE_SECONDS) if self._recent.cover(0.0) else None
 
     def due(self, rest: NDArray[np.float64] | None, directs: bool) -> NDArray[np.float64] | None:
         """Return the pose to calibrate with now, if there is one.
@@ -62,21 +62,21 @@ class AutomaticCalibration:
         (20, 3) float64 or None
             Metres, sensor coordinates.
         """
-        last = self._last_second
+        last = self._recent
         if rest is not None:
             return self._again(rest)
-        if self.calibrate == "still" and last.still():
+        if self.calibrate == "still" and last.is_still():
             return last.pose()
-        if (self.calibrate == "at_once" or (self.calibrate == "still" and directs)) and last.enough(NOW):
+        if (self.calibrate == "at_once" or (self.calibrate == "still" and directs)) and last.cover(POSE_SECONDS):
             self._provisional = self.calibrate == "still"
-            return last.pose(NOW)
+            return last.pose(POSE_SECONDS)
         return None
 
     def _again(self, rest: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return the pose to calibrate a performer with who is calibrated already."""
-        if not (self._provisional or self._returning) or not self._last_second.still():
+        if not (self._provisional or self._returning) or not self._recent.is_still():
             return None
-        pose = self._last_second.pose()
+        pose = self._recent.pose()
         if self._provisional:
             self._provisional = False
             return pose

@@ -60,7 +60,7 @@ class CharacterLoader:
         character = replace(character, revision=_revision(character))
         character.prepare()  # now, so that the first client does not wait for it
         idle = None if table.idle is None else self._folder / table.idle
-        player = CharacterPlayer(character, stage.manner, self._executor, idle)
+        player = CharacterPlayer(character, stage.player_settings, self._executor, idle)
         self._documents[player] = document
         return player
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK
-from capture.sensor_tilt import MOVED, Level, level_of
+from capture.events import TICK_SECONDS
+from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.idle import Idle, Places
@@ -38,8 +38,8 @@ MAX_REMEMBERED = 16
 
 
 @dataclass(frozen=True)
-class Manner:
-    """How a character is calibrated and eased.
+class PlayerSettings:
+    """Settings of how a character is calibrated and eased.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Manner:
     remember : float
         Time within which a returning performer resumes without a calibration, in seconds.
     tilt, height : float or None
-        Of the sensor, see `Level`; None detects them from performers who stand upright.
+        Of the sensor, see `SensorTilt`; None detects them from performers who stand upright.
     """
 
     calibrate: Calibrate = "still"
@@ -68,7 +68,7 @@ class CharacterPlayer:
     Parameters
     ----------
     character : StreamedCharacter
-    manner : Manner
+    settings : PlayerSettings
     executor : Executor
         Computes calibrations while the stream continues.
     idle : Path, optional
@@ -81,14 +81,14 @@ class CharacterPlayer:
     """
 
     def __init__(
-        self, character: StreamedCharacter, manner: Manner, executor: Executor, idle: Path | None = None
+        self, character: StreamedCharacter, settings: PlayerSettings, executor: Executor, idle: Path | None = None
     ) -> None:
         rig = character.rig
         self.character = character
         self.user: int | None = None
         self.state: State = "waiting"
         self.mirror = rig.puppet.retarget.mirror
-        self._manner, self._executor = manner, executor
+        self._settings, self._executor = settings, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._idle_log = idle
         self._idle: Idle | None = None
@@ -97,16 +97,16 @@ class CharacterPlayer:
         self._current: PreparedCalibration | None = None
         self._held: Places | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
-        self._automatic = AutomaticCalibration(manner.calibrate)
-        self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
-        self._floor: Level | None = None  # measured from the floor in the image
+        self._automatic = AutomaticCalibration(settings.calibrate)
+        self._level = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
+        self._floor: SensorTilt | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
         self._idle_since = -math.inf
         self._rest = Places(
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
-        self._easing = Easing(self._deformer.bones, self._rest, manner.ease)
+        self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
         self._rehearse()
 
     def _rehearse(self) -> None:
@@ -132,7 +132,7 @@ class CharacterPlayer:
         return None if self._current is None else self._current.calibration
 
     @property
-    def level(self) -> Level:
+    def level(self) -> SensorTilt:
         """Position of the sensor, as far as it is known."""
         return self._level
 
@@ -143,8 +143,10 @@ class CharacterPlayer:
         calibration, left = self._remembered.pop(user, (None, 0.0))
         if calibration is not None and self._floor is not None:
             stands = self._with_settings(self._floor)
-            calibration = calibration if calibration.level.near(stands, *MOVED) else None  # the sensor was moved
-        if calibration is not None and time - left > self._manner.remember:
+            calibration = (
+                calibration if calibration.level.near(stands, *MIN_TILT_CHANGE) else None
+            )  # the sensor was moved
+        if calibration is not None and time - left > self._settings.remember:
             calibration = None
         self._automatic.enter(returning=calibration is not None)
         if calibration is not None:
@@ -161,11 +163,11 @@ class CharacterPlayer:
         self.user = self._current = self._held = None
         self._drop_next()
 
-    def set_level(self, level: Level, time: float) -> None:
+    def set_level(self, level: SensorTilt, time: float) -> None:
         """Set the position of the sensor: at once or, while a performer is calibrated, with the next calibration."""
         first, self._floor, level = self._floor is None, level, self._with_settings(level)
         prepared = self.next_calibration or self._current
-        if first and prepared is not None and not level.near(prepared.calibration.level, *MOVED):
+        if first and prepared is not None and not level.near(prepared.calibration.level, *MIN_TILT_CHANGE):
             self._prepare(Calibration(prepared.calibration.rest, level), time)  # which was made without it
         if self._current is None:
             self._level = level
@@ -292,7 +294,7 @@ class CharacterPlayer:
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK:
+        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK_SECONDS:
             return None
         if self.state == "leaving" and self._easing.finished(time):
             self.state = "waiting"
@@ -304,13 +306,13 @@ class CharacterPlayer:
         return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
-        found = self._floor or level_of(rest) or self._level
+        found = self._floor or estimate_tilt(rest) or self._level
         self._prepare(Calibration(rest, self._with_settings(found)), time)
 
-    def _with_settings(self, found: Level) -> Level:
+    def _with_settings(self, found: SensorTilt) -> SensorTilt:
         """Return the position of the sensor; the settings override what was detected."""
-        tilt, height = self._manner.tilt, self._manner.height
-        return Level(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
+        tilt, height = self._settings.tilt, self._settings.height
+        return SensorTilt(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
         """Compute a retargeting while the stream continues, instead of one that still waits."""
@@ -410,7 +412,7 @@ class CharacterPlayer:
             "user": self.user,
             "state": self.state,
             "mirror": self.mirror,
-            "manner": asdict(self._manner),
+            "manner": asdict(self._settings),
             "sensor": asdict(self._level),
             "floor": None if self._floor is None else asdict(self._floor),
             "calibration": None if self._current is None else self._current.to_json(),
@@ -457,10 +459,10 @@ class CharacterPlayer:
             -math.inf if snapshot[name] is None else float(snapshot[name]) + shift
             for name in ("shown_at", "idle_since", "eased_since")
         )
-        self._manner = Manner(**snapshot["manner"])
-        self._easing.seconds, self._automatic.calibrate = self._manner.ease, self._manner.calibrate
-        self._level = Level.of_json(snapshot["sensor"])
-        self._floor = None if snapshot["floor"] is None else Level.of_json(snapshot["floor"])
+        self._settings = PlayerSettings(**snapshot["manner"])
+        self._easing.seconds, self._automatic.calibrate = self._settings.ease, self._settings.calibrate
+        self._level = SensorTilt.of_json(snapshot["sensor"])
+        self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()
         self._current = prepared

@@ -105,7 +105,7 @@ class Service:
         self._loader = CharacterLoader(settings, folder, self._jobs.calibrating)
         self.runners: list[StageRunner] = []
         for name, table, players in zip(stage_names(settings), settings.stage, self._loader.load(), strict=True):
-            runner = StageRunner(table.source, Stage(name, players, table.direction), folder)
+            runner = StageRunner(table.source, Stage(name, players, table.settings), folder)
             keep.callback(runner.close)
             self.runners.append(runner)
         calibration_store.recall(self._live_stages(), calibration_store.state_file())

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, FiniteFloat, StrictBool, model_validator
 
 from engine_bridge.service.automatic_calibration import Calibrate
-from engine_bridge.service.character_player import Manner
+from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.outputs.registry import OutputTables
 from engine_bridge.service.security.endpoints import Text
-from engine_bridge.service.stage import Direction
+from engine_bridge.service.stage import StageSettings
 from engine_bridge.service.user_assignment import People
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
@@ -39,7 +39,7 @@ class CharacterTable(Table):
 
 
 class StageTable(Table):
-    """[[stage]]: a source and the characters that its performers drive; see `Direction` and `Manner`."""
+    """[[stage]]: a source and the characters that its performers drive; see `StageSettings` and `PlayerSettings`."""
 
     source: Text
     character: Annotated[tuple[CharacterTable, ...], Field(min_length=1, max_length=64)]
@@ -55,14 +55,14 @@ class StageTable(Table):
     height: Literal["auto"] | Annotated[FiniteFloat, Field(strict=True, ge=-10, le=10)] = "auto"
 
     @property
-    def direction(self) -> Direction:
-        """How the stage assigns performers to characters."""
-        return Direction(self.people, self.turn, self.lost_after, self.least_confidence)
+    def settings(self) -> StageSettings:
+        """Settings of how performers are assigned to characters."""
+        return StageSettings(self.people, self.turn, self.lost_after, self.least_confidence)
 
     @property
-    def manner(self) -> Manner:
-        """How its characters calibrate and ease."""
-        return Manner(
+    def player_settings(self) -> PlayerSettings:
+        """Settings of how the characters are calibrated and eased."""
+        return PlayerSettings(
             calibrate=self.calibrate,
             ease=self.ease,
             remember=self.remember,

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.sensor_tilt import Level
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
 
-SOURCE_GAP_SECONDS = 5 * TICK
+SOURCE_GAP_SECONDS = 5 * TICK_SECONDS
 """Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
 
 A running source emits ticks.
@@ -29,8 +29,8 @@ A running source emits ticks.
 
 
 @dataclass(frozen=True)
-class Direction:
-    """How a stage assigns performers to characters.
+class StageSettings:
+    """Settings of how a stage assigns performers to characters.
 
     Attributes
     ----------
@@ -57,14 +57,14 @@ class Stage:
     name : str
     players : sequence of CharacterPlayer
         At least one; each name once.
-    direction : Direction
+    settings : StageSettings
     """
 
-    def __init__(self, name: str, players: Sequence[CharacterPlayer], direction: Direction) -> None:
+    def __init__(self, name: str, players: Sequence[CharacterPlayer], settings: StageSettings) -> None:
         self.name = name
         self.players = list(players)
-        self._direction = direction
-        self.assignment = UserAssignment(direction.people, direction.turn, [None] * len(self.players))
+        self._settings = settings
+        self.assignment = UserAssignment(settings.people, settings.turn, [None] * len(self.players))
         self._latest: dict[int, float] = {}
         self._time = -math.inf
 
@@ -102,7 +102,7 @@ class Stage:
         return self._pass_time(event.time, received)
 
     def _perform(self, frame: SkeletonFrame, received: int) -> list[Frame]:
-        confidence = np.where(frame.confidence < self._direction.least_confidence, np.float32(LOST), frame.confidence)
+        confidence = np.where(frame.confidence < self._settings.least_confidence, np.float32(LOST), frame.confidence)
         known = confidence > LOST
         if known.any() and frame.time > self._latest.get(frame.user, -np.inf):
             self.assignment.see(frame.user, frame.time, _distance(frame.positions[known]))
@@ -118,7 +118,7 @@ class Stage:
         """Remove performers who have left, and assign the others."""
         assignment = self.assignment
         for user, presence in list(assignment.present.items()):
-            if time - presence.seen > self._direction.lost_after:
+            if time - presence.seen > self._settings.lost_after:
                 assignment.gone(user)
         assignment.assign(time)
         for player, performer in zip(self.players, assignment.performers, strict=True):
@@ -176,9 +176,9 @@ class Stage:
             )
         self.assignment.choose(self.players.index(player), user, time)
 
-    def _level_of(self, cue: Cue) -> Level:
+    def _level_of(self, cue: Cue) -> SensorTilt:
         try:
-            return Level.of_json(cue.arguments)
+            return SensorTilt.of_json(cue.arguments)
         except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",
@@ -218,7 +218,7 @@ class Stage:
         assignment = self.assignment
         return {
             "time": self._time if math.isfinite(self._time) else now,
-            "direction": asdict(self._direction),
+            "direction": asdict(self._settings),
             "people": [
                 {"user": user, "chosen": user in assignment.chosen, **asdict(presence)}
                 for user, presence in assignment.present.items()
@@ -233,12 +233,12 @@ class Stage:
         """Continue where a take begins; characters that it does not name have no performer."""
         try:
             shift = cue.time - float(cue.arguments["time"])
-            direction = Direction(**cue.arguments["direction"])
+            settings = StageSettings(**cue.arguments["direction"])
             characters = cue.arguments["characters"]
             recorded = [characters.get(player.character.name) for player in self.players]
             assignment = UserAssignment(
-                direction.people,
-                direction.turn,
+                settings.people,
+                settings.turn,
                 [None if each is None else each["user"] for each in recorded],
                 [0.0 if each is None else float(each["since"]) + shift for each in recorded],
             )
@@ -264,7 +264,7 @@ class Stage:
                 expected="a take as it was recorded",
                 fix="Remove the second line of the take; it then plays like any other recording.",
             ) from error
-        self._direction, self.assignment = direction, assignment
+        self._settings, self.assignment = settings, assignment
 
 
 def _distance(joints: NDArray[np.float64]) -> float:

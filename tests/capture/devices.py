@@ -1,4 +1,4 @@
-"""Devices and a tracker that do what a test says, a body to be seen, and a source watched as the service watches it."""
+"""Scripted devices and trackers, virtual sensors, a rendered body, and a source received from like in the service."""
 
 import ctypes.util
 import mmap
@@ -26,7 +26,7 @@ from ..conftest import missing
 from .network.conftest import STANDING
 
 PATIENCE = 10.0
-"""Seconds after which a test gives up."""
+"""Time after which a test fails, in seconds."""
 
 LENS = Lens(4, 3, 4.0)
 
@@ -35,7 +35,7 @@ FAKENECT = sorted(Path("/usr/lib").glob("*/fakenect/libfreenect.so.0.5"))
 
 
 class ScriptedDevice:
-    """Gives the pictures that are put into it; what is put in and is an exception is raised."""
+    """Returns the images in its queue, and raises the exceptions in it."""
 
     name = "a scripted device"
 
@@ -44,7 +44,7 @@ class ScriptedDevice:
         self.closed = 0
 
     def show(self, *times, color=None):
-        """Put in pictures that were taken at those times."""
+        """Put images with these times into the queue."""
         for taken in times:
             self.pictures.put(Picture(taken, LENS, color, None))
 
@@ -62,9 +62,9 @@ class ScriptedDevice:
 
 
 class ScriptedTracker:
-    """Finds the people that were last put into it, or raises what is an exception; remembers the pictures' times.
+    """Finds the performers `users`, or raises `users` if it is an exception; remembers the images' times.
 
-    A person's positions are all the picture's time.
+    All positions of a performer are the image's time.
     """
 
     name = "a scripted tracker"
@@ -86,13 +86,13 @@ class ScriptedTracker:
 
 
 class Watched:
-    """A source, waited for as the service waits."""
+    """A source, received from like in the service."""
 
     def __init__(self, watched):
         self.source = watched
 
     def events(self, count=1, until=None):
-        """Return what comes until that many events have come, ticks not counted."""
+        """Return the next events without ticks, at least `count`, or until a condition is true."""
         found = []
         give_up = time.monotonic() + PATIENCE
         while not (until(found) if until else len(found) >= count):
@@ -102,7 +102,7 @@ class Watched:
         return found
 
     def frames(self, count=1):
-        """Return the frames among the events that come until there are so many."""
+        """Return the next frames, at least `count`."""
         events = self.events(until=lambda found: sum(isinstance(each, SkeletonFrame) for each in found) >= count)
         return [each for each in events if isinstance(each, SkeletonFrame)]
 
@@ -130,13 +130,13 @@ def scripted_tracker():
 
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
-    """No picture is too old, however busy the machine is."""
-    monkeypatch.setattr(source, "OLDEST", PATIENCE)
+    """No image is too old, even on a busy machine."""
+    monkeypatch.setattr(source, "MAX_AGE_SECONDS", PATIENCE)
 
 
 @pytest.fixture
 def watch():
-    """Open a source of a device and a tracker, or of what opens them."""
+    """Open a source of a device and a tracker, or of functions that open them."""
     with ExitStack() as stack:
 
         def opened(device, tracker, name="test:", **options):
@@ -153,9 +153,9 @@ def watch():
 
 
 class VirtualSensor:
-    """What virtual_sensor.cpp shows as a sensor: mapped pictures of 640×480, and its plug.
+    """A sensor of virtual_sensor.cpp: shared images of 640×480, and its plug.
 
-    Its lens sees 1 radian from left to right.
+    Its horizontal field of view is 1 radian.
     """
 
     lens = Lens(640, 480, 320 / np.tan(0.5))
@@ -176,13 +176,13 @@ class VirtualSensor:
         self.uri, self.serial = f"virtual/{path.name}", f"serial-{path.name}"
 
     def plug(self, refuses=()):
-        """Plug it in, and have it not do some of `refusals`."""
+        """Plug it in, without some of its functions in `refusals`."""
         self.refuse(*refuses)
         self._plugged[:] = 1
         self._wait(lambda: self._listed[0])
 
     def refuse(self, *what):
-        """Have it not do some of `refusals` from now on."""
+        """Disable some of its functions in `refusals`."""
         self._refuses[:] = sum(1 << self.refusals.index(each) for each in what)
 
     def unplug(self):
@@ -190,7 +190,7 @@ class VirtualSensor:
         self._wait(lambda: not self._listed[0])
 
     def show(self, depth, color, moment):
-        """Show a picture, of millimetres and RGB, at seconds on the sensor's clock; return when it was given."""
+        """Show millimetres and RGB at a time of the sensor's clock, in seconds; return when they were delivered."""
         self.wait_for_streams()
         self._depth[:], self._color[:], self._time[:] = depth, color, round(moment * 1e6)
         self._shown += 1
@@ -202,7 +202,7 @@ class VirtualSensor:
 
     @property
     def streaming(self):
-        """How many streams it gives."""
+        """Number of running streams."""
         return int(self._streaming[0])
 
     def _wait(self, what):
@@ -242,9 +242,9 @@ def _virtual_sensors(openni_folder):
 @pytest.fixture
 def virtual_sensors(_virtual_sensors):
     """Two sensors, unplugged, that the real OpenNI2 library finds in this process once they are plugged in."""
-    from capture.sensors.openni import openni2
+    from capture.sensors.openni_library import load_openni2
 
-    openni2("test")
+    load_openni2("test")
     yield _virtual_sensors
     for sensor in _virtual_sensors:
         sensor.unplug()
@@ -252,16 +252,17 @@ def virtual_sensors(_virtual_sensors):
 
 @pytest.fixture(scope="session")
 def record(_virtual_sensors):
-    """Record what a sensor that is plugged in shows with OpenNI2's recorder: pairs of depth and colour, in even steps.
+    """Record depth and colour of a sensor that is plugged in, at even steps, with OpenNI2's recorder.
 
-    On a busy machine, the recorder leaves pictures out; then it is done again.
+    On a busy machine, the recorder skips images; then the recording is repeated.
     """
-    from capture.sensors.openni import OpenNIDevice, Place, openni2
+    from capture.sensors.openni import OpenNIDevice, Selection
+    from capture.sensors.openni_library import load_openni2
 
-    bindings = openni2("test")
+    bindings = load_openni2("test")
 
     def once(sensor, path, pictures, step):
-        with closing(OpenNIDevice("openni:", Place())) as device:
+        with closing(OpenNIDevice("openni:", Selection())) as device:
             recorder = bindings.Recorder(os.fsencode(path))
             for stream in device._streams:
                 recorder.attach(stream)
@@ -283,7 +284,7 @@ def record(_virtual_sensors):
 
 
 def read(device):
-    """Return the next picture of a device."""
+    """Return the next image of a device."""
     give_up = time.monotonic() + PATIENCE
     while (picture := device.read(0.5)) is None:
         assert time.monotonic() < give_up
@@ -303,7 +304,7 @@ def data_of(content):
 
 @pytest.fixture(scope="session")
 def fakenect(tmp_path_factory):
-    """A folder with fakenect under the name of the library, and what stands in front of it."""
+    """A folder with fakenect, behind a library of the tests that has libfreenect's name."""
     compiler = shutil.which("gcc")
     if not FAKENECT or not compiler or not Path("/usr/include/libfreenect.h").exists():
         missing("freenect", "libfreenect is not here (Debian: libfreenect-dev and gcc)")
@@ -340,7 +341,7 @@ def run_with_kinect(fakenect):
 
 @pytest.fixture
 def write_dump(tmp_path):
-    """Write what fakenect plays: (depth or colour, ticks) in the order in which they come."""
+    """Write a dump for fakenect: depth or colour images with their ticks, in order of arrival."""
 
     def write(pictures, interval=0.01):
         folder = tmp_path / "dump"
@@ -358,7 +359,7 @@ def write_dump(tmp_path):
 
 @pytest.fixture
 def standing():
-    """(20, 3) joints of somebody who faces the sensor, 2.5 m away, the right arm up."""
+    """(20, 3) joints of a performer who faces the sensor, 2.5 m away, with the right arm up."""
     return np.array([STANDING[name] for name in JOINT_INDEX]) + np.array([0.1, 0.05, 2.5])
 
 

@@ -284,6 +284,7 @@ def frames():
     """Turn (T, 20, 3) joints into the frames of a sensor with 30 of them a second; NaN is lost."""
 
     def make(positions, start=0.0):
+        positions = np.ascontiguousarray(positions)  # as sensors give them; others need code compiled for them
         known = np.where(np.isnan(positions).any(axis=-1), LOST, 1).astype(np.float32)
         return [SkeletonFrame(start + i / 30, 1, place, known[i]) for i, place in enumerate(positions)]
 

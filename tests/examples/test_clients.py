@@ -23,7 +23,7 @@ EXPECTED = json.loads((VECTORS / "expected.json").read_text(encoding="utf-8"))
 SCENE = EXPECTED["scene"]["facts"]
 MODES = ("controls", "morphs", "vertices")
 TOLD = ("sequence", "time", "state", "user", "received", "published")
-PATIENCE = 20.0
+TIMEOUT_SECONDS = 20.0
 
 
 def load(path):
@@ -80,14 +80,14 @@ class Service:
 
     def shown(self):
         """Return the frame for which the client has waited."""
-        return self._next.result(PATIENCE)
+        return self._next.result(TIMEOUT_SECONDS)
 
     def error(self):
-        return self._next.exception(PATIENCE)
+        return self._next.exception(TIMEOUT_SECONDS)
 
     def asked(self):
         """Return what is subscribed to next or, with a minus, no longer."""
-        assert self._socket.poll(1000 * PATIENCE)
+        assert self._socket.poll(1000 * TIMEOUT_SECONDS)
         request = self._socket.recv()
         assert request[-1:] == b"\0"
         return "-+"[request[0]] + request[1:-1].decode()

@@ -8,6 +8,9 @@ import pytest
 from engine_bridge.character.character import load_character
 from solver.model.reduced_model import ModelParameters, build
 
+from .corpus import CORPUS
+from .damage import of_kind
+
 REAL = {
     "gltf/nested.glb": 30,
     "gltf/cubevc.glb": 30,
@@ -35,7 +38,7 @@ def test_damaged_files_are_read_or_refused(corpus_and_kind, try_damaged):
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, kit, try_damaged, name):
+def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged, name):
     original = real_data / "mesh" / name
     path = tmp_path / "own" / original.name
     if "/" in name:  # with its pictures
@@ -43,14 +46,14 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, kit, try_da
     else:
         path.parent.mkdir()
     whole = original.read_bytes()
-    for kind in kit.of_kind(name):
+    for kind in of_kind(name):
         path.write_bytes(whole)
         outcomes = try_damaged(path, kind, REAL[name], enough=0)
         assert sum(outcomes.values()) >= 1
 
 
 @pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
-def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, kit, try_damaged, name):
+def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, try_damaged, name):
     def road(path):
         model = build(load_character(path).solver_mesh(), ModelParameters(fields=4, isolines=5))
         for array in (
@@ -65,6 +68,6 @@ def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, kit, try_
         ):
             assert np.isfinite(array).all()
 
-    (folder / name).write_bytes(kit.corpus[name])
+    (folder / name).write_bytes(CORPUS[name])
     outcomes = try_damaged(folder / name, "arrays" if name.endswith(".glb") else "bytes", 25, 2, road)
     assert min(outcomes.values()) >= 2

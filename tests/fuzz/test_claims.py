@@ -16,6 +16,8 @@ import pytest
 from engine_bridge.character.readers import read_surface
 from puppetline.errors import MeshError
 
+from .corpus import CORPUS, RAW, pack, unpack
+
 MEASURE = Path(__file__).with_name("measure.py")
 
 MB = 2**20
@@ -103,9 +105,9 @@ def faults_without_end(gltf, binary):
     return binary
 
 
-def painted_with(picture, copies):
+def painted_with(width, height, copies):
     def change(gltf, binary):
-        view, binary = with_bytes(gltf, binary, picture)
+        view, binary = with_bytes(gltf, binary, png(width, height))
         primitive, material = gltf["meshes"][0]["primitives"][0], gltf["materials"][0]
         gltf["images"] = [{"bufferView": view}] * copies
         gltf["textures"] = [{"source": number} for number in range(copies)]
@@ -144,9 +146,9 @@ GLTF = {
 """All of these are refused."""
 
 UNFOLDED = {
-    "one large picture": painted_with(png(30_000, 30_000), 1),
-    "one long picture": painted_with(png(2**27, 1), 1),
-    "many pictures": painted_with(png(1024, 1024), 1000),
+    "one large picture": painted_with(30_000, 30_000, 1),
+    "one long picture": painted_with(2**27, 1, 1),
+    "many pictures": painted_with(1024, 1024, 1000),
     "bytes that are the file": names_itself("buffers"),
     "pictures that are the file": names_itself("images"),
 }
@@ -158,15 +160,15 @@ def announced(content, old, new):
     return content.replace(old, new)
 
 
-def surfaces(corpus):
+def surfaces():
     """Mesh files of a kilobyte or so that claim a gigabyte or so."""
-    stl, obj, off = corpus["binary.stl"], corpus["a.obj"], corpus["a.off"]
+    stl, obj, off = CORPUS["binary.stl"], CORPUS["a.obj"], CORPUS["a.off"]
     files = {"count.stl": stl[:80] + b"\xff" * 4 + stl[84:], "index.obj": obj + b"f 1 2 1000000000\n"}
     files["vertices.off"] = announced(off, b"26 48 0", b"1000000000 48 0")
     files["faces.off"] = announced(off, b"26 48 0", b"26 1000000000 0")
     files["corners.off"] = off.replace(b"\n3 ", b"\n1000000000 ", 1)
     for kind in ("text", "little", "big"):
-        ply = corpus[f"{kind}.ply"]
+        ply = CORPUS[f"{kind}.ply"]
         for element, count in (("vertex", 26), ("face", 48)):
             large = f"element {element} 1000000000".encode()
             files[f"{kind}_{element}.ply"] = announced(ply, f"element {element} {count}".encode(), large)
@@ -192,7 +194,7 @@ def measured(good, paths):
 
 
 @pytest.fixture
-def good(kit, folder):
+def good(folder):
     """Write a good .glb of at least as many bytes as asked for."""
     points, faces = igl.icosahedron()
     faces = faces.astype(np.uint32)
@@ -216,7 +218,7 @@ def good(kit, folder):
                 "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
                 "nodes": [{"mesh": 0}],
             }
-            content = kit.pack(gltf, position + index)
+            content = pack(gltf, position + index)
         path = folder / f"good_{size}.glb"
         path.write_bytes(content)
         return path
@@ -224,10 +226,10 @@ def good(kit, folder):
     return write
 
 
-def changed(kit, origin, change):
-    gltf, binary = kit.parts(origin)
+def changed(origin, change):
+    gltf, binary = unpack(CORPUS[origin])
     binary = change(gltf, binary)
-    return kit.pack(gltf, binary)
+    return pack(gltf, binary)
 
 
 @pytest.fixture
@@ -252,20 +254,20 @@ def check(folder, good):
 
 
 @needs_linux
-def test_a_claim_is_refused_in_the_memory_and_time_of_a_good_file(kit, check):
-    contents = {f"{name}.glb": changed(kit, origin, change) for name, (origin, change) in GLTF.items()}
-    contents |= {f"chunk {number}.glb": content for number, content in enumerate(chunks(kit.corpus["textured.glb"]))}
-    check(contents | surfaces(kit.corpus), "MeshError")
+def test_a_claim_is_refused_in_the_memory_and_time_of_a_good_file(check):
+    contents = {f"{name}.glb": changed(origin, change) for name, (origin, change) in GLTF.items()}
+    contents |= {f"chunk {number}.glb": content for number, content in enumerate(chunks(CORPUS["textured.glb"]))}
+    check(contents | surfaces(), "MeshError")
 
 
 @pytest.fixture(scope="module")
-def unfolded(kit, tmp_path_factory):
+def unfolded(tmp_path_factory):
     """What `measure.py` says of each file of `UNFOLDED`."""
     good = tmp_path_factory.mktemp("good") / "textured.glb"
-    good.write_bytes(kit.corpus["textured.glb"])
+    good.write_bytes(CORPUS["textured.glb"])
     paths = [tmp_path_factory.mktemp("unfolded") / "itself.glb" for _ in UNFOLDED]
     for path, change in zip(paths, UNFOLDED.values(), strict=True):
-        path.write_bytes(changed(kit, "textured.glb", change))
+        path.write_bytes(changed("textured.glb", change))
     return dict(zip(UNFOLDED, measured(good, paths), strict=True))
 
 
@@ -277,12 +279,12 @@ def test_what_unfolds_is_read_within_bounds(unfolded, name):
     assert more < 400 * MB
 
 
-def test_nesting_of_any_depth_is_written_again_or_refused(kit, folder, go):
-    gltf, binary = kit.parts("textured.glb")
+def test_nesting_of_any_depth_is_written_again_or_refused(folder, go):
+    gltf, binary = unpack(CORPUS["textured.glb"])
     written = []
     for depth in (1, 100, 400, *range(500, 1100, 7), 100_000):
-        gltf["extras"] = kit.raw + "[" * depth + "]" * depth
-        (folder / "deep.glb").write_bytes(kit.pack(gltf, binary))
+        gltf["extras"] = RAW + "[" * depth + "]" * depth
+        (folder / "deep.glb").write_bytes(pack(gltf, binary))
         with contextlib.suppress(MeshError):
             go(folder / "deep.glb")
             written.append(depth)
@@ -290,13 +292,13 @@ def test_nesting_of_any_depth_is_written_again_or_refused(kit, folder, go):
     assert written[-1] < 1100
 
 
-def test_materials_that_are_not_there_do_not_cost_a_look_through_the_folder_each(kit, folder):
+def test_materials_that_are_not_there_do_not_cost_a_look_through_the_folder_each(folder):
     materials = b"".join(b"newmtl m%d\nmap_Kd no%d.png\n" % (number, number) for number in range(3000))
     (folder / "skin.mtl").write_bytes(materials)
-    (folder / "a.obj").write_bytes(kit.corpus["a.obj"])
+    (folder / "a.obj").write_bytes(CORPUS["a.obj"])
     assert len(read_surface(folder / "a.obj").notes) >= 3000
 
 
-def test_a_line_that_names_no_library_for_long_is_read_once(kit, folder):
-    (folder / "a.obj").write_bytes(b"mtllib " + b"a " * 100_000 + b"\n" + kit.corpus["a.obj"])
+def test_a_line_that_names_no_library_for_long_is_read_once(folder):
+    (folder / "a.obj").write_bytes(b"mtllib " + b"a " * 100_000 + b"\n" + CORPUS["a.obj"])
     assert len(read_surface(folder / "a.obj").pieces) == 2

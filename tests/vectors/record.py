@@ -10,7 +10,7 @@ from engine_bridge.character.character import make_character
 from engine_bridge.character.preparation import prepare
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.rig import Rig
-from engine_bridge.puppet import puppet
+from engine_bridge.puppet import puppet_file
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from engine_bridge.service.protocol.header import (
     FRAME_KINDS,
@@ -58,7 +58,7 @@ def worm() -> Rig:
     vertices[:, [0, 2]] *= 1 + 0.2 * vertices[:, 1:2]
     vertices = vertices.astype(np.float32).astype(np.float64)
     colors = np.clip(vertices * [0.3, 0.15, 0.3] + 0.5, 0, 1)
-    checked = puppet.check(PUPPET, "worm")
+    checked = puppet_file.check(PUPPET, "worm")
     character = make_character("worm", vertices, faces, colors)
     return Rig(
         checked, character, *prepare(character.vertices, character.triangles, checked.solver.parameters, None, "worm")

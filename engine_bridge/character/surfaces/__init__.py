@@ -1,1 +1,1 @@
-"""Mesh files that are not glTF: what they hold, as triangles that a glTF document can be made of."""
+"""Readers of mesh files other than glTF, which return surfaces of triangles."""

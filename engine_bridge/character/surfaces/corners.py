@@ -1,27 +1,27 @@
-"""Vertices out of corners that name their position, texture coordinates and normal apart."""
+"""Vertices from corners with separate indices of position, texture coordinates and normal."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.surface.winding import in_order
+from solver.surface.winding import lexicographic_order
 
 
-def alike(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find equal rows in linear time.
+def unique_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find distinct rows in linear time.
 
     Parameters
     ----------
     rows : (r, k) int64
-        From −1 to some number that is not much larger than r.
+        Integers from −1 to a number that is not much larger than r.
 
     Returns
     -------
     first : (n,) int64
-        The first row of each kind, the kinds sorted by their first entries, then by the second ones and so on.
+        Index of the first row of each kind; kinds are sorted lexicographically.
     kind : (r,) int64
-        As an index into `first`.
+        Kind of each row, as an index into `first`.
     """
-    order = in_order(rows + 1, int(rows.max(initial=-1)) + 2)
+    order = lexicographic_order(rows + 1, int(rows.max(initial=-1)) + 2)
     new = np.zeros(len(rows), dtype=np.bool_)
     new[:1] = True
     for column in rows.T:
@@ -32,22 +32,22 @@ def alike(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]
     return order[new], kind
 
 
-def distinct(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find the distinct corners, which are a mesh's vertices.
+def distinct_corners(corners: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Find the distinct corners, which become a mesh's vertices.
 
     Parameters
     ----------
     corners : (c, k) int64
-        Indices from −1 on.
+        Indices, −1 for none.
 
     Returns
     -------
     first : (n,) int64
-        The first corner of each kind, ascending.
+        Index of the first corner of each kind, ascending.
     vertex_of : (c,) int64
-        The vertex, as an index into `first`, that each corner becomes.
+        Vertex of each corner, as an index into `first`.
     """
-    first, kind = alike(corners)
+    first, kind = unique_rows(corners)
     order = np.argsort(first)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from engine_bridge.character.surfaces.files import Folder
-from engine_bridge.character.surfaces.surface import Material, Picture, count
+from engine_bridge.character.surfaces.surface import ImageFile, Material, count
 from engine_bridge.character.surfaces.text import decoded
 from puppetline.errors import at
 
@@ -18,37 +18,37 @@ OPTION = re.compile(
     r"|(?:blendu|blendv|bm|boost|cc|clamp|imfchan|texres|type)\s+\S+)\s+",
     re.IGNORECASE,
 )
-"""One option before the file name of a map."""
+"""Option before the file name of a map."""
 
-PLAIN = re.compile(
+NEUTRAL_OPTION = re.compile(
     r"-(?:(?:s|bm)(?:\s+\+?1(?:\.0*)?)+|[ot](?:\s+[-+]?0(?:\.0*)?)+|mm\s+0(?:\.0*)?\s+1(?:\.0*)?|(?:clamp|cc)\s+off"
     r"|(?:blendu|blendv|boost|imfchan|texres|type)\s.*)\s+",
     re.IGNORECASE,
 )
-"""An option that leaves a map as it is, or only says how it is sampled."""
+"""Option that does not change a map, or only its sampling."""
 
-NOT_CARRIED = (
+UNSUPPORTED_MAPS = (
     "map_ks", "map_ns", "map_ke", "map_pr", "map_pm", "map_ps", "map_refl", "refl", "disp", "map_disp", "decal",
     "map_tr",
 )  # fmt: skip
-"""Maps that have no place here."""
+"""Maps that are ignored with a note."""
 
 
 def read(path: Path, folder: Folder) -> dict[str, Material]:
     """Read the materials of a file.
 
-    Colours are taken as linear, as Blender writes them and most readers take them. A picture stands in place of Kd.
+    Colours are linear, as Blender writes them and most readers interpret them. An image replaces Kd.
 
     Parameters
     ----------
     path : Path
     folder : Folder
-        The mesh's, which knows its pictures and takes notes.
+        Folder of the mesh, which reads images and receives notes.
 
     Raises
     ------
     MeshError
-        No text.
+        Not a text file.
     """
     found: dict[str, _Statements] = {}
     current = None
@@ -62,12 +62,12 @@ def read(path: Path, folder: Folder) -> dict[str, Material]:
     materials = {name: statements.material() for name, statements in found.items()}
     wrong = [line for statements in found.values() for line in statements.not_understood]
     if wrong:
-        folder.notes.append(f"{path.name}: {count(len(wrong), 'line')} not understood, the first is line {min(wrong)}.")
+        folder.notes.append(f"{path.name}: {count(len(wrong), 'line')} not understood; the first is line {min(wrong)}.")
     return materials
 
 
 class _Statements:
-    """What a file says of one material: line number and value by lower-case keyword."""
+    """Statements of a material: line number and value by lower-case keyword."""
 
     def __init__(self, path: Path, name: str, folder: Folder) -> None:
         self.path = path
@@ -78,12 +78,12 @@ class _Statements:
 
     def material(self) -> Material:
         opacity = self._opacity()
-        texture = self._picture("map_kd")
+        texture = self._image_of("map_kd")
         cut_out = self._is_cut_out(texture)
         color = (1.0, 1.0, 1.0) if texture else self._color("kd") or Material.base_color[:3]
-        for kind in NOT_CARRIED:
+        for kind in UNSUPPORTED_MAPS:
             if kind in self.lines:
-                self.folder.notes.append(f"Material {self.name!r}: {kind} is not carried.")
+                self.folder.notes.append(f"Material {self.name!r}: {kind} is ignored.")
         return Material(
             name=self.name,
             base_color=(*color, opacity),
@@ -96,7 +96,7 @@ class _Statements:
         )
 
     def _numbers(self, kind: str) -> list[float]:
-        """Return a statement's numbers, none where it is not there or not understood."""
+        """Return a statement's numbers, none if it is missing or not understood."""
         line, value = self.lines.get(kind, (0, ""))
         try:
             numbers = [float(field) for field in value.removeprefix("-halo").split()]
@@ -118,14 +118,14 @@ class _Statements:
         return red, green, blue
 
     def _opacity(self) -> float:
-        """Return d, or 1 − Tr; MeshLab writes Tr 1 for what is to be seen, so that nothing is quite transparent."""
+        """Return d, or 1 − Tr. A result of 0 becomes 1, because MeshLab writes Tr 1 for opaque materials."""
         opacity = self._number("d", 1.0 - self._number("tr", 0.0, most=1.0), most=1.0)
         if opacity == 0:
-            self.folder.notes.append(f"Material {self.name!r} would be invisible: made opaque.")
+            self.folder.notes.append(f"Material {self.name!r} would be invisible and was made opaque.")
         return opacity or 1.0
 
     def _roughness(self) -> float:
-        """Return Pr, or what has a highlight as wide as Ns gives.
+        """Return Pr, or the roughness with a highlight as wide as that of Ns.
 
         A Phong exponent Ns is like a microfacet width α with α² = 2 / (Ns + 2) (Walter et al., Microfacet Models for
         Refraction through Rough Surfaces, 2007, 5.2), and glTF's α is its roughness squared.
@@ -146,44 +146,44 @@ class _Statements:
             name = name[option.end() :]
         return name.strip().strip('"'), options
 
-    def _picture(self, kind: str) -> Picture | None:
-        """Return the picture of a map as it is, and note the options that would change it."""
+    def _image_of(self, kind: str) -> ImageFile | None:
+        """Return the unchanged image of a map, and note options that would change it."""
         name, options = self._map(kind)
         where = at(self.path, line=self.lines[kind][0] if name else None)
-        picture = self.folder.picture(name, self.path.parent, where) if name else None
-        lost = [option.split()[0] for option in options if not PLAIN.fullmatch(option)]
-        if picture and lost:
-            self.folder.notes.append(f"Material {self.name!r}: {', '.join(lost)} of {kind} not carried.")
-        return picture
+        image = self.folder.image(name, self.path.parent, where) if name else None
+        lost = [option.split()[0] for option in options if not NEUTRAL_OPTION.fullmatch(option)]
+        if image and lost:
+            self.folder.notes.append(f"Material {self.name!r}: {', '.join(lost)} of {kind} ignored.")
+        return image
 
-    def _normals(self) -> Picture | None:
-        """Return the first map of normals, also where it is called a bump map, as many programs write it."""
+    def _normals(self) -> ImageFile | None:
+        """Return the first normal map, which many programs write as a bump map."""
         normals, taken = None, ""
         for kind in ("norm", "map_bump", "bump"):
             if not taken:
-                picture = self._picture(kind)
-                if picture and (kind == "norm" or _holds_normals(picture)):
-                    normals, taken = picture, kind
-                elif picture:
-                    self.folder.notes.append(f"Material {self.name!r}: {kind} holds heights and is not carried.")
+                image = self._image_of(kind)
+                if image and (kind == "norm" or _holds_normals(image)):
+                    normals, taken = image, kind
+                elif image:
+                    self.folder.notes.append(f"Material {self.name!r}: {kind} has heights and is ignored.")
             elif kind in self.lines and self._map(kind)[0] != self._map(taken)[0]:
-                self.folder.notes.append(f"Material {self.name!r}: {kind} is not carried beside {taken}.")
+                self.folder.notes.append(f"Material {self.name!r}: {kind} is ignored in favour of {taken}.")
         return normals
 
-    def _is_cut_out(self, texture: Picture | None) -> bool:
-        """Tell whether the opacity map is the texture's own alpha channel."""
+    def _is_cut_out(self, texture: ImageFile | None) -> bool:
+        """Return whether the opacity map is the texture's alpha channel."""
         if "map_d" not in self.lines:
             return False
         if texture and self._map("map_d")[0] == self._map("map_kd")[0]:
             with Image.open(io.BytesIO(texture.content)) as image:
                 if "A" in image.getbands():
                     return True
-        self.folder.notes.append(f"Material {self.name!r}: map_d is not carried.")
+        self.folder.notes.append(f"Material {self.name!r}: map_d is ignored.")
         return False
 
 
-def _holds_normals(picture: Picture) -> bool:
-    """Tell a map of normals, which is bluish, from one of heights, which is grey."""
-    with Image.open(io.BytesIO(picture.content)) as image:
+def _holds_normals(file: ImageFile) -> bool:
+    """Return whether a map has normals, which are bluish, and not heights, which are grey."""
+    with Image.open(io.BytesIO(file.content)) as image:
         red, green, blue = np.asarray(image.convert("RGB").resize((16, 16))).reshape(-1, 3).mean(axis=0)
     return bool(blue > 1.3 * max(red, green))

@@ -1,4 +1,4 @@
-"""OFF in its text form: polygons, with normals (NOFF), colours (COFF) and texture coordinates (STOFF) of vertices."""
+"""OFF as text: polygons, with normals (NOFF), colours (COFF) and texture coordinates (STOFF) of vertices."""
 
 import re
 from dataclasses import replace
@@ -17,14 +17,14 @@ HEAD = re.compile(rb"\A(?:\xef\xbb\xbf)?(?:\s|#.*\n)*(?:ST)?C?N?4?n?OFF(?![A-Za-
 
 
 def matches(head: bytes) -> bool:
-    """Tell whether a file begins with the keyword of an OFF."""
+    """Return whether a file begins with the keyword of an OFF file."""
     return HEAD.match(head) is not None
 
 
 def read(path: Path, content: bytes) -> Surface:
     """Read an OFF file.
 
-    Vertex colours are taken as sRGB; those of faces are left out.
+    Vertex colours are sRGB; colours of faces are omitted.
 
     Raises
     ------
@@ -40,14 +40,14 @@ def read(path: Path, content: bytes) -> Surface:
             lines.lines.append(number)
             lines.texts.append(text)
     keyword = KEYWORD.match(lines.texts[0]) if len(lines) else None
-    if keyword:  # more may follow on its line, even without a space
+    if keyword:  # counts may follow on its line, even without a space
         lines.texts[0] = lines.texts[0][keyword.end() :].strip()
         begin = 0 if lines.texts[0] else 1
         lines = replace(lines, lines=lines.lines[begin:], texts=lines.texts[begin:])
     textured, colored, with_normals, *of_other_dimension = keyword.groups() if keyword else [None] * 5
     if any(of_other_dimension):
         raise MeshError(
-            path, found="vertices in another space", expected="x, y and z", fix="Export the mesh as plain OFF."
+            path, found="vertices with another dimension", expected="x, y and z", fix="Export the mesh as plain OFF."
         )
     vertices, faces, notes = _divided(path, lines)
     needed = 3 + 3 * bool(with_normals) + 3 * bool(colored) + 2 * bool(textured)
@@ -70,7 +70,7 @@ def read(path: Path, content: bytes) -> Surface:
 
 
 def _divided(path: Path, lines: Rows) -> tuple[Rows, Rows, list[str]]:
-    """Divide the lines after the keyword into those of vertices and those of faces, and note what is left."""
+    """Return the lines of vertices, the lines of faces, and notes about the rest."""
     if not len(lines):
         raise damaged(path, "no counts", lines.expected)
     counts = lines.texts[0].split()
@@ -79,10 +79,10 @@ def _divided(path: Path, lines: Rows) -> tuple[Rows, Rows, list[str]]:
     vertices, faces = (int(number[:12]) for number in counts[:2])
     where, there = at(path, line=lines.lines[0]), len(lines) - 1
     if not vertices or not faces:
-        raise damaged(where, repr(lines.texts[0]), "a surface: points have none")
+        raise damaged(where, repr(lines.texts[0]), "at least one vertex and one face")
     if vertices + faces > there:
         announced = f"{count(vertices, 'vertex', 'vertices')} and {count(faces, 'face')} announced"
-        raise damaged(where, announced, f"a line for each, and not {there:,} in all")
+        raise damaged(where, announced, f"one line for each, more than the {there:,} in the file")
     points, polygons = slice(1, vertices + 1), slice(vertices + 1, vertices + faces + 1)
     rest = there - vertices - faces
     return (
@@ -93,12 +93,12 @@ def _divided(path: Path, lines: Rows) -> tuple[Rows, Rows, list[str]]:
             lines.lines[polygons],
             lines.texts[polygons],
         ),
-        [f"{count(rest, 'line')} after the last face left out."] if rest else [],
+        [f"{count(rest, 'line')} after the last face omitted."] if rest else [],
     )
 
 
 def _triangles(faces: Rows, positions: NDArray[np.float64]) -> tuple[NDArray[np.int64], list[str]]:
-    """Read the faces as triangles, and note what they have besides."""
+    """Return the faces as triangles, and notes about omissions."""
     values, widths = faces.numbers, faces.widths
     starts = np.cumsum(widths) - widths
     stated = values[starts]  # no line is empty
@@ -111,7 +111,7 @@ def _triangles(faces: Rows, positions: NDArray[np.float64]) -> tuple[NDArray[np.
     corners = indices.astype(np.int64)
     notes = []
     if (widths > sizes + 1).any():
-        notes.append("Colours of faces left out: glTF has them at vertices.")
+        notes.append("Colours of faces are omitted; glTF supports them at vertices only.")
     if (sizes < 3).any():
-        notes.append(f"{count(int((sizes < 3).sum()), 'face')} of fewer than 3 corners left out.")
+        notes.append(f"{count(int((sizes < 3).sum()), 'face')} with fewer than 3 corners omitted.")
     return corners[triangulate(positions[corners], sizes)[0]], notes

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from engine_bridge.character.surfaces.corners import distinct
+from engine_bridge.character.surfaces.corners import distinct_corners
 from engine_bridge.character.surfaces.files import Folder
 from engine_bridge.character.surfaces.ply_tables import Table, read_tables
 from engine_bridge.character.surfaces.polygons import triangulate
@@ -30,32 +30,32 @@ OPACITY = ("alpha", "diffuse_alpha", "a")
 TEXTURE_COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 CORNERS = ("vertex_indices", "vertex_index")
 TEXTURE_CORNERS = "texcoord"
-"""MeshLab's list of the texture coordinates of a face's corners."""
+"""Property with the texture coordinates of a face's corners, which MeshLab writes."""
 
-LARGEST = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
-"""Full colour."""
+FULL_SCALE = {np.dtype(np.uint8): 255.0, np.dtype(np.uint16): 65535.0}
+"""Largest value of a colour by type."""
 
-CARRIED = {
+SUPPORTED_PROPERTIES = {
     "vertex": {*POSITION, *NORMAL, *OPACITY, *(name for names in COLORS + TEXTURE_COORDINATES for name in names)},
     "face": {*CORNERS, TEXTURE_CORNERS},
     "tristrips": set(CORNERS),
 }
-"""Properties by element."""
+"""Properties that are read, by element."""
 
 
 def read(path: Path, content: bytes) -> Surface:
     """Read a PLY file.
 
-    Vertex colours are taken as sRGB. Texture coordinates of vertices or of the corners of faces belong to the picture
-    that a comment ``TextureFile`` names.
+    Vertex colours are sRGB. Texture coordinates of vertices or of the corners of faces belong to the image that a
+    comment ``TextureFile`` names.
 
     Raises
     ------
     MeshError
         With the line, or the element and row, that cannot be read.
     """
-    tables, pictures = read_tables(path, content)
-    vertex, notes = tables.get("vertex", {}), _not_carried(tables)
+    tables, images = read_tables(path, content)
+    vertex, notes = tables.get("vertex", {}), _ignored(tables)
     folder = Folder(path, notes)
     positions = _positions(path, vertex)
     triangles, uvs_of_corners = _triangles(path, tables, positions, notes)
@@ -63,19 +63,19 @@ def read(path: Path, content: bytes) -> Surface:
     if uvs_of_corners is not None:
         _, uv = np.unique(uvs_of_corners, axis=0, return_inverse=True)
         used = triangles.ravel()
-        first, vertex_of = distinct(np.column_stack([used, uv.ravel()]))
+        first, vertex_of = distinct_corners(np.column_stack([used, uv.ravel()]))
         lost = len(positions) - len(np.unique(used))
         if lost:
-            notes.append(f"{count(lost, 'vertex', 'vertices')} in no face left out.")
+            notes.append(f"{count(lost, 'vertex', 'vertices')} without a face omitted.")
         kept = used[first]
         positions, triangles, uvs = positions[kept], vertex_of.reshape(-1, 3), uvs_of_corners[first]
         normals, colors = (None if values is None else values[kept] for values in (normals, colors))
     material = material_for(colors)
     if uvs is not None:
         uvs = upper_left(uvs)
-        material = _textured(path, pictures, folder) or material
-    elif pictures:
-        notes.append(f"No texture coordinates for the picture {pictures[0][1]!r}: left out.")
+        material = _textured(path, images, folder) or material
+    elif images:
+        notes.append(f"The image {images[0][1]!r} is omitted, because there are no texture coordinates.")
     return Surface([Piece("", positions, triangles, material, normals, uvs, colors)], notes, files=folder.files)
 
 
@@ -93,19 +93,19 @@ def _positions(path: Path, vertex: Table) -> NDArray[np.float64]:
 def _triangles(
     path: Path, tables: dict[str, Table], positions: NDArray[np.float64], notes: list[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64] | None]:
-    """Return the (t, 3) triangles, and the (3 t, 2) texture coordinates of their corners, where faces have such."""
+    """Return the triangles (t, 3), and the texture coordinates (3 t, 2) of their corners if faces have them."""
     if polygons := _lists(path, tables, "face", CORNERS):
         values, sizes = polygons
         corners = _indices(path, "face", values, sizes, len(positions))
         triangles, _ = triangulate(positions[corners], sizes)
         few = int((sizes < 3).sum())
         if few:
-            notes.append(f"{count(few, 'face')} of fewer than 3 corners left out.")
+            notes.append(f"{count(few, 'face')} with fewer than 3 corners omitted.")
         of_corners = _lists(path, tables, "face", (TEXTURE_CORNERS,))
         if of_corners and np.array_equal(of_corners[1], 2 * sizes):
             return corners[triangles], _floats(of_corners[0]).reshape(-1, 2)[triangles.ravel()]
         if of_corners:
-            notes.append("Texture coordinates left out: some faces have none.")
+            notes.append("Texture coordinates are omitted, because some faces have none.")
         return corners[triangles], None
     if strips := _lists(path, tables, "tristrips", CORNERS):
         values, sizes = strips
@@ -113,18 +113,18 @@ def _triangles(
     raise MeshError(
         path,
         found="no faces",
-        expected="a PLY file with a surface: points have none",
-        fix="Make a surface of the points first (MeshLab: Screened Poisson), or export the mesh itself.",
+        expected="a PLY file with faces",
+        fix="Export the mesh, or reconstruct a surface from the points (MeshLab: Screened Poisson).",
     )
 
 
 def _lists(
     path: Path, tables: dict[str, Table], element: str, names: tuple[str, ...]
 ) -> tuple[NDArray[Any], NDArray[np.int64]] | None:
-    """Return values and lengths of the first of the columns that is there and not empty."""
+    """Return values and lengths of the first existing column that is not empty."""
     for column in (tables[element][name] for name in names if name in tables.get(element, {})):
         if column.lengths is None:
-            raise damaged(at(path, field=f"element {element}"), "one corner a face", "a list of them")
+            raise damaged(at(path, field=f"element {element}"), "one corner per face", "a list of corners")
         if len(column.values):
             return column.values, column.lengths
     return None
@@ -133,7 +133,7 @@ def _lists(
 def _indices(
     path: Path, element: str, values: NDArray[Any], lengths: NDArray[np.int64], vertices: int, least: int = 0
 ) -> NDArray[np.int64]:
-    """Return the vertices that the rows of an element name, and refuse others than those from `least` on."""
+    """Return the vertices that the rows of an element name; refuse indices outside the range from `least` on."""
     wrong = ~((values >= least) & (values < vertices) & (values == np.floor(values)))
     if wrong.any():
         first = int(np.argmax(wrong))
@@ -145,7 +145,7 @@ def _indices(
 
 
 def _unrolled(corners: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the triangles of strips, which end at −1 or with their list, without those that only lead on."""
+    """Return the triangles of strips, which end at −1 or with their list, without degenerate ones."""
     row = np.repeat(np.arange(len(lengths)), lengths)
     index = np.arange(len(corners))
     begins = np.ones(len(corners), dtype=bool)
@@ -158,7 +158,7 @@ def _unrolled(corners: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray
 
 
 def _numbers(vertex: Table, names: tuple[str, ...]) -> NDArray[np.float64] | None:
-    """Return columns side by side, where all of them are there."""
+    """Return columns side by side, or None if one is missing."""
     columns = [_floats(vertex[name].values) for name in names if name in vertex and vertex[name].lengths is None]
     return np.column_stack(columns) if len(columns) == len(names) else None
 
@@ -174,36 +174,36 @@ def _texture_coordinates(vertex: Table) -> NDArray[np.float64] | None:
 
 
 def _colors(vertex: Table, notes: list[str]) -> NDArray[np.float64] | None:
-    """Return linear colours; 0 to 255 or 0 to 65535 where the header says so, else as `linear` finds out."""
+    """Return linear colours; integer types have the range 0 to 255 or 65535, others that of `linear`."""
     rgb = next((names for names in COLORS if _numbers(vertex, names) is not None), None)
     if rgb is None:
         return None
     opacity = next(((name,) for name in OPACITY if _numbers(vertex, (name,)) is not None), ())
     columns = [vertex[name] for name in (*rgb, *opacity)]
-    colors = linear(np.column_stack([column.values / LARGEST.get(column.kind, 1.0) for column in columns]))
+    colors = linear(np.column_stack([column.values / FULL_SCALE.get(column.kind, 1.0) for column in columns]))
     if not colors[:, 3].any():
-        notes.append("All vertices would be invisible: made opaque.")
+        notes.append("All vertices would be invisible and were made opaque.")
         colors[:, 3] = 1
     return colors
 
 
-def _textured(path: Path, pictures: list[tuple[int, str]], folder: Folder) -> Material | None:
-    """Return a material with the file's picture, where it has one."""
-    if len(pictures) > 1:
-        folder.notes.append(f"{count(len(pictures), 'picture')} named: only the first is used.")
-    for line, name in pictures[:1]:
-        picture = folder.picture(name, path.parent, at(path, line=line))
-        if picture:
-            return Material(texture=picture)
+def _textured(path: Path, images: list[tuple[int, str]], folder: Folder) -> Material | None:
+    """Return a material with the file's image, or None without one."""
+    if len(images) > 1:
+        folder.notes.append(f"{count(len(images), 'image')} named; only the first is used.")
+    for line, name in images[:1]:
+        image = folder.image(name, path.parent, at(path, line=line))
+        if image:
+            return Material(texture=image)
     return None
 
 
-def _not_carried(tables: dict[str, Table]) -> list[str]:
-    """Note all elements and properties that are passed over."""
+def _ignored(tables: dict[str, Table]) -> list[str]:
+    """Return a note about ignored elements and properties."""
     names = [
-        f"{element} {name}" if element in CARRIED else element
+        f"{element} {name}" if element in SUPPORTED_PROPERTIES else element
         for element, table in tables.items()
         for name in table
-        if name not in CARRIED.get(element, ())
+        if name not in SUPPORTED_PROPERTIES.get(element, ())
     ]
-    return [f"Not carried: {', '.join(dict.fromkeys(names))}."] if names else []
+    return [f"Ignored: {', '.join(dict.fromkeys(names))}."] if names else []

@@ -1,4 +1,4 @@
-"""PLY, text and binary, as tables of named columns, whatever they describe."""
+"""PLY, text and binary, as tables of named columns."""
 
 import re
 from dataclasses import dataclass
@@ -22,18 +22,18 @@ TYPES = {
 Order = Literal["little", "big"]
 
 ORDERS: dict[str, Order | None] = {"ascii": None, "binary_little_endian": "little", "binary_big_endian": "big"}
-"""The order of bytes for each word of the format; None for text."""
+"""Byte order of each format; None for text."""
 
 HEAD = re.compile(rb"ply[ \t]*(\r\n|\r|\n)")
 END = re.compile(rb"^end_header[ \t]*(?:\r\n|\r|\n|$)", re.MULTILINE)
 
-LONGEST_HEADER = 2**18
-"""Bytes."""
+MAX_HEADER_BYTES = 2**18
+"""Maximum size of a header in bytes."""
 
 
 @dataclass(frozen=True)
 class Property:
-    """A column's name, the kind of its numbers, and where a row has a list of them, the kind of its length."""
+    """A column's name, its type, and for lists the type of their lengths."""
 
     name: str
     kind: np.dtype[Any]
@@ -56,11 +56,11 @@ class Column:
     Attributes
     ----------
     kind : dtype
-        As the header has it.
+        Type in the header.
     values : (n,) or (m,) number
-        One a row, or all lists one after another.
+        One value per row, or all lists one after another.
     lengths : (n,) int64 or None
-        Of the lists.
+        Lengths of the lists.
     """
 
     kind: np.dtype[Any]
@@ -72,7 +72,7 @@ Table = dict[str, Column]
 
 
 def matches(head: bytes) -> bool:
-    """Tell whether a file begins like a PLY."""
+    """Return whether the beginning of a file is that of a PLY file."""
     return HEAD.match(head) is not None
 
 
@@ -83,34 +83,34 @@ def read_tables(path: Path, content: bytes) -> tuple[dict[str, Table], list[tupl
     -------
     tables : dict
         Columns by the names of element and property.
-    pictures : list of (line, name)
-        The comments that name a texture file.
+    images : list of (line, name)
+        Comments that name a texture file.
 
     Raises
     ------
     MeshError
         With the line, or the element and row, that cannot be read.
     """
-    end = END.search(content[:LONGEST_HEADER].replace(b"\r", b"\n"))
+    end = END.search(content[:MAX_HEADER_BYTES].replace(b"\r", b"\n"))
     if not matches(content) or end is None:
         raise damaged(path, "no PLY header", "'ply' … 'end_header'")
     length = end.end()
     if content[length - 1 : length + 1] == b"\r\n":
         length += 1
-    order, elements, pictures = _header(path, content[:length])
+    order, elements, images = _header(path, content[:length])
     if order is None:
-        return _text_tables(path, content, length, elements), pictures
+        return _text_tables(path, content, length, elements), images
     tables = {}
     for element in elements:
         tables[element.name], length = _BinaryElement(path, content, length, element, order).read()
-    return tables, pictures
+    return tables, images
 
 
 def _header(path: Path, content: bytes) -> tuple[Order | None, list[Element], list[tuple[int, str]]]:
-    """Read the lines up to ``end_header``: the order of bytes, the elements with properties, and pictures."""
+    """Return the byte order, the elements with properties, and the images in the lines up to ``end_header``."""
     word = ""
     elements: list[Element] = []
-    pictures = []
+    images = []
     for number, line in enumerate(decoded(path, content).split("\n"), 1):
         match line.split():
             case ["format", stated, *_] if stated in ORDERS:
@@ -122,14 +122,14 @@ def _header(path: Path, content: bytes) -> tuple[Order | None, list[Element], li
             case ["property", kind, name] if elements:
                 elements[-1].properties.append(Property(name, _type(path, number, kind), None))
             case ["comment", "TextureFile", *_]:
-                pictures.append((number, line.split(None, 2)[-1].strip()))
+                images.append((number, line.split(None, 2)[-1].strip()))
             case ["ply" | "comment" | "obj_info" | "end_header", *_] | []:
                 pass
             case _:
                 raise damaged(at(path, line=number), repr(line[:60]), "a statement of a PLY header")
     if not word:
         raise damaged(path, "no format", f"'format', {' or '.join(ORDERS)}, '1.0'")
-    return ORDERS[word], [element for element in elements if element.properties], pictures
+    return ORDERS[word], [element for element in elements if element.properties], images
 
 
 def _type(path: Path, line: int, name: str) -> np.dtype[Any]:
@@ -146,7 +146,7 @@ def _text_tables(path: Path, content: bytes, start: int, elements: list[Element]
         own, lines = lines[: element.rows], lines[element.rows :]
         if len(own) < element.rows:
             there = f"{count(len(own), 'line')} for {count(element.rows, 'row')}"
-            raise damaged(at(path, field=f"element {element.name}"), there, "a whole PLY file")
+            raise damaged(at(path, field=f"element {element.name}"), there, "a complete PLY file")
         expected = " ".join(
             prop.name if prop.kind_of_length is None else f"n {prop.name}…" for prop in element.properties
         )
@@ -173,7 +173,7 @@ def _text_columns(rows: Rows, element: Element) -> Table:
 
 
 class _BinaryElement:
-    """The bytes of an element, from `start` on."""
+    """Bytes of an element, from `start` on."""
 
     def __init__(self, path: Path, content: bytes, start: int, element: Element, order: Order) -> None:
         self.path = path
@@ -183,15 +183,15 @@ class _BinaryElement:
         self.order = order
 
     def read(self) -> tuple[Table, int]:
-        """Return the columns, and where the next element begins."""
+        """Return the columns, and the start of the next element."""
         rows, there = self.element.rows, len(self.content) - self.start
         least = sum((prop.kind_of_length or prop.kind).itemsize for prop in self.element.properties)
         if rows * least > there:
-            raise self._damaged(f"{count(there, 'byte')} for {count(rows, 'row')}", "a whole PLY file")
+            raise self._damaged(f"{count(there, 'byte')} for {count(rows, 'row')}", "a complete PLY file")
         return self._read_alike() or self._read_each()
 
     def _read_alike(self) -> tuple[Table, int] | None:
-        """Read rows whose lists are all as long as in the first row, the usual case; return None if they are not."""
+        """Read rows whose lists are as long as those of the first row, the usual case; return None for others."""
         rows, properties = self.element.rows, self.element.properties
         if not rows:
             return None
@@ -215,7 +215,7 @@ class _BinaryElement:
         return table, self.start + rows * row.itemsize
 
     def _read_each(self) -> tuple[Table, int]:
-        """Read rows with lists of any length."""
+        """Read rows whose lists have any length."""
         found, end = self._walk(self.element.rows)
         table = {}
         for prop, (places, lengths) in zip(self.element.properties, found, strict=True):
@@ -230,7 +230,7 @@ class _BinaryElement:
         return table, end
 
     def _walk(self, rows: int) -> tuple[list[tuple[list[int], list[int]]], int]:
-        """Return where each property's values are in the first rows and how long its lists; and where the rows end."""
+        """Return each property's offsets and list lengths in the first rows, and the end of these rows."""
         found: list[tuple[list[int], list[int]]] = [([], []) for _ in self.element.properties]
         sizes = [(prop.kind.itemsize, prop.kind_of_length) for prop in self.element.properties]
         place = self.start
@@ -245,7 +245,7 @@ class _BinaryElement:
                 places.append(place)
                 place += size * length
                 if length < 0 or place > len(self.content):
-                    raise self._damaged(f"a list of {length} in row {row}", "no more than the file has bytes for")
+                    raise self._damaged(f"a list of {length} in row {row}", "a list that fits into the file")
         return found, place
 
     def _stored(self, kind: np.dtype[Any]) -> np.dtype[Any]:

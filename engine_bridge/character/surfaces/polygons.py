@@ -1,36 +1,36 @@
-"""Polygons into triangles: fans, and ears where a fan would leave the polygon."""
+"""Triangulation of polygons by fans, and by ear clipping for concave polygons."""
 
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = 500
-"""Corners up to which a concave polygon is cut with care, which takes time in proportion to their square."""
+MAX_CONCAVE_CORNERS = 500
+"""Maximum number of corners of a polygon that is cut by ear clipping, which takes quadratic time."""
 
-PATIENCE = 4
-"""Corners that may turn out to be no ear, for each corner of a polygon."""
+ATTEMPTS_PER_CORNER = 4
+"""Maximum number of failed attempts to cut an ear, per corner of a polygon."""
 
 
 def triangulate(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Split polygons into triangles without new vertices.
 
-    A polygon of n corners becomes n − 2 triangles, one of fewer than 3 none. Convex ones become fans around their first
-    corner; others lose one ear after the other (Meisters 1975), as seen along their mean normal.
+    A polygon of n corners becomes n − 2 triangles, or none if n is less than 3. A convex polygon becomes a fan around
+    its first corner; others are cut by ear clipping (Meisters 1975) in a projection along their mean normal.
 
     Parameters
     ----------
     points : (c, 3) float64
-        The corners of all polygons, one polygon after another.
+        Corners of all polygons, one polygon after another.
     sizes : (p,) int64
-        How many corners each has.
+        Number of corners of each polygon.
 
     Returns
     -------
     triangles : (t, 3) int64
         Indices into `points`.
     polygon : (t,) int64
-        The polygon that each triangle is of.
+        Polygon of each triangle.
     """
     starts = np.cumsum(sizes) - sizes
     parts = np.maximum(sizes - 2, 0)
@@ -40,14 +40,14 @@ def triangulate(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[
     triangles = starts[polygon][:, None] + np.column_stack([np.zeros_like(step), step + 1, step + 2])
     if (sizes > 3).any():
         concave, normals = _concave(points, sizes)
-        for p in np.nonzero(concave & (sizes <= LARGEST))[0]:
+        for p in np.nonzero(concave & (sizes <= MAX_CONCAVE_CORNERS))[0]:
             corners = points[starts[p] : starts[p] + sizes[p]]
             triangles[firsts[p] : firsts[p] + parts[p]] = starts[p] + _ears(_flattened(corners, normals[p]))
     return triangles, polygon
 
 
 def _concave(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Tell which polygons turn both ways, as seen along their normals; return these (p, 3), of any length, too."""
+    """Return which polygons (p,) are concave, and their normals (p, 3) of any length."""
     owner = np.repeat(np.arange(len(sizes)), sizes)
     ends = np.cumsum(sizes)[sizes > 0] - 1
     after = np.arange(1, len(points) + 1)
@@ -65,32 +65,32 @@ def _concave(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> tuple[NDA
 
 
 def _flattened(points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Look at points along a normal's largest coordinate: (n, 2), counter-clockwise where the polygon is."""
+    """Return points projected along a normal's largest coordinate (n, 2), with the same winding."""
     axis = int(np.argmax(np.abs(normal)))
     kept = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
     return kept if normal[axis] > 0 else kept * [-1.0, 1.0]
 
 
 def _ears(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Cut a counter-clockwise (n, 2) polygon into n − 2 triangles; one that crosses itself ends in a fan."""
+    """Cut a counter-clockwise polygon (n, 2) into n − 2 triangles; the rest of one that intersects itself is a fan."""
     ring = list(range(len(points)))
     triangles = []
-    place, patience = 0, PATIENCE * len(points)
-    while len(ring) > 3 and patience:
+    place, attempts = 0, ATTEMPTS_PER_CORNER * len(points)
+    while len(ring) > 3 and attempts:
         place %= len(ring)
         ear = ring[place - 1], ring[place], ring[(place + 1) % len(ring)]
         if _is_ear(points, ear, ring):
             triangles.append(ear)
             del ring[place]
-            place -= 1  # its neighbours may have become ears: of a winding band, no others are
+            place -= 1  # its neighbours may be ears now; in a winding band, no others are
         else:
             place += 1
-            patience -= 1
+            attempts -= 1
     return np.array(triangles + [(ring[0], b, c) for b, c in pairwise(ring[1:])])
 
 
 def _is_ear(points: NDArray[np.float64], ear: tuple[int, int, int], ring: list[int]) -> bool:
-    """Tell whether a corner sticks out and no other corner lies in its triangle or on its sides."""
+    """Return whether a corner is convex and no other corner lies in its triangle or on its sides."""
     corners = points[list(ear)]
     (ax, ay), (bx, by), (cx, cy) = corners.tolist()
     if (bx - ax) * (cy - by) - (by - ay) * (cx - bx) <= 0:

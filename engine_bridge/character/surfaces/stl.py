@@ -1,4 +1,4 @@
-"""STL, binary and text: triangles, each with corners of its own."""
+"""STL, binary and text: triangles with separate corners."""
 
 from pathlib import Path
 
@@ -10,9 +10,9 @@ from engine_bridge.character.surfaces.text import Rows, decoded, filled_lines
 from puppetline.errors import at
 
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-HEADER = 84
+HEADER_BYTES = 84
 
-FOLLOWS = {
+NEXT_WORDS = {
     "": ("solid",),
     "solid": ("facet", "endsolid"),
     "facet": ("outer",),
@@ -22,17 +22,19 @@ FOLLOWS = {
     "endfacet": ("facet", "endsolid"),
     "endsolid": ("solid",),
 }
-"""The words that may begin the line after one that begins with this word, or the first line."""
+"""First words that may follow a line with this first word; the empty word precedes the first line."""
 
 
 def matches(head: bytes, size: int) -> bool:
-    """Tell whether a file that begins like this, of so many bytes, is an STL."""
+    """Return whether a file with this beginning and size in bytes is an STL file."""
     return _is_binary(head, size) or _is_text(head)
 
 
 def _is_binary(head: bytes, size: int) -> bool:
-    """Tell whether the number of facets accounts for the size, whatever the header's text says."""
-    return size > HEADER and size == HEADER + FACET.itemsize * int.from_bytes(head[80:HEADER], "little")
+    """Return whether the number of facets matches the size, regardless of the text in the header."""
+    return size > HEADER_BYTES and size == HEADER_BYTES + FACET.itemsize * int.from_bytes(
+        head[80:HEADER_BYTES], "little"
+    )
 
 
 def _is_text(head: bytes) -> bool:
@@ -43,9 +45,8 @@ def _is_text(head: bytes) -> bool:
 def read(path: Path, content: bytes) -> Surface:
     """Read an STL file.
 
-    Normals in the file are passed over: the winding of a facet says the same. Each solid of a text becomes a piece.
-    Lines of a text that begin with a word that is not the format's hold no corner and are left out. Its last
-    ``endsolid`` may be missing.
+    Normals in the file are ignored, because the winding of a facet determines them. Each solid of a text file becomes a
+    piece. Lines of a text file that begin with an unknown word are omitted. Its last ``endsolid`` may be missing.
 
     Raises
     ------
@@ -57,22 +58,22 @@ def read(path: Path, content: bytes) -> Surface:
 
 
 def _read_binary(path: Path, content: bytes) -> Surface:
-    facets = int.from_bytes(content[80:HEADER], "little")
-    there = max(len(content) - HEADER, 0) // FACET.itemsize
+    facets = int.from_bytes(content[80:HEADER_BYTES], "little")
+    there = max(len(content) - HEADER_BYTES, 0) // FACET.itemsize
     if facets > there or not facets:
         raise damaged(
             at(path, field="byte 80"),
             f"{count(facets, 'facet')} announced and data for {there:,}",
-            "a whole STL file with at least one facet",
+            "a complete STL file with at least one facet",
         )
     with np.errstate(invalid="ignore"):  # a signalling NaN is refused below
-        corners = np.frombuffer(content, FACET, facets, HEADER)["corners"].astype(np.float64)
+        corners = np.frombuffer(content, FACET, facets, HEADER_BYTES)["corners"].astype(np.float64)
     wrong = outside(corners.reshape(-1, 3))
     if wrong.any():
         facet = int(np.argmax(wrong)) // 3
         raise damaged(at(path, field=f"facet {facet}"), str(corners[facet].tolist()), "finite coordinates")
-    rest = len(content) - HEADER - facets * FACET.itemsize
-    notes = [f"{count(rest, 'byte')} after the last facet left out."] if rest else []
+    rest = len(content) - HEADER_BYTES - facets * FACET.itemsize
+    notes = [f"{count(rest, 'byte')} after the last facet omitted."] if rest else []
     return Surface([_piece("", corners.reshape(-1, 3))], notes, faceted=True)
 
 
@@ -81,26 +82,26 @@ def _read_text(path: Path, content: bytes) -> Surface:
     vertices, solids, unknown, last = _statements(path, text)
     notes = []
     if unknown:
-        notes.append(f"{count(len(unknown), 'line')} not understood and left out, the first is line {unknown[0]}.")
+        notes.append(f"{count(len(unknown), 'line')} not understood and omitted; the first is line {unknown[0]}.")
     if last == "endfacet":
-        notes.append("The file ends without 'endsolid': facets may be missing.")
+        notes.append("The file ends without 'endsolid'; facets may be missing.")
     elif last != "endsolid":
         raise damaged(at(path, line=text.count("\n") + 1), "the end of the file within a solid", "'endsolid'")
     corners = vertices.positions()[:, :3]
     ends = [*(start for _, start in solids[1:]), len(corners)]
     pieces = [_piece(name, corners[start:end]) for (name, start), end in zip(solids, ends, strict=True) if end > start]
     if not pieces:
-        raise damaged(path, "no facets", "an STL file with a surface")
+        raise damaged(path, "no facets", "an STL file with facets")
     return Surface(pieces, notes, faceted=True)
 
 
 def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], list[int], str]:
-    """Return the rows of vertices, each solid's name and first vertex, the lines of other formats, and the last word.
+    """Return the rows of vertices, each solid's name and first vertex, the numbers of unknown lines, and the last word.
 
     Raises
     ------
     MeshError
-        With the first line that does not follow from the one before, or ends a facet of other than 3 vertices.
+        With the first line that may not follow the one before it, or that ends a facet without exactly 3 vertices.
     """
     vertices = Rows(path, "'vertex x y z' with finite numbers")
     solids: list[tuple[str, int]] = []
@@ -109,18 +110,18 @@ def _statements(path: Path, text: str) -> tuple[Rows, list[tuple[str, int]], lis
     for line, statement in filled_lines(text):
         word, *rest = statement.split(None, 1)
         word = word.lower()
-        if word not in FOLLOWS:
+        if word not in NEXT_WORDS:
             unknown.append(line)
             continue
-        if word not in FOLLOWS[before]:
-            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, FOLLOWS[before])))
+        if word not in NEXT_WORDS[before]:
+            raise damaged(at(path, line=line), repr(statement[:60]), " or ".join(map(repr, NEXT_WORDS[before])))
         if word == "vertex":
             vertices.lines.append(line)
             vertices.texts.extend(rest or [""])
         elif word == "outer":
             loop = len(vertices)
         elif word == "endloop" and len(vertices) != loop + 3:
-            raise damaged(at(path, line=line), f"a facet of {len(vertices) - loop} vertices", "3 vertices")
+            raise damaged(at(path, line=line), f"a facet with {len(vertices) - loop} vertices", "3 vertices")
         elif word == "solid":
             solids.append(("".join(rest), len(vertices)))
         before = word

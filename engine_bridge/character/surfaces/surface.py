@@ -1,4 +1,4 @@
-"""What every reader gives: pieces of surface with one material each."""
+"""Surfaces, which all readers return: pieces with one material each."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from puppetline.errors import MeshError
 
-FARTHEST = 1e18
-"""Coordinates beyond it are no mesh's; the square of any below it still fits a float32."""
+MAX_COORDINATE = 1e18
+"""Maximum absolute coordinate of a mesh; its square fits into a float32."""
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A whole PNG or JPEG file.
+class ImageFile:
+    """A PNG or JPEG file in memory.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Material:
-    """How a piece looks, in glTF's terms.
+    """Appearance of a piece in glTF's terms.
 
     Attributes
     ----------
@@ -44,10 +44,10 @@ class Material:
         0 to 1.
     emissive : (3,) float
         Linear RGB, 0 to 1.
-    texture, normal_texture : Picture or None
-        Base colour, which is multiplied with `base_color`, and normals in tangent space.
+    texture, normal_texture : ImageFile or None
+        Base colour, which is multiplied by `base_color`, and normals in tangent space.
     alpha_mode : str
-        What opacity means.
+        Interpretation of opacity.
     double_sided : bool
     """
 
@@ -56,14 +56,14 @@ class Material:
     metallic: float = 0.0
     roughness: float = 0.7
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    texture: Picture | None = None
-    normal_texture: Picture | None = None
+    texture: ImageFile | None = None
+    normal_texture: ImageFile | None = None
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     double_sided: bool = False
 
 
-CLAY = Material(base_color=(0.62, 0.6, 0.57, 1.0))
-"""For what comes without any colour."""
+DEFAULT_MATERIAL = Material(base_color=(0.62, 0.6, 0.57, 1.0))
+"""Material of pieces without colours."""
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,14 @@ class Piece:
     Attributes
     ----------
     name : str
-        The object's or group's, empty where the file names none.
+        Name of the object or group, empty if the file has none.
     positions : (n, 3) float64
     triangles : (t, 3) int64
     material : Material
     normals : (n, 3) float64 or None
-        As the file has them, of any length; unit vectors after `engine_bridge.character.shading.shaded`.
+        Vectors of any length from the file; unit vectors after `engine_bridge.character.shading.shaded`.
     uvs : (n, 2) float64 or None
-        From the picture's upper left corner, v down.
+        Texture coordinates from the image's upper left corner, v down.
     colors : (n, 4) float64 or None
         Linear RGB and opacity, 0 to 1.
     """
@@ -88,7 +88,7 @@ class Piece:
     name: str
     positions: NDArray[np.float64]
     triangles: NDArray[np.int64]
-    material: Material = CLAY
+    material: Material = DEFAULT_MATERIAL
     normals: NDArray[np.float64] | None = None
     uvs: NDArray[np.float64] | None = None
     colors: NDArray[np.float64] | None = None
@@ -96,17 +96,17 @@ class Piece:
 
 @dataclass(frozen=True)
 class Surface:
-    """All that was read from a file.
+    """Contents of a mesh file.
 
     Attributes
     ----------
     pieces : list of Piece
     notes : list of str
-        What was changed or could not be carried.
+        Sentences about changes and omissions.
     faceted : bool
-        Pieces without normals are shown with a hard edge between any two triangles.
+        Whether pieces without normals have hard edges between all triangles.
     files : dict
-        The files that it names, see `engine_bridge.character.surfaces.files.Folder`.
+        Files that it names, see `engine_bridge.character.surfaces.files.Folder`.
     """
 
     pieces: list[Piece]
@@ -116,12 +116,12 @@ class Surface:
 
 
 def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn sRGB colours into linear ones (IEC 61966-2-1), opacity in a fourth column unchanged.
+    """Convert sRGB colours to linear ones (IEC 61966-2-1); opacity in a fourth column is unchanged.
 
     Parameters
     ----------
     srgb : (n, 3) or (n, 4) float64
-        From 0 to 1, or to 255 where any is beyond 1.
+        Values from 0 to 1, or to 255 if any is greater than 1.
 
     Returns
     -------
@@ -136,27 +136,27 @@ def linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def upper_left(uvs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn (n, 2) texture coordinates from a picture's lower left corner into glTF's, from its upper left."""
+    """Convert texture coordinates (n, 2) from an image's lower left corner to its upper left corner, as in glTF."""
     return np.nan_to_num(np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]), posinf=0.0, neginf=0.0)
 
 
 def material_for(colors: NDArray[np.float64] | None) -> Material:
-    """Return the material of a piece that has none of its own: it leaves vertex colours as they are."""
+    """Return the material of a piece without one, which does not change vertex colours."""
     if colors is None:
-        return CLAY
+        return DEFAULT_MATERIAL
     return Material(alpha_mode="OPAQUE" if (colors[:, 3] == 1).all() else "BLEND")
 
 
 def damaged(where: str | Path, found: str, expected: str) -> MeshError:
-    """Make the error for a file that cannot be what was exported."""
+    """Return the error for a file that is not as it was exported."""
     return MeshError(where, found=found, expected=expected, fix="Export or download the mesh again.")
 
 
 def outside(positions: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark the (n, 3) positions that are not finite or farther away than any mesh."""
-    return np.logical_not((np.abs(positions) <= FARTHEST).all(axis=1))
+    """Return which positions (n, 3) are not finite or beyond the maximum coordinate."""
+    return np.logical_not((np.abs(positions) <= MAX_COORDINATE).all(axis=1))
 
 
 def count(number: int, one: str, more: str | None = None) -> str:
-    """Write a number of things: ``1 face``, ``2,000 faces``; `more` where that is not `one` with an s."""
+    """Return a number with a noun: ``1 face``, ``2,000 faces``; `more` is an irregular plural."""
     return f"{number:,} {one if number == 1 else more or one + 's'}"

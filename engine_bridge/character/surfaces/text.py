@@ -1,4 +1,4 @@
-"""Text files as rows of numbers, with errors that name the line."""
+"""Text files as rows of numbers, whose errors name the line."""
 
 import warnings
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ def decoded(path: Path, content: bytes) -> str:
     Raises
     ------
     MeshError
-        Zero bytes, which no text has.
+        The file has zero bytes.
     """
     zero = content.find(b"\0")
     if zero >= 0:
@@ -35,14 +35,14 @@ def decoded(path: Path, content: bytes) -> str:
 
 
 def filled_lines(text: str) -> Iterator[tuple[int, str]]:
-    """Return the number, from 1, and the text of each line that holds something besides space."""
+    """Return the number, from 1, and the stripped text of each line that is not blank."""
     return filter(itemgetter(1), enumerate(map(str.strip, text.split("\n")), 1))
 
 
 def parsed(text: str, kind: type) -> NDArray[Any] | None:
-    """Read numbers with spaces between, or return None where anything else stands among them."""
+    """Return numbers separated by spaces, or None for any other text."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # with which older versions of NumPy stop at what is none
+        warnings.simplefilter("error", DeprecationWarning)  # older versions of NumPy stop with it at invalid text
         try:
             return np.fromstring(text, kind, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -51,15 +51,15 @@ def parsed(text: str, kind: type) -> NDArray[Any] | None:
 
 @dataclass(frozen=True)
 class Rows:
-    """Lines of one kind.
+    """Lines with the same statement.
 
     Attributes
     ----------
     path : Path
     expected : str
-        What an error message says should stand in such a line.
+        Contents of a valid line, for error messages.
     lines : list of int
-        The number of each row's line, from 1.
+        Number of each row's line, from 1.
     texts : list of str
     """
 
@@ -72,29 +72,29 @@ class Rows:
         return len(self.lines)
 
     def error(self, row: int, found: str | None = None) -> MeshError:
-        """Make the error for a row, which quotes it unless something else is said to be `found`."""
+        """Return the error for a row, which quotes the row unless `found` is given."""
         text = self.texts[row].strip()
         quoted = repr(text if len(text) <= 60 else f"{text[:60]}…")
         return damaged(at(self.path, line=self.lines[row]), found or quoted, self.expected)
 
     def refuse(self, wrong: NDArray[np.bool_], found: str | None = None) -> None:
-        """Raise the error for the first of the (n,) rows that is marked, if any is."""
+        """Raise the error for the first wrong row (n,), if any."""
         if wrong.any():
             raise self.error(int(np.argmax(wrong)), found)
 
     @cached_property
     def widths(self) -> NDArray[np.int64]:
-        """How many words each row has, (n,) int64."""
+        """Number of words (n,) int64 in each row."""
         return np.array(list(map(len, map(str.split, self.texts))), dtype=np.int64)
 
     @cached_property
     def numbers(self) -> NDArray[np.float64]:
-        """All numbers (m,) float64, one row's after another's.
+        """All numbers (m,) float64, row by row.
 
         Raises
         ------
         MeshError
-            With the first line that holds something else.
+            With the first line that has other text.
         """
         values = parsed(" ".join(self.texts), np.float64)
         if values is not None and len(values) == self.widths.sum():
@@ -104,20 +104,20 @@ class Rows:
         raise self.error(next(wrong, 0))
 
     def table(self, least: int) -> NDArray[np.float64]:
-        """Read rows of at least `least` numbers as (n, k) float64; k is the length of the shortest row."""
+        """Return rows of at least `least` numbers as (n, k) float64; k is the length of the shortest row."""
         numbers = self.numbers
         self.refuse(self.widths < least)
         width = int(self.widths.min(initial=2**31)) if len(self) else least
         return numbers[(np.cumsum(self.widths) - self.widths)[:, None] + np.arange(width)]
 
     def positions(self) -> NDArray[np.float64]:
-        """Read rows that begin with x, y, z as (n, 3 or more) float64, and refuse what is not finite."""
+        """Return rows that begin with x, y, z as (n, 3 or more) float64; refuse positions that are not finite."""
         table = self.table(3)
         self.refuse(outside(table[:, :3]))
         return table
 
 
 def spans(starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the indices start, start + 1, …, start + length − 1 of all spans, one after another."""
+    """Return the indices from start to start + length − 1 of all spans, one span after another."""
     before = np.cumsum(lengths) - lengths
     return np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))

@@ -11,10 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from capture.libraries import NotInstalledError
-from capture.sensors import freenect, openni
-from capture.sensors.camera import opencv
+from capture.sensors import freenect, openni_library
+from capture.sensors.camera import load_opencv
 from capture.trackers import nite
-from capture.trackers.mediapipe import library as mediapipe
+from capture.trackers.mediapipe import load_mediapipe
 from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import SourceError
 
@@ -38,11 +38,11 @@ class Kind:
     rules: str = ""
 
 
-_OPENNI = "openni:", "libopenni2-0", openni.RULES
+_OPENNI = "openni:", "libopenni2-0", openni_library.UDEV_RULES
 
 KINDS: dict[str, Kind] = {
-    "045e:02ae": Kind("Kinect v1 (Xbox 360)", "freenect:", "libfreenect0.5", freenect.RULES),
-    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni.RULES),
+    "045e:02ae": Kind("Kinect v1 (Xbox 360)", "freenect:", "libfreenect0.5", freenect.UDEV_RULES),
+    "045e:02bf": Kind("Kinect v1 for Windows", "freenect:", "libopenni2-0", openni_library.UDEV_RULES),
     "045e:02c4": Kind("Kinect v2"),
     "045e:02d8": Kind("Kinect v2"),
     "045e:097d": Kind("Azure Kinect"),
@@ -136,27 +136,27 @@ def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -
 
 
 def _kinects(name: str) -> str:
-    count = freenect.plugged_in(name)
+    count = freenect.count_sensors(name)
     if count is None:
         return "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
     return f"installed; {count or 'no'} Kinect v1 plugged in"
 
 
 def _openni(name: str) -> str:
-    count = len(openni.devices(openni.openni2(name)))
+    count = len(openni_library.sensor_uris(openni_library.load_openni2(name)))
     return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
 
 
 def _openni_sensors() -> Iterator[Finding]:
     """Return the sensors that OpenNI2 finds, by the URIs of their sources."""
     try:
-        found = openni.plugged_in("OpenNI 2")
+        found = openni_library.list_sensors("OpenNI 2")
     except SourceError:  # reported with the library
         return
     for sensor in found:
         uri = f"openni:uri={sensor.uri}"
-        if sensor.trouble is not None:
-            yield Finding(uri, None, f"{sensor.name}, {sensor.trouble.found}", sensor.trouble.fix)
+        if sensor.error is not None:
+            yield Finding(uri, None, f"{sensor.name}, {sensor.error.found}", sensor.error.fix)
         elif sensor.serial:
             yield Finding(f"openni:serial={sensor.serial}", True, f"{sensor.name}, also {uri}")
         else:
@@ -167,17 +167,19 @@ def _nite() -> Finding:
     found = nite.library_path()
     if found is not None:
         return Finding("NiTE 2", True, found)
-    folder = os.environ.get(nite.REDIST)
-    return Finding("NiTE 2", None, "not installed" if folder is None else f"not in {folder}, which {nite.REDIST} names")
+    folder = os.environ.get(nite.REDIST_VARIABLE)
+    return Finding(
+        "NiTE 2", None, "not installed" if folder is None else f"not in {folder}, which {nite.REDIST_VARIABLE} names"
+    )
 
 
 def _mediapipe(_name: str) -> str:
-    mediapipe()
+    load_mediapipe()
     return version("mediapipe")
 
 
 def _opencv(_name: str) -> str:
-    return str(opencv().__version__)
+    return str(load_opencv().__version__)
 
 
 def _read(file: Path) -> str:

@@ -17,7 +17,7 @@ from pydantic import Field, FiniteFloat
 
 from capture.network.osc import bundle, encode
 from capture.skeleton import JOINTS
-from engine_bridge.performance.humanoid import LIMBS, UPRIGHT, is_humanoid
+from engine_bridge.performance.humanoid import LIMBS, UPRIGHT_LIMBS, is_humanoid
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.monitoring.status import OutputStatus
 from engine_bridge.service.outputs import vmc
@@ -109,7 +109,7 @@ class OscTable(OutputTable):
         if "vmc" not in self.send or not self.receives(name) or is_humanoid(puppet):
             return
         limbs = ", ".join(limb.name for limb in puppet.limb)
-        sided = ", ".join(name for name in LIMBS if name not in UPRIGHT)
+        sided = ", ".join(name for name in LIMBS if name not in UPRIGHT_LIMBS)
         raise PuppetError(
             at(path, field="[[limb]]"),
             found=f"the limbs {limbs}" if limbs else "no limb",

@@ -156,7 +156,7 @@ def parts(character: "Character") -> list[dict[str, Any]]:
     gltf = character.document.gltf
     described = []
     first_triangle = 0
-    for index, (part, place) in enumerate(zip(character.parts, character.places, strict=True)):
+    for index, (part, place) in enumerate(zip(character.parts, character.vertex_slices, strict=True)):
         primitive = _primitive(character, index)
         node = gltf["nodes"][part.node]
         described.append(

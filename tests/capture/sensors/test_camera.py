@@ -1,4 +1,4 @@
-"""Films that the tests write, decoded by the real OpenCV; what is wrong with a camera before and after it opens."""
+"""Videos that the tests write, decoded by the real OpenCV; errors of cameras before and after they open."""
 
 import math
 import os
@@ -10,17 +10,17 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.sensors.camera import Camera, Options, Video, open_camera, open_video, opencv, parse
+from capture.sensors.camera import Camera, Options, Video, load_opencv, open_camera, open_video, parse
 from puppetline.errors import SourceError
 
 RATE, COUNT, WIDTH, HEIGHT = 20, 8, 160, 120
 
 
 @pytest.fixture(scope="module")
-def film(camera, tmp_path_factory):
-    """A film of 8 pictures, the k-th of red, green and blue 30k, 200 and 10."""
-    cv2 = opencv()
-    path = tmp_path_factory.mktemp("film") / "film.avi"
+def video_file(camera, tmp_path_factory):
+    """A video of 8 images; the k-th has red, green and blue 30k, 200 and 10."""
+    cv2 = load_opencv()
+    path = tmp_path_factory.mktemp("video") / "clip.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE, (WIDTH, HEIGHT))
     assert writer.isOpened()
     for k in range(COUNT):
@@ -30,11 +30,11 @@ def film(camera, tmp_path_factory):
 
 
 @pytest.fixture
-def opened(film):
+def opened(video_file):
     videos = []
 
-    def open_it(path=film, **options):
-        videos.append(Video("video:film", path, Options(str(path), **options)))
+    def open_it(path=video_file, **options):
+        videos.append(Video("video:clip", path, Options(str(path), **options)))
         return videos[-1]
 
     yield open_it
@@ -44,7 +44,7 @@ def opened(film):
 
 
 def all_of(video):
-    """Return the pictures until the end."""
+    """Return the images up to the end."""
     pictures = []
     with suppress(SourceError):
         while True:
@@ -58,8 +58,8 @@ def all_of(video):
         ("", Options("0")),
         ("2", Options("2")),
         ("/dev/video4?fov=90", Options("/dev/video4", fov=90.0)),
-        ("a film.mp4?loop", Options("a film.mp4", loop=True)),
-        ("film.mp4?height=1.5&loop&fov=60", Options("film.mp4", height=1.5, fov=60.0, loop=True)),
+        ("a clip.mp4?loop", Options("a clip.mp4", loop=True)),
+        ("clip.mp4?height=1.5&loop&fov=60", Options("clip.mp4", height=1.5, fov=60.0, loop=True)),
     ],
 )
 def test_options_are_read(rest, options):
@@ -78,12 +78,12 @@ def test_options_are_read(rest, options):
         ("0?loop=no", "loop: found 'no'; expected no value"),
     ],
 )
-def test_options_that_are_none_are_told(rest, message):
+def test_wrong_options_are_errors(rest, message):
     with pytest.raises(SourceError, match=f"camera:.*{message}"):
         parse("camera:" + rest, rest)
 
 
-def test_pictures_come_with_the_times_and_colours_of_the_film(opened):
+def test_images_have_the_times_and_colours_of_the_video(opened):
     pictures = all_of(opened())
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(COUNT) / RATE, atol=1e-9)
     for k, picture in enumerate(pictures):
@@ -92,38 +92,38 @@ def test_pictures_come_with_the_times_and_colours_of_the_film(opened):
         np.testing.assert_allclose(picture.color.mean(axis=(0, 1)), (30 * k, 200, 10), atol=4)
 
 
-def test_the_end_of_a_film_is_told(opened):
+def test_the_end_of_a_video_is_an_error(opened):
     video = opened()
     all_of(video)
-    with pytest.raises(SourceError, match=r"found the end of the video; expected more of it. Put \?loop"):
+    with pytest.raises(SourceError, match=r"found the end of the video; expected more images. Add \?loop"):
         video.read(1.0)
 
 
-def test_the_corners_of_the_picture_are_as_far_apart_as_the_field_of_view(opened):
+def test_the_angle_between_the_images_corners_is_the_field_of_view(opened):
     lens = opened(fov=80.0).read(1.0).lens
     left, right = lens.unproject(np.array([[0, 0], [WIDTH, HEIGHT]]), np.ones(2))
     cosine = left @ right / np.linalg.norm(left) / np.linalg.norm(right)
     assert math.degrees(math.acos(cosine)) == pytest.approx(80)
 
 
-def test_a_looped_film_goes_on_in_time(opened):
+def test_the_time_of_a_looped_video_increases(opened):
     video = opened(loop=True)
     pictures = [video.read(1.0) for _ in range(3 * COUNT)]
     np.testing.assert_allclose([picture.time for picture in pictures], np.arange(3 * COUNT) / RATE, atol=1e-9)
     np.testing.assert_array_equal(pictures[3].color, pictures[3 + 2 * COUNT].color)
 
 
-@pytest.mark.parametrize("content", [b"", b"no film at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
-def test_what_is_no_film_is_told(opened, tmp_path, content):
+@pytest.mark.parametrize("content", [b"", b"no video at all" * 100, b"RIFF\xff\xff\xff\xffAVI LIST"])
+def test_a_file_without_images_is_an_error(opened, tmp_path, content):
     broken = tmp_path / "broken.avi"
     broken.write_bytes(content)
-    with pytest.raises(SourceError, match=f"video:film: found no picture in .*broken.avi, {len(content)} bytes"):
+    with pytest.raises(SourceError, match=rf"video:clip: found no image in .*broken.avi \({len(content)} bytes\)"):
         opened(broken)
 
 
-def test_a_film_that_was_cut_off_plays_as_far_as_it_goes(opened, film, tmp_path):
+def test_an_incomplete_video_plays_up_to_its_end(opened, video_file, tmp_path):
     half = tmp_path / "half.avi"
-    whole = film.read_bytes()
+    whole = video_file.read_bytes()
     half.write_bytes(whole[: (whole.index(b"movi") + whole.index(b"idx1")) // 2])
     pictures = all_of(opened(half))
     assert 0 < len(pictures) < COUNT
@@ -131,12 +131,12 @@ def test_a_film_that_was_cut_off_plays_as_far_as_it_goes(opened, film, tmp_path)
         np.testing.assert_array_equal(before.color, after.color)
 
 
-def test_a_film_that_is_not_there_is_told_when_it_is_opened(camera, tmp_path):
+def test_a_missing_video_is_an_error_when_it_is_opened(camera, tmp_path):
     with pytest.raises(SourceError, match=r"video:none.mp4: found no file .*none.mp4"):
         open_video("video:none.mp4", "none.mp4", tmp_path)
 
 
-def test_a_looped_camera_is_told():
+def test_a_looped_camera_is_an_error():
     with pytest.raises(SourceError, match="found the option 'loop'; expected height and fov"):
         open_camera("camera:0?loop", "0?loop")
 
@@ -148,7 +148,7 @@ def test_a_looped_camera_is_told():
         ("mediapipe.python.solutions", partial(open_camera, "camera:0", "0")),
     ],
 )
-def test_without_a_library_it_is_said_how_to_install_it(monkeypatch, module, open_it):
+def test_a_missing_library_is_an_error_with_the_package(monkeypatch, module, open_it):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
         open_it()
@@ -158,44 +158,38 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="devices are files on
 
 
 @linux
-def test_a_camera_that_is_not_there_is_told(camera):
-    with pytest.raises(SourceError, match="camera:98: found no /dev/video98; expected a camera that is there: "):
-        Camera("camera:98", parse("camera:98", "98"))
-
-
-@linux
-def test_a_source_tells_what_is_wrong_with_its_camera_and_closes(camera):
+def test_the_source_raises_the_error_of_its_camera(camera):
     source = open_camera("camera:98", "98")
     assert select([source.fileno()], [], [], 10)[0]
-    with pytest.raises(SourceError, match="camera:98: found no /dev/video98"):
+    with pytest.raises(SourceError, match=r"camera:98: found no /dev/video98; expected an existing camera \("):
         source.receive()
     source.close()
 
 
 @linux
-def test_a_camera_that_this_user_may_not_use_names_the_group_that_may(camera, tmp_path, monkeypatch):
+def test_missing_permission_is_an_error_with_the_devices_group(camera, tmp_path, monkeypatch):
     device = tmp_path / "video0"
     device.touch()
-    monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root, who may everything
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root
     with pytest.raises(SourceError, match=f"its group {device.group()} has.*usermod -aG {device.group()} .*uaccess"):
         Camera("camera:here", Options(str(device)))
 
 
 @linux
-def test_a_device_that_is_no_camera_is_told(camera):
+def test_a_device_that_is_not_a_camera_is_an_error(camera):
     with pytest.raises(SourceError, match=r"found a device that cannot be opened as a camera \(/dev/null\)"):
         Camera("camera:/dev/null", Options("/dev/null"))
 
 
 @linux
-def test_a_camera_that_stops_is_told(film, monkeypatch):
-    """A film stands in for the camera, as no machine of tests has one: it ends as a camera does that is pulled out."""
-    cv2 = opencv()
+def test_a_camera_that_stops_is_an_error(video_file, monkeypatch):
+    """A video stands in for the camera: at its end, it behaves like an unplugged camera."""
+    cv2 = load_opencv()
     monkeypatch.setattr(cv2, "CAP_V4L2", cv2.CAP_FFMPEG)
-    device = Camera("camera:film", Options(str(film)))
+    device = Camera("camera:clip", Options(str(video_file)))
     times = [device.read(1.0).time for _ in range(COUNT)]
     assert times == sorted(times)
-    with pytest.raises(SourceError, match=r"camera:film: found no image from camera .*film.avi"):
+    with pytest.raises(SourceError, match=r"camera:clip: found no image from camera .*clip.avi"):
         device.read(1.0)
     device.close()
     device.close()

@@ -1,4 +1,4 @@
-"""Devices' clocks are simulated; ours is exact, 32 pictures a second, where nothing else is said."""
+"""Devices' clocks are simulated; images arrive exactly 32 times per second unless a test says otherwise."""
 
 import math
 
@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from capture.sensors.clock import SPAN, DeviceClock
+from capture.sensors.clock import SPAN_SECONDS, DeviceClock
 
 STEP = 1 / 32
 START = 1000.0
-PROVED = round(2 * SPAN / STEP)
-"""Pictures after which a good clock is trusted."""
+PROVED = round(2 * SPAN_SECONDS / STEP)
+"""Number of images after which a good clock is trusted."""
 
 
 def arrivals(seconds=20.0):
@@ -24,7 +24,7 @@ def moments(clock, taken, now):
 
 
 def proved():
-    """Return a clock that has gone as ours does, from 0 on, for so long that it is trusted."""
+    """Return a trusted clock whose device started at 0, four seconds ago."""
     clock = DeviceClock()
     now = arrivals(4.0)
     moments(clock, now - START, now)
@@ -32,16 +32,16 @@ def proved():
     return clock
 
 
-def test_pictures_are_of_the_moment_at_which_they_come_until_the_clock_has_gone_as_ours_for_two_spans():
+def test_images_have_their_arrival_times_until_the_clock_matched_for_two_spans():
     clock, now = DeviceClock(), arrivals()
     late = np.where(np.arange(len(now)) % 2, 0.25 * STEP, 0.0)
     found = moments(clock, now - START, now + late)
     np.testing.assert_array_equal(found[:PROVED], (now + late)[:PROVED])
     np.testing.assert_allclose(found[PROVED:], now[PROVED:], atol=1e-3)
-    assert (clock.trusted, clock.pace) == (True, None)
+    assert (clock.trusted, clock.rate) == (True, None)
 
 
-def test_pictures_that_come_unevenly_are_spaced_as_the_device_says():
+def test_images_that_arrive_unevenly_have_the_devices_intervals():
     now = arrivals()
     late = np.random.default_rng(7).uniform(0.0, 0.005, len(now))
     found = moments(DeviceClock(), now - START, now + late)
@@ -51,7 +51,7 @@ def test_pictures_that_come_unevenly_are_spaced_as_the_device_says():
 
 
 @pytest.mark.parametrize("rate", [0.99, 0.995, 0.9999])
-def test_a_clock_that_is_a_little_slow_makes_pictures_a_little_old(rate):
+def test_a_slightly_slow_clock_makes_images_slightly_old(rate):
     clock, now = DeviceClock(), arrivals(40.0)
     found = moments(clock, (now - START) * rate, now)
     share = 1 - math.exp(-STEP * rate / 2.0)
@@ -61,21 +61,21 @@ def test_a_clock_that_is_a_little_slow_makes_pictures_a_little_old(rate):
 
 
 @pytest.mark.parametrize("rate", [1.01, 1.005, 1.0001])
-def test_a_clock_that_is_a_little_fast_makes_no_picture_old(rate):
+def test_a_slightly_fast_clock_makes_no_image_old(rate):
     now = arrivals()
     np.testing.assert_allclose(moments(DeviceClock(), (now - START) * rate, now), now, atol=1e-9)
 
 
 @pytest.mark.parametrize("rate", [0.97, 1.03, 0.9, 1.1, 0.5, 1.5, 0.001, 1000.0, 0.0, -1.0])
-def test_a_clock_that_goes_wrong_is_not_used(rate):
+def test_a_clock_with_a_wrong_rate_is_not_used(rate):
     clock, now = DeviceClock(), arrivals()
     np.testing.assert_array_equal(moments(clock, 5.0 + (now - START) * rate, now), now)
     assert not clock.trusted
-    assert clock.pace == round(rate, 2)
+    assert clock.rate == round(rate, 2)
 
 
 @pytest.mark.parametrize("rate", [0.9, 0.0, 1.1])
-def test_a_clock_that_begins_to_go_wrong_is_not_used_any_more_and_again_once_it_goes_well(rate):
+def test_a_clock_is_used_except_while_its_rate_is_wrong(rate):
     clock, now = DeviceClock(), arrivals(30.0)
     device = np.cumsum(np.where((now < START + 10) | (now >= START + 20), STEP, STEP * rate))
     found = moments(clock, device, now)
@@ -86,19 +86,19 @@ def test_a_clock_that_begins_to_go_wrong_is_not_used_any_more_and_again_once_it_
     assert clock.trusted
 
 
-def test_a_late_picture_is_as_old_as_it_is_late():
+def test_a_late_image_is_as_old_as_its_delay():
     clock = proved()
     assert clock.moment(4.0, START + 4.2) == pytest.approx(START + 4.0, abs=0.005)
     assert clock.moment(4.0 + STEP, START + 4.0 + STEP + 0.2) == pytest.approx(START + 4.0 + STEP, abs=0.01)
 
 
-def test_a_picture_that_is_early_shows_that_the_others_were_late():
+def test_an_early_image_reduces_the_delay_of_the_next():
     clock = proved()
     assert clock.moment(4.0, START + 3.99) == START + 3.99
     assert clock.moment(4.0 + STEP, START + 4.0 + STEP) == pytest.approx(START + 3.99 + STEP, abs=0.001)
 
 
-def test_a_lasting_delay_is_taken_for_the_rule():
+def test_a_lasting_delay_becomes_the_normal_one():
     clock, now = proved(), START + 4.0 + np.arange(1000) * STEP
     found = moments(clock, now - START, now + 0.09)
     assert found[0] == pytest.approx(now[0], abs=0.002)
@@ -107,14 +107,14 @@ def test_a_lasting_delay_is_taken_for_the_rule():
 
 
 @pytest.mark.parametrize("device", [0.0, 1e9])
-def test_a_clock_that_is_set_anew_goes_on_from_there(device):
+def test_a_clock_that_is_reset_is_still_used(device):
     clock, now = proved(), START + 4.0 + np.arange(100) * STEP
     np.testing.assert_allclose(moments(clock, device + now - START, now), now, atol=1e-6)
     assert clock.trusted
 
 
-def test_an_hour_of_even_pictures_is_as_even_as_the_device_says():
-    """Its clock is 100 parts in a million slow, as a bad crystal is."""
+def test_an_hour_of_even_images_stays_even():
+    """The device's clock is 100 parts per million slow, like a bad crystal."""
     now = arrivals(3600.0)
     found = moments(DeviceClock(), (now - START) * (1 - 1e-4), now)
     assert np.abs(np.diff(found) - STEP).max() < 0.001
@@ -122,7 +122,7 @@ def test_an_hour_of_even_pictures_is_as_even_as_the_device_says():
 
 
 @given(st.lists(st.tuples(st.floats(-1e9, 1e9), st.floats(0.0, 100.0)), max_size=200))
-def test_no_moment_is_before_the_last_or_after_now_whatever_the_device_says(pictures):
+def test_no_time_is_before_the_last_one_or_in_the_future(pictures):
     clock, now, last = DeviceClock(), START, -math.inf
     for taken, later in pictures:
         now += later

@@ -1,4 +1,4 @@
-"""Debian's libfreenect, and its fakenect with pictures that are made here, in processes of their own."""
+"""Debian's libfreenect, and its fakenect with images from the tests, in processes of their own."""
 
 import ctypes.util
 from pathlib import Path
@@ -16,7 +16,7 @@ from ...conftest import missing
 
 INSTALLED = sorted(Path("/usr/lib").glob("*/libfreenect.so.0.5"))
 FRAME = 2_002_000
-"""Ticks from one picture to the next."""
+"""Ticks from one image to the next."""
 
 READ = """
 import sys
@@ -73,7 +73,7 @@ source.close()
 
 @pytest.fixture
 def read(run_with_kinect, tmp_path):
-    """Read so many pictures of a dump in another process; returns its process and what it read."""
+    """Read images of a dump in another process: `run(dump, count)` returns the process and the images."""
 
     def run(dump, count, fault=""):
         process = run_with_kinect(dump, READ, tmp_path / "read.npz", count, fault=fault)
@@ -83,7 +83,7 @@ def read(run_with_kinect, tmp_path):
 
 
 def depth_of(number):
-    """A slope in millimetres from left to right and from above, with a hole, another one for each number."""
+    """Return a slope with a hole, in millimetres, that differs for each number."""
     rows, columns = np.mgrid[:480, :640]
     depth = (1000 + 100 * number + 3 * columns + rows).astype(np.uint16)
     depth[100:110, 200:230] = 0
@@ -91,13 +91,13 @@ def depth_of(number):
 
 
 def color_of(number):
-    """Red grows to the right, green downwards, blue says the number."""
+    """Return an image whose red grows to the right and green downwards; blue encodes the number."""
     rows, columns = np.mgrid[:480, :640]
     return np.dstack([columns * 255 // 639, rows * 255 // 479, np.full((480, 640), 40 * number)]).astype(np.uint8)
 
 
-def test_depth_and_colour_come_as_the_sensor_took_them_on_a_clock_that_never_starts_again(read, write_dump):
-    start = 2**32 - 2 * FRAME  # the sensor's clock starts again on the way, and colour comes half a frame later
+def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(read, write_dump):
+    start = 2**32 - 2 * FRAME  # the sensor's clock overflows, and colour is half a frame later
     dump = write_dump(
         [
             each
@@ -117,7 +117,7 @@ def test_depth_and_colour_come_as_the_sensor_took_them_on_a_clock_that_never_sta
     assert process.stderr == "shut down with 0 open\n"
 
 
-def test_a_body_is_where_it_stands_when_depth_is_lifted_by_the_lens(read, write_dump, render):
+def test_unprojected_depth_is_on_the_bodys_skin(read, write_dump, render):
     joints, radius = PERFORMANCES["walk"]().positions[0], 0.05
     depth, color = render(joints, LENS, radius=radius)
     _, seen = read(write_dump([(depth, 0), (color, 0)]), 1)
@@ -134,7 +134,7 @@ def test_a_body_is_where_it_stands_when_depth_is_lifted_by_the_lens(read, write_
     np.testing.assert_allclose(away, radius, atol=2e-3)  # depths are whole millimetres
 
 
-def test_depth_without_a_colour_of_the_same_moment_is_no_picture(read, write_dump):
+def test_depth_without_colour_of_the_same_time_is_skipped(read, write_dump):
     dump = write_dump(
         [
             (color_of(0), 0),
@@ -153,7 +153,7 @@ def test_depth_without_a_colour_of_the_same_moment_is_no_picture(read, write_dum
     np.testing.assert_allclose(seen["times"] * 60e6, [300, 2 * FRAME, 4 * FRAME + 200])
 
 
-def test_a_sensor_that_stops_gives_none_in_time_and_is_closed(read, write_dump):
+def test_a_sensor_that_stops_delivers_none_and_can_be_closed(read, write_dump):
     dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
     process, seen = read(dump, 6, "still")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
@@ -164,13 +164,13 @@ def test_a_sensor_that_stops_gives_none_in_time_and_is_closed(read, write_dump):
 @pytest.mark.parametrize(
     ("fault", "found", "fix"),
     [
-        ("absent", "no Kinect v1 on USB", "into its power supply too"),
+        ("absent", "no Kinect v1 on USB", "plug in its power supply too"),
         ("forbidden", "no permission to open the Kinect on USB", "60-libfreenect0.5.rules"),
-        ("busy", "a Kinect that another program uses", "End the other program"),
+        ("busy", "a Kinect that another program uses", "Close the other program"),
         ("broken", "(libfreenect: freenect_camera_init(): Failed to fetch zero plane info for device)", "Unplug it"),
     ],
 )
-def test_a_sensor_that_cannot_be_opened_is_a_message_and_nothing_stays_open(read, write_dump, fault, found, fix):
+def test_a_sensor_that_cannot_be_opened_is_an_error_and_nothing_stays_open(read, write_dump, fault, found, fix):
     process, _ = read(write_dump([]), 1, fault)
     (message,) = (line for line in process.stdout.splitlines() if line.startswith("SourceError"))
     assert found in message
@@ -178,20 +178,20 @@ def test_a_sensor_that_cannot_be_opened_is_a_message_and_nothing_stays_open(read
     assert process.stderr == "shut down with 0 open\n"
 
 
-def test_a_sensor_that_is_unplugged_gives_what_it_gave_and_then_a_message(read, write_dump):
+def test_an_unplugged_sensor_is_an_error_after_its_last_image(read, write_dump):
     dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
     process, seen = read(dump, 6, "unplugged")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
-    assert "found a disconnected Kinect (libfreenect: USB device disappeared" in process.stdout
+    assert "found an unplugged Kinect (libfreenect: USB device disappeared" in process.stdout
     assert process.stderr == "shut down with 0 open\n"
 
 
-def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugged(run_with_kinect, write_dump):
+def test_a_source_delivers_performers_until_the_sensor_is_unplugged(run_with_kinect, write_dump):
     pictures = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
     dump = write_dump(pictures, interval=0.1)
     process = run_with_kinect(dump, FOLLOW, fault="unplugged")
     *frames, end = process.stdout.splitlines()
-    assert end.startswith("SourceError a disconnected Kinect")
+    assert end.startswith("SourceError an unplugged Kinect")
     depths = [float(frame.removeprefix("frame ")) for frame in frames]
     assert depths
     assert depths == sorted(set(depths))
@@ -199,7 +199,7 @@ def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugge
     assert process.stderr == "shut down with 0 open\n"
 
 
-def test_what_the_stand_in_logs_is_what_the_library_logs():
+def test_the_stand_in_logs_the_librarys_messages():
     if not INSTALLED:
         missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
     library = INSTALLED[0].read_bytes()
@@ -211,23 +211,23 @@ def test_what_the_stand_in_logs_is_what_the_library_logs():
         assert text in library
 
 
-def test_the_library_itself_says_which_sensors_there_are():
+def test_the_real_library_counts_sensors():
     if not INSTALLED:
         missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
     with pytest.raises(SourceError) as refused:
         FreenectDevice("freenect:99", 99)
-    assert "no number 99" in refused.value.found or refused.value.found == "no Kinect v1 on USB"
+    assert "the number 99" in refused.value.found or refused.value.found == "no Kinect v1 on USB"
 
 
-def test_the_udev_rule_that_the_message_names_is_the_packages_and_opens_what_it_says():
-    rules = Path("/lib/udev/rules.d", freenect.RULES)
+def test_the_udev_rule_in_the_error_is_that_of_the_package():
+    rules = Path("/lib/udev/rules.d", freenect.UDEV_RULES)
     if not rules.exists():
         missing("freenect", "libfreenect is not here (Debian: libfreenect0.5)")
     line = 'SUBSYSTEM=="usb", ATTRS{idVendor}=="045e", ATTRS{idProduct}=="02ae", GROUP="plugdev", MODE="0666"'
     assert line in rules.read_text().splitlines()
 
 
-def test_without_the_library_the_package_is_named(monkeypatch):
+def test_a_missing_library_is_an_error_with_the_package(monkeypatch):
     monkeypatch.setattr(freenect, "LIBRARIES", ("libnosuchthing.so.0.5",))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     with pytest.raises(SourceError, match=r"no libfreenect on this machine.*apt install libfreenect0\.5"):
@@ -235,10 +235,10 @@ def test_without_the_library_the_package_is_named(monkeypatch):
 
 
 @pytest.mark.parametrize("rest", ["x", "-1", "1?mirror", "100", "٣"])
-def test_what_is_no_number_is_refused(rest):
+def test_a_wrong_number_is_an_error(rest):
     with pytest.raises(SourceError, match="the number of a Kinect v1"):
         open_freenect(f"freenect:{rest}", rest)
 
 
-def test_what_lies_in_the_middle_of_the_picture_is_straight_ahead():
+def test_the_centre_of_the_image_is_straight_ahead():
     assert LENS.unproject(np.array([320.0, 240.0]), np.array(2.0)).tolist() == [0.0, 0.0, 2.0]

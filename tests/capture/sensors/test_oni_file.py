@@ -3,7 +3,7 @@ import struct
 
 import pytest
 
-from capture.sensors.oni_file import check_whole
+from capture.sensors.oni_file import check_intact
 from puppetline.errors import SourceError
 
 DATA, END = 10, 11
@@ -15,7 +15,7 @@ def _record(kind, data=b"", fields=b""):
 
 HEAD = b"NI10" + bytes(20)
 BODY = [_record(13, fields=b"name"), _record(DATA, b"depth" * 50, b"time"), _record(DATA, b"color" * 90)]
-WHOLE = HEAD + b"".join(BODY) + _record(END)
+INTACT = HEAD + b"".join(BODY) + _record(END)
 
 
 @pytest.fixture
@@ -29,41 +29,41 @@ def recording(tmp_path):
 
 
 @pytest.mark.parametrize("behind", [b"", bytes(500)])
-def test_a_whole_recording_passes_with_the_room_that_the_recorder_leaves_behind_it(recording, behind):
-    check_whole("openni:", recording(WHOLE + behind))
+def test_an_intact_recording_passes_with_the_recorders_padding(recording, behind):
+    check_intact("openni:", recording(INTACT + behind))
 
 
-@pytest.mark.parametrize("length", [24, 40, 60, 200, len(WHOLE) - 28, len(WHOLE) - 1])
-def test_one_that_was_cut_off_is_an_error_that_says_where(recording, length):
+@pytest.mark.parametrize("length", [24, 40, 60, 200, len(INTACT) - 28, len(INTACT) - 1])
+def test_an_incomplete_recording_is_an_error_with_the_position(recording, length):
     starts = [24]
     for record in BODY:
         starts.append(starts[-1] + len(record))
     missing = next(start for start in starts if start + 28 > length)
     with pytest.raises(SourceError, match=f"take.oni, which is damaged at byte {missing};") as caught:
-        check_whole("openni:", recording(WHOLE[:length]))
+        check_intact("openni:", recording(INTACT[:length]))
     assert caught.value.fix.startswith("Record it again")
 
 
-def test_one_that_was_overwritten_is_an_error_that_says_where(recording):
+def test_an_overwritten_record_is_an_error_with_the_position(recording):
     at = 24 + len(BODY[0])
     with pytest.raises(SourceError, match=f"damaged at byte {at};"):
-        check_whole("openni:", recording(WHOLE[:at] + bytes(30) + WHOLE[at + 30 :]))
+        check_intact("openni:", recording(INTACT[:at] + bytes(30) + INTACT[at + 30 :]))
 
 
-def test_a_record_that_leads_nowhere_is_an_error_and_no_endless_loop(recording):
+def test_a_record_without_size_is_an_error(recording):
     nowhere = struct.pack("<4sIIIIQ", b"NIR\0", DATA, 1, 0, 0, 0)
     with pytest.raises(SourceError, match="damaged at byte 24;"):
-        check_whole("openni:", recording(HEAD + nowhere + WHOLE))
+        check_intact("openni:", recording(HEAD + nowhere + INTACT))
 
 
-@pytest.mark.parametrize("content", [b"", b"NI", b"RIFF" + WHOLE])
-def test_another_file_is_an_error(recording, content):
-    with pytest.raises(SourceError, match=r"take\.oni, which is something else;"):
-        check_whole("openni:", recording(content))
+@pytest.mark.parametrize("content", [b"", b"NI", b"RIFF" + INTACT])
+def test_another_kind_of_file_is_an_error(recording, content):
+    with pytest.raises(SourceError, match=r"take\.oni, which is another kind of file;"):
+        check_intact("openni:", recording(content))
 
 
-def test_a_file_that_is_not_there_or_a_folder_is_an_error(tmp_path):
+def test_a_missing_file_or_a_folder_is_an_error(tmp_path):
     with pytest.raises(SourceError, match=re.escape("none.oni, which cannot be read (No such file or directory)")):
-        check_whole("openni:", tmp_path / "none.oni")
-    with pytest.raises(SourceError, match=re.escape("cannot be read (Is a directory)")):
-        check_whole("openni:", tmp_path)
+        check_intact("openni:", tmp_path / "none.oni")
+    with pytest.raises(SourceError, match=re.escape("which cannot be read (Is a directory)")):
+        check_intact("openni:", tmp_path)

@@ -1,4 +1,4 @@
-"""Somebody whose joints are known waves at a sensor: from the real libraries' pictures through MediaPipe to joints."""
+"""A rendered performer with known joints waves: from images of the real libraries through MediaPipe to joints."""
 
 import time
 from contextlib import closing
@@ -8,7 +8,7 @@ import pytest
 from puppetline.examples.performances import clean
 
 from capture.events import Cue
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.sensors import freenect
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
@@ -19,12 +19,12 @@ from ..devices import Watched
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("camera")]
 
 POSES = range(99, 144, 4)
-"""Of the bundled walk, in which the performer stands there and waves."""
+"""Frames of the bundled walk in which the performer stands and waves."""
 STEP = 4 / 30
-"""Seconds from one to the next."""
+"""Seconds between these frames."""
 
-FARTHEST = {"head": 0.09, "wrist_right": 0.13}
-"""Metres, for each joint's median; 0.07 for others. The head is larger than life, the right hand waves."""
+MAX_ERROR_METRES = {"head": 0.09, "wrist_right": 0.13}
+"""Largest median error, 0.07 for other joints. The character's head is very large, and its right hand waves."""
 
 FOLLOW = """
 import sys
@@ -35,7 +35,7 @@ from capture.skeleton import SkeletonFrame
 from capture.source import wait
 from capture.sources.registry import open_source
 
-source.OLDEST = 10.0  # no picture is too old, however busy the machine is
+source.MAX_AGE_SECONDS = 10.0  # no image is too old, even on a busy machine
 frames = []
 
 class Patient(freenect.FreenectDevice):
@@ -56,12 +56,12 @@ while len(frames) < int(sys.argv[2]):
 kinect.close()
 np.savez(sys.argv[1], times=[each.time for each in frames], positions=[each.positions for each in frames])
 """
-"""Waits with each picture until somebody was found in the one before, so that none is overtaken."""
+"""Reads each image only after the one before was tracked, so that none is dropped."""
 
 
 @pytest.fixture(scope="module")
 def shots(rendered_body):
-    """Pictures of the performer 2.5 m before a lens, with a sensor's noise, and the joints in them."""
+    """Render the performer 2.5 m in front of a lens, with a sensor's noise: `shots(lens)` returns images and joints."""
     body, poses = rendered_body.Body(), clean("walk").positions
 
     def shot(lens):
@@ -73,7 +73,7 @@ def shots(rendered_body):
 
 @pytest.fixture(scope="module")
 def shown(shots, _virtual_sensors):
-    """What the virtual OpenNI2 sensor shows."""
+    """The images of the virtual OpenNI2 sensor, with joints."""
     return shots(_virtual_sensors[0].lens)
 
 
@@ -84,12 +84,12 @@ def tracked(pictures):
 
 
 def check_joints(rendered_body, positions, shots):
-    """See that joints are where they are known to be, and that the hand waves."""
+    """Check that joints are near the known positions, and that the hand waves."""
     positions, known = positions[:, rendered_body.KINECT], np.stack([shot.joints for shot in shots])
     off = np.linalg.norm(positions - known, axis=2)
     assert np.median(off) < 0.05
     for name, median in zip(rendered_body.NAMES, np.median(off, axis=0), strict=True):
-        assert median < FARTHEST.get(name, 0.07), name
+        assert median < MAX_ERROR_METRES.get(name, 0.07), name
     waving = rendered_body.NAMES.index("wrist_right")
     assert np.ptp(known[:, waving, 1]) > 0.5
     assert np.corrcoef(positions[:, waving, 1], known[:, waving, 1])[0, 1] > 0.98
@@ -103,7 +103,7 @@ def sensor(virtual_sensors, tmp_path, monkeypatch):
     return virtual_sensors[0]
 
 
-def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_pictures(sensor, shown, rendered_body):
+def test_joints_through_openni2_have_the_true_positions_and_the_times_of_their_images(sensor, shown, rendered_body):
     frames, moments = [], []
     with closing(open_source("openni:")) as source:
         watched = Watched(source)
@@ -122,14 +122,12 @@ def test_through_openni2_the_joints_are_where_they_are_at_the_moments_of_their_p
     check_joints(rendered_body, positions, shown)
 
 
-def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_recorded(
-    sensor, shown, record, tmp_path, rendered_body
-):
+def test_joints_of_a_recording_are_those_of_the_recorded_images(sensor, shown, record, tmp_path, rendered_body):
     record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
     with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
         events = Watched(source).events(len(shown) + 1)
-    [stands] = [Level.of_json(event.arguments) for event in events if isinstance(event, Cue)]
-    assert stands.near(Level(0.0, rendered_body.EYE), 0.3, 0.02)
+    [stands] = [SensorTilt.of_json(event.arguments) for event in events if isinstance(event, Cue)]
+    assert stands.near(SensorTilt(0.0, rendered_body.EYE), 0.3, 0.02)
     frames = [event for event in events if isinstance(event, SkeletonFrame)]
     np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)
     positions = np.stack([frame.positions for frame in frames])
@@ -137,12 +135,12 @@ def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_re
     check_joints(rendered_body, positions, shown)
 
 
-def test_through_libfreenect_the_joints_are_those_that_the_tracker_finds_in_what_the_kinect_sees(
+def test_joints_through_libfreenect_are_those_of_the_rendered_images(
     shots, write_dump, run_with_kinect, tmp_path, rendered_body
 ):
     shown = shots(freenect.LENS)
     pictures = [
-        (each, round(shot.picture.time * freenect.TICKS))
+        (each, round(shot.picture.time * freenect.TICKS_PER_SECOND))
         for shot in shown
         for each in (shot.picture.depth, shot.picture.color)
     ]

@@ -9,7 +9,7 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.events import TICK, Tick
+from capture.events import TICK_SECONDS, Tick
 from capture.sensors import clock
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
@@ -28,7 +28,7 @@ def _told(events):
 
 
 class Halting:
-    """A tracker that begins with a picture and goes on when it is told to."""
+    """A tracker that waits with each image until a test lets it continue."""
 
     name = "a halting tracker"
 
@@ -45,7 +45,7 @@ class Halting:
         self.tracker.close()
 
 
-def test_a_person_in_a_picture_is_a_frame_at_the_moment_of_the_picture(watch, scripted_device, scripted_tracker):
+def test_a_performer_in_an_image_is_a_frame_at_the_images_time(watch, scripted_device, scripted_tracker):
     watched = watch(scripted_device, scripted_tracker)
     before = time.monotonic()
     scripted_device.show(5.0)
@@ -58,21 +58,19 @@ def test_a_person_in_a_picture_is_a_frame_at_the_moment_of_the_picture(watch, sc
     assert (frame.confidence == 1.0).all()
 
 
-def test_what_gives_pictures_and_what_finds_people_is_named_in_the_log(
-    watch, scripted_device, scripted_tracker, caplog
-):
+def test_the_log_names_the_device_and_the_tracker(watch, scripted_device, scripted_tracker, caplog):
     caplog.set_level(logging.INFO, "capture")
     scripted_device.show(0.0)
     watch(scripted_device, scripted_tracker).events()
-    assert caplog.messages == ["test: a scripted device gives the pictures, a scripted tracker finds people in them"]
+    assert caplog.messages == ["test: tracking images of a scripted device with a scripted tracker"]
 
 
-def test_a_device_whose_clock_stands_still_goes_on_and_it_is_said_once(
+def test_a_device_whose_clock_stands_still_works_and_is_logged_once(
     watch, scripted_device, scripted_tracker, caplog, monkeypatch
 ):
-    monkeypatch.setattr(clock, "SPAN", 0.02)
+    monkeypatch.setattr(clock, "SPAN_SECONDS", 0.02)
     watched = watch(scripted_device, scripted_tracker)
-    said = "test: a second is 0 s on the clock of a scripted device: frames have the moments at which pictures come"
+    said = "test: one second takes 0 s on the clock of a scripted device: using the arrival times of images instead"
 
     def frames(count):
         found = []
@@ -93,7 +91,7 @@ def test_a_device_whose_clock_stands_still_goes_on_and_it_is_said_once(
     assert caplog.messages == [said]
 
 
-def test_who_is_found_and_lost_is_told_in_order(watch, scripted_device, scripted_tracker):
+def test_performers_found_and_lost_are_events_in_order(watch, scripted_device, scripted_tracker):
     watched = watch(scripted_device, scripted_tracker)
     changes = [
         ((1, 2), [("SkeletonFrame", 1), ("SkeletonFrame", 2)]),
@@ -115,7 +113,7 @@ def _wait_until(what):
         time.sleep(0.001)
 
 
-def test_the_newest_picture_is_tracked_and_what_it_overtakes_is_counted(watch, scripted_device, scripted_tracker):
+def test_the_newest_image_is_tracked_and_the_others_count_as_dropped(watch, scripted_device, scripted_tracker):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     scripted_device.show(0.0)
@@ -129,7 +127,7 @@ def test_the_newest_picture_is_tracked_and_what_it_overtakes_is_counted(watch, s
     assert watched.source.counts.dropped == 2
 
 
-def test_a_frame_that_was_not_taken_makes_way_for_the_next(watch, scripted_device, scripted_tracker):
+def test_a_newer_frame_replaces_one_that_was_not_received(watch, scripted_device, scripted_tracker):
     watched = watch(scripted_device, scripted_tracker)
     for k in range(3):
         scripted_device.show(0.001 * k)
@@ -142,8 +140,8 @@ def test_a_frame_that_was_not_taken_makes_way_for_the_next(watch, scripted_devic
 
 @pytest.fixture
 def strict(monkeypatch):
-    """Pictures can be too old, and how old they are is known: the device's clock is ours."""
-    monkeypatch.setattr(module, "OLDEST", 0.1)
+    """Images can be too old, and their age is known: the device uses this computer's clock."""
+    monkeypatch.setattr(module, "MAX_AGE_SECONDS", 0.1)
 
     class Ours(DeviceClock):
         def moment(self, taken, _now):
@@ -153,7 +151,7 @@ def strict(monkeypatch):
 
 
 def _show_until_somebody_comes(watched, device):
-    """Show fresh pictures, of which a busy machine may leave out some; return the time of the one that came."""
+    """Show fresh images, of which a busy machine may drop some; return the time of the first frame."""
     shown = []
 
     def came(found):
@@ -168,9 +166,9 @@ def _show_until_somebody_comes(watched, device):
 
 
 @pytest.mark.usefixtures("strict")
-def test_a_picture_that_comes_too_late_is_never_tracked(watch, scripted_device, scripted_tracker):
+def test_a_late_image_is_never_tracked(watch, scripted_device, scripted_tracker):
     watched = watch(scripted_device, scripted_tracker)
-    late = time.monotonic() - 1.01 * module.OLDEST
+    late = time.monotonic() - 1.01 * module.MAX_AGE_SECONDS
     scripted_device.show(late)
     assert _show_until_somebody_comes(watched, scripted_device) > late
     assert late not in scripted_tracker.seen
@@ -178,7 +176,7 @@ def test_a_picture_that_comes_too_late_is_never_tracked(watch, scripted_device, 
 
 
 @pytest.mark.usefixtures("strict")
-def test_a_picture_that_grew_old_while_the_tracker_was_busy_is_never_tracked(watch, scripted_device, scripted_tracker):
+def test_an_image_that_waited_too_long_is_never_tracked(watch, scripted_device, scripted_tracker):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     first = time.monotonic()
@@ -186,7 +184,7 @@ def test_a_picture_that_grew_old_while_the_tracker_was_busy_is_never_tracked(wat
     assert halting.begun.acquire(timeout=10)
     waiting = time.monotonic()
     scripted_device.show(waiting)
-    time.sleep(2 * module.OLDEST)
+    time.sleep(2 * module.MAX_AGE_SECONDS)
     halting.go_on.release(1000)
     assert _show_until_somebody_comes(watched, scripted_device) > waiting
     assert first in scripted_tracker.seen
@@ -195,7 +193,7 @@ def test_a_picture_that_grew_old_while_the_tracker_was_busy_is_never_tracked(wat
 
 @pytest.mark.usefixtures("strict")
 @pytest.mark.parametrize("who", ["tracker", "caller"])
-def test_who_was_found_in_a_picture_that_has_become_too_old_is_not_given(watch, scripted_device, scripted_tracker, who):
+def test_a_frame_that_is_too_old_is_dropped(watch, scripted_device, scripted_tracker, who):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     late = time.monotonic()
@@ -204,7 +202,7 @@ def test_who_was_found_in_a_picture_that_has_become_too_old_is_not_given(watch, 
     if who == "caller":
         halting.go_on.release()
         _wait_until(lambda: select([watched.source.fileno()], [], [], 0)[0])
-    time.sleep(1.5 * module.OLDEST)
+    time.sleep(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release(1000)
     assert _show_until_somebody_comes(watched, scripted_device) > late
     assert late in scripted_tracker.seen
@@ -212,7 +210,7 @@ def test_who_was_found_in_a_picture_that_has_become_too_old_is_not_given(watch, 
 
 
 @pytest.mark.usefixtures("strict")
-def test_who_is_lost_is_told_however_late(watch, scripted_device, scripted_tracker):
+def test_a_lost_performer_is_reported_however_late(watch, scripted_device, scripted_tracker):
     halting = Halting(scripted_tracker)
     watched = watch(scripted_device, halting)
     halting.go_on.release(1000)
@@ -224,19 +222,19 @@ def test_who_is_lost_is_told_however_late(watch, scripted_device, scripted_track
         pass
     scripted_device.show(time.monotonic())
     assert halting.begun.acquire(timeout=10)
-    time.sleep(1.5 * module.OLDEST)
+    time.sleep(1.5 * module.MAX_AGE_SECONDS)
     halting.go_on.release()
     assert ("Lost", 1) in _told(watched.events(until=lambda found: ("Lost", 1) in _told(found)))
 
 
 class Slow:
-    """A tracker that takes longer than a picture may be old, or not."""
+    """A tracker that takes `takes` seconds, at first longer than the maximum age of an image."""
 
     name = "a slow tracker"
 
     def __init__(self, tracker):
         self.tracker = tracker
-        self.takes = 1.5 * module.OLDEST
+        self.takes = 1.5 * module.MAX_AGE_SECONDS
 
     def track(self, picture):
         time.sleep(self.takes)
@@ -247,20 +245,20 @@ class Slow:
 
 
 @pytest.mark.usefixtures("strict")
-def test_where_a_machine_is_always_late_people_are_given_late_and_it_is_said_once(
+def test_a_slow_machine_delivers_late_frames_and_logs_it_once(
     watch, scripted_device, scripted_tracker, monkeypatch, caplog
 ):
-    monkeypatch.setattr(module, "SLOW", 3)
+    monkeypatch.setattr(module, "MAX_LATE_COUNT", 3)
     slow = Slow(scripted_tracker)
     watched = watch(scripted_device, slow)
     events = []
 
     def perform(count):
-        """Show picture after picture until so many more were tracked; return when they were shown."""
+        """Show images until `count` more were tracked; return the times at which they were shown."""
         shown = []
         for tracked in range(len(scripted_tracker.seen), len(scripted_tracker.seen) + count):
             while len(scripted_tracker.seen) == tracked:
-                if not shown or shown[-1] < time.monotonic() - 2 * module.OLDEST:
+                if not shown or shown[-1] < time.monotonic() - 2 * module.MAX_AGE_SECONDS:
                     shown.append(time.monotonic())
                     scripted_device.show(shown[-1])
                 watched.wait()
@@ -270,27 +268,27 @@ def test_where_a_machine_is_always_late_people_are_given_late_and_it_is_said_onc
     def given():
         return [event.time for event in events if isinstance(event, SkeletonFrame)]
 
-    perform(2)
+    shown = perform(2)
     assert not given()
-    shown = perform(6)
+    shown += perform(6)
     assert len(given()) >= 4
-    assert set(given()[1:]) <= set(shown), "at the moments of their pictures"
+    assert set(given()[1:]) <= set(shown), "frames have the times of their images"
     assert [event.time for event in events] == sorted({event.time for event in events})
     [said] = caplog.messages
-    assert said.startswith("test: finding people takes so long here that they are 0.")
+    assert said.startswith("test: tracking is too slow on this machine: performers are 0.")
     slow.takes = 0.0
     _wait_until(lambda: perform(1) and not watched.source._slow)
-    slow.takes = 1.5 * module.OLDEST
+    slow.takes = 1.5 * module.MAX_AGE_SECONDS
     late = perform(1)
     slow.takes = 0.0
     perform(3)
-    assert not set(late) & set(given()), "in time again, it is strict again"
+    assert not set(late) & set(given()), "late frames are dropped again after frames in time"
     assert caplog.messages == [said]
 
 
-def test_ticks_pass_the_time_and_no_event_goes_back(watch, scripted_device, scripted_tracker, monkeypatch):
-    """Frames have the times of their pictures, which are earlier than those at which nothing came."""
-    monkeypatch.setattr(module, "OLDEST", 0.1)
+def test_ticks_fill_silence_and_no_event_is_before_another(watch, scripted_device, scripted_tracker, monkeypatch):
+    """Frames have the times of their images, which are earlier than ticks without a delay would be."""
+    monkeypatch.setattr(module, "MAX_AGE_SECONDS", 0.1)
     watched = watch(scripted_device, scripted_tracker)
     start = watched.source.now()
     events = []
@@ -303,17 +301,17 @@ def test_ticks_pass_the_time_and_no_event_goes_back(watch, scripted_device, scri
     times = [event.time for event in events]
     assert times == sorted(times)
     assert {type(event) for event in events} == {SkeletonFrame, Tick}
-    gaps = np.diff([start - module.OLDEST, *times])
+    gaps = np.diff([start - module.MAX_AGE_SECONDS, *times])
     assert gaps.max() < 0.15
     ticks = [
         later - earlier
         for (earlier, later), event in zip(pairwise(times), events[1:], strict=True)
         if type(event) is Tick
     ]
-    assert min(ticks) >= TICK - 1e-9
+    assert min(ticks) >= TICK_SECONDS - 1e-9
 
 
-def test_nobody_in_the_picture_lets_time_pass_too(watch, scripted_device, scripted_tracker):
+def test_an_image_without_performers_is_a_tick(watch, scripted_device, scripted_tracker):
     scripted_tracker.users = ()
     watched = watch(scripted_device, scripted_tracker, recorded=True)
     scripted_device.show(3.0)
@@ -321,7 +319,7 @@ def test_nobody_in_the_picture_lets_time_pass_too(watch, scripted_device, script
     assert watched.source.receive() == [Tick(3.0)]
 
 
-def test_of_a_recording_every_picture_is_tracked_at_its_own_time(watch, scripted_device, scripted_tracker):
+def test_every_image_of_a_recording_is_tracked_at_its_own_time(watch, scripted_device, scripted_tracker):
     end = SourceError("take", found="the end", expected="more", fix="No.")
     times = [10.0 + 0.001 * k for k in range(50)]
     scripted_device.show(*times)
@@ -338,7 +336,7 @@ def test_of_a_recording_every_picture_is_tracked_at_its_own_time(watch, scripted
     assert (watched.source.counts.received, watched.source.counts.dropped) == (50, 0)
 
 
-def test_a_depth_sensor_says_how_it_stands_as_soon_as_the_floor_tells(watch, scripted_device, scripted_tracker, caplog):
+def test_a_depth_sensor_reports_its_tilt_when_the_floor_shows_it(watch, scripted_device, scripted_tracker, caplog):
     caplog.set_level(logging.INFO, "capture")
     depth = room(12, 0, 1.3)
     for k in range(8):
@@ -350,7 +348,7 @@ def test_a_depth_sensor_says_how_it_stands_as_soon_as_the_floor_tells(watch, scr
     assert caplog.messages[-1] == "test: the sensor is 1.30 m above the floor, looks 12° down"
 
 
-def test_a_recording_takes_its_time_unless_it_is_to_be_fast(watch, scripted_device, scripted_tracker):
+def test_a_recording_plays_in_real_time_or_fast(watch, scripted_device, scripted_tracker):
     scripted_device.show(10.0, 10.1, 10.3)
     watched = watch(scripted_device, scripted_tracker, recorded=True)
     [_] = watched.events()
@@ -363,25 +361,25 @@ def test_a_recording_takes_its_time_unless_it_is_to_be_fast(watch, scripted_devi
     assert [frame.time for frame in fast.events(2)] == [0.0, 1000.0]
 
 
-def test_a_device_that_stops_giving_pictures_is_given_up(watch, scripted_device, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "SILENT", 0.2)
+def test_a_device_that_stops_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch):
+    monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
     watched = watch(scripted_device, scripted_tracker)
     scripted_device.show(0.0)
     watched.events()
-    assert "no new picture within 0.2 s" in watched.error().found
+    assert "no new image for 0.2 s" in watched.error().found
 
 
-def test_a_recording_that_stops_before_its_end_is_damaged(watch, scripted_device, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "SILENT", 0.2)
+def test_a_recording_that_stops_is_damaged(watch, scripted_device, scripted_tracker, monkeypatch):
+    monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
     watched = watch(scripted_device, scripted_tracker, recorded=True, fast=True)
     scripted_device.show(0.0)
     watched.events()
-    assert watched.error().fix == "It is damaged: record it again."
+    assert watched.error().fix == "The recording is damaged: record it again."
 
 
 @pytest.mark.usefixtures("strict")
-def test_a_device_that_gives_old_pictures_only_is_given_up(watch, scripted_device, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "SILENT", 0.2)
+def test_a_device_with_old_images_only_is_an_error(watch, scripted_device, scripted_tracker, monkeypatch):
+    monkeypatch.setattr(module, "SILENCE_SECONDS", 0.2)
     watched = watch(scripted_device, scripted_tracker)
     _show_until_somebody_comes(watched, scripted_device)
 
@@ -390,22 +388,22 @@ def test_a_device_that_gives_old_pictures_only_is_given_up(watch, scripted_devic
         return Picture(time.monotonic() - 0.11, LENS, None, None)
 
     scripted_device.read = read
-    assert "no new picture within 0.2 s" in watched.error().found
+    assert "no new image for 0.2 s" in watched.error().found
     assert watched.source.counts.dropped > 1
 
 
-def test_a_device_that_never_opens_is_given_up_and_closing_does_not_wait_for_it(watch, scripted_tracker, monkeypatch):
-    monkeypatch.setattr(module, "OPENING", 0.2)
-    monkeypatch.setattr(module, "_CLOSING", 0.1)
+def test_a_device_that_never_opens_is_an_error_and_does_not_delay_closing(watch, scripted_tracker, monkeypatch):
+    monkeypatch.setattr(module, "OPENING_SECONDS", 0.2)
+    monkeypatch.setattr(module, "_CLOSING_SECONDS", 0.1)
     stuck = threading.Event()
     watched = watch(stuck.wait, scripted_tracker)
-    assert "nor a first one within 0.2 s" in watched.error().found
+    assert "no first image for 0.2 s" in watched.error().found
     watched.source.close()
     assert not stuck.is_set()
     stuck.set()
 
 
-def test_what_hinders_opening_is_raised_and_what_was_opened_is_closed(watch, scripted_device, scripted_tracker):
+def test_an_error_while_opening_is_raised_and_an_open_device_is_closed(watch, scripted_device, scripted_tracker):
     refusal = SourceError("x", found="no", expected="yes", fix="Plug it in.")
 
     def refuse(*_):
@@ -417,9 +415,7 @@ def test_what_hinders_opening_is_raised_and_what_was_opened_is_closed(watch, scr
 
 
 @pytest.mark.parametrize("culprit", ["device", "tracker"])
-def test_what_a_driver_throws_is_an_error_that_says_who_and_what_to_do(
-    watch, scripted_device, scripted_tracker, culprit
-):
+def test_any_exception_of_a_driver_is_an_error_that_names_it(watch, scripted_device, scripted_tracker, culprit):
     watched = watch(scripted_device, scripted_tracker)
     scripted_device.show(0.0)
     watched.events()
@@ -435,7 +431,7 @@ def test_what_a_driver_throws_is_an_error_that_says_who_and_what_to_do(
     assert (scripted_device.closed, scripted_tracker.closed) == (1, 1)
 
 
-def test_closing_closes_the_tracker_and_then_the_device_once(scripted_device, scripted_tracker):
+def test_closing_closes_the_tracker_then_the_device_once(scripted_device, scripted_tracker):
     order = []
     scripted_device.close = lambda: order.append("device")
     scripted_tracker.close = lambda: order.append("tracker")
@@ -447,7 +443,7 @@ def test_closing_closes_the_tracker_and_then_the_device_once(scripted_device, sc
     assert order == ["tracker", "device"]
 
 
-def test_a_source_that_is_opened_again_and_again_needs_two_threads(watch, scripted_device, scripted_tracker):
+def test_sources_that_are_opened_in_turn_use_two_threads(watch, scripted_device, scripted_tracker):
     used = set()
     for _ in range(5):
         watched = watch(scripted_device, scripted_tracker)
@@ -481,6 +477,6 @@ sys.exit("left")
 """
 
 
-def test_the_end_of_the_program_closes_what_is_open_or_being_opened():
+def test_the_end_of_the_program_closes_a_device_that_is_being_opened():
     result = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout, result.stderr) == (1, "tracker\ndevice\n", "left\n")

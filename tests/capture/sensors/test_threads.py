@@ -6,16 +6,16 @@ from capture.sensors.threads import start
 
 
 def _let():
-    """Let it be done to the end."""
+    """Do not ask the work to stop."""
 
 
 def _work():
-    """Return what tells which thread did something, and that."""
+    """Return a list, and work that appends its thread and the thread's name to it."""
     seen = []
     return seen, lambda: seen.append((threading.current_thread(), threading.current_thread().name))
 
 
-def test_one_thread_does_one_thing_after_the_other():
+def test_one_thread_does_work_in_sequence():
     seen, work = _work()
     for name in "abc":
         assert start(work, name, _let).wait(10)
@@ -24,7 +24,7 @@ def test_one_thread_does_one_thing_after_the_other():
     assert seen[0][0].is_alive()
 
 
-def test_what_is_done_at_the_same_time_is_done_by_several_threads():
+def test_simultaneous_work_uses_several_threads():
     together = threading.Barrier(3, timeout=10)
     for _ in range(2):
         done = [start(together.wait, str(k), _let) for k in range(2)]
@@ -32,7 +32,7 @@ def test_what_is_done_at_the_same_time_is_done_by_several_threads():
         assert all(each.wait(10) for each in done)
 
 
-def test_what_never_ends_holds_up_nothing_else():
+def test_work_that_never_ends_does_not_delay_other_work():
     go_on = threading.Event()
     stuck = start(lambda: go_on.wait(10) and None, "stuck", _let)
     assert start(lambda: None, "other", _let).wait(10)
@@ -52,6 +52,6 @@ sys.exit("left")
 """
 
 
-def test_the_end_of_the_program_asks_everything_to_end_and_waits_for_it():
+def test_the_end_of_the_program_stops_work_and_waits_for_it():
     result = subprocess.run([sys.executable, "-c", LEFT], capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout, result.stderr) == (1, "one\ntwo\n", "left\n")

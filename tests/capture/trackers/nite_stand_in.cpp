@@ -58,7 +58,7 @@ void arrived(OniStreamHandle, void* cookie) {
 
 extern "C" {
 
-// What a test says.
+// State that a test sets.
 
 void stand_in_refuse(int what) { refuses = what; }
 
@@ -82,7 +82,7 @@ void stand_in_show(short id, int state, int skeleton, const float* joints) {
 int stand_in_trackers() { return trackers; }
 int stand_in_frames() { return frames; }
 
-// What NiTE2 exports.
+// Functions that NiTE2 exports.
 
 int niteInitialize() { return refuses & STARTING ? 1 : 0; }
 
@@ -158,7 +158,7 @@ int niteUserTrackerFrameRelease(Tracker*, Frame* frame) {
     return 0;
 }
 
-// What the bindings look for, and nobody calls.
+// Functions that the bindings require but nothing calls.
 #define UNUSED(name) int name() { return 1; }
 UNUSED(niteGetVersion)
 UNUSED(niteStopSkeletonTracking)

@@ -8,19 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from capture.sensor_tilt import Level
-from capture.trackers.floor import FloorWatch, find_floor
+from capture.sensor_tilt import SensorTilt
+from capture.trackers.floor import FloorTracker, find_floor
 from capture.trackers.picture import Lens, Picture
 
 from ..sensors.rooms import LENS, room
 
 STANDS = [*product((5, 12, 20, 30, 40), (0, 5), (0.6, 1.0, 1.6)), *product((-8,), (0, 5), (0.6,)), (0, -6, 1.0)]
-"""Tilt, roll, height: sensors that see some of the floor."""
+"""Tilt, roll and height of sensors that see some of the floor."""
 
 
 @pytest.mark.parametrize("stands", STANDS)
 @pytest.mark.parametrize("table", [False, True])
-def test_the_floor_tells_how_the_sensor_stands(stands, table):
+def test_tilt_roll_and_height_follow_from_the_floor(stands, table):
     for noise in (0.0, 0.0015):
         found = find_floor(room(*stands, noise, table=table), LENS)
         assert (found.tilt, found.roll) == pytest.approx(stands[:2], abs=0.3)
@@ -28,28 +28,28 @@ def test_the_floor_tells_how_the_sensor_stands(stands, table):
 
 
 @pytest.mark.parametrize("stands", [(-8, 0, 1.6), (0, 5, 1.6)])
-def test_a_floor_that_is_hardly_seen_tells_nothing(stands):
+def test_too_little_floor_gives_no_result(stands):
     assert find_floor(room(*stands), LENS) is None
 
 
 @pytest.mark.parametrize("tilt", [0, 30])
-def test_wall_ceiling_and_performer_are_no_floor(tilt):
+def test_walls_ceiling_and_performer_are_not_the_floor(tilt):
     assert find_floor(room(tilt, 0, 1.0, floor=False), LENS) is None
 
 
-def test_a_table_alone_is_no_floor():
+def test_a_table_alone_is_not_the_floor():
     depth = room(10, 0, 1.4, table=True, floor=False)
     assert find_floor(depth, LENS) is None
 
 
 @pytest.mark.parametrize("tilt", [-3, 0, 3, 6])
 @pytest.mark.parametrize("wall", [3.5, 4.0, 5.0])
-def test_a_desk_that_a_sensor_stands_on_does_not_join_the_floor_behind_it(tilt, wall):
+def test_a_desk_under_the_sensor_does_not_join_the_floor(tilt, wall):
     found = find_floor(room(tilt, 0, 0.95, 0.0015, desk=1.3, wall=wall), LENS)
-    assert found is None or found.near(Level(tilt, 0.95), 0.5, 0.03)
+    assert found is None or found.near(SensorTilt(tilt, 0.95), 0.5, 0.03)
 
 
-def test_little_or_no_depth_tells_nothing():
+def test_little_or_no_depth_gives_no_result():
     depth = room(0, 0, 1.0)
     assert find_floor(np.zeros_like(depth), LENS) is None
     depth[20:] = 0
@@ -61,42 +61,42 @@ def test_little_or_no_depth_tells_nothing():
     depth=arrays(np.uint16, st.tuples(st.integers(1, 64), st.integers(1, 64)), fill=st.sampled_from([0, 800, 65535])),
     slope=st.integers(0, 400),
 )
-def test_whatever_depth_there_is_the_sensor_stands_over_a_floor_or_nothing_is_said(depth, slope):
+def test_any_depth_gives_a_plausible_result_or_none(depth, slope):
     depth = (depth + slope * np.arange(len(depth))[:, None]).astype(np.uint16)
     found = find_floor(depth, Lens(depth.shape[1], depth.shape[0], 60.0))
     assert found is None or (found.height > 0 and max(abs(found.tilt), abs(found.roll)) < 50)
 
 
-def test_a_strip_of_floor_tells_nothing():
+def test_a_strip_of_floor_gives_no_result():
     depth = room(20, 0, 1.0)
     depth[:, :280] = depth[:, 330:] = 0
     assert find_floor(depth, LENS) is None
 
 
-def told(pictures):
-    """Return what a watch says of pictures, ten a second, with their times."""
-    watch = FloorWatch()
-    said = [(k / 10, watch.see(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(pictures)]
+def reports(depths):
+    """Return the results of a tracker for ten images per second, with their times."""
+    tracker = FloorTracker()
+    said = [(k / 10, tracker.update(k / 10, Picture(7.0, LENS, None, depth))) for k, depth in enumerate(depths)]
     return [(time, floor) for time, floor in said if floor is not None]
 
 
-def test_how_the_sensor_stands_is_said_once_when_it_is_sure():
-    [(time, floor)] = told([room(10, 0, 1.2)] * 50)
+def test_the_tilt_is_reported_once_when_it_is_certain():
+    [(time, floor)] = reports([room(10, 0, 1.2)] * 50)
     assert time == pytest.approx(0.8, abs=0.11)  # five measurements, a fifth of a second apart
-    assert floor.near(Level(10, 1.2), 0.1, 0.004)
+    assert floor.near(SensorTilt(10, 1.2), 0.1, 0.004)
 
 
-def test_a_sensor_that_is_moved_is_said_to_stand_otherwise_and_one_that_is_shaken_is_not():
+def test_a_moved_sensor_is_reported_again_and_a_shaken_one_is_not():
     before, shaken, after = room(10, 0, 1.2), room(11, 0, 1.22), room(16, 0, 1.2)
-    first, second = told([before] * 30 + [shaken] * 60 + [after] * 60)
-    assert first[1].near(Level(10, 1.2), 0.1, 0.004)
+    first, second = reports([before] * 30 + [shaken] * 60 + [after] * 60)
+    assert first[1].near(SensorTilt(10, 1.2), 0.1, 0.004)
     assert 9.0 <= second[0] <= 15.0
-    assert second[1].near(Level(16, 1.2), 0.1, 0.004)
+    assert second[1].near(SensorTilt(16, 1.2), 0.1, 0.004)
 
 
-def test_nothing_is_said_while_the_sensor_swings():
-    assert told([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
+def test_a_swinging_sensor_is_not_reported():
+    assert reports([room(10 + 4 * (k // 2 % 2), 0, 1.2) for k in range(30)]) == []
 
 
-def test_pictures_without_depth_tell_nothing():
-    assert told([None] * 30) == []
+def test_images_without_depth_give_no_result():
+    assert reports([None] * 30) == []

@@ -1,8 +1,7 @@
-"""MediaPipe itself on real pictures, whose landmarks a reference has found too."""
+"""MediaPipe on real images, with landmarks of a reference."""
 
 import json
 import logging
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,17 +11,17 @@ from numpy.typing import NDArray
 from capture import body
 from capture.sensors.camera import Options, Video
 from capture.skeleton import JOINT_INDEX, JOINTS, OPPOSITE, PARENTS
-from capture.trackers.mediapipe import GONE, MIXTURE, MediaPipePose, library
+from capture.trackers.mediapipe import LANDMARK_WEIGHTS, LOST_SECONDS, MediaPipePose
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
 HEIGHT = 1.65
-RATE = 5  # pictures a second of the clip
+RATE = 5  # images per second of the clip
 
 
 @dataclass(frozen=True)
 class Squats:
-    """A clip of squats with what was found in it, and the joints that reference landmarks make: pixels, metres."""
+    """A clip of squats, the joints found in it, and joints of the reference landmarks in pixels and in metres."""
 
     pictures: list[Picture]
     positions: NDArray[np.float32]
@@ -38,7 +37,7 @@ def clip(camera, real_data):
     pictures = [video.read(1.0) for _ in range(65)]
     video.close()
     reference = [json.loads((folder / f"pose_squats{kind}.full.json").read_text()) for kind in ("", "_3d")]
-    return pictures, MIXTURE @ np.array(reference[0])[..., :2], MIXTURE @ np.array(reference[1])
+    return pictures, LANDMARK_WEIGHTS @ np.array(reference[0])[..., :2], LANDMARK_WEIGHTS @ np.array(reference[1])
 
 
 @pytest.fixture(scope="module")
@@ -66,14 +65,14 @@ def joint(squats, name):
     return squats.positions[:, JOINT_INDEX[name]]
 
 
-def test_every_joint_is_a_mean_of_landmarks_and_both_sides_are_alike():
-    np.testing.assert_allclose(MIXTURE.sum(axis=1), 1)
-    assert MIXTURE.min() == 0
+def test_every_joint_is_a_mean_of_landmarks_and_both_sides_are_symmetric():
+    np.testing.assert_allclose(LANDMARK_WEIGHTS.sum(axis=1), 1)
+    assert LANDMARK_WEIGHTS.min() == 0
     other_side = [0, 4, 5, 6, 1, 2, 3, 8, 7, 10, 9, *(k + 1 if k % 2 else k - 1 for k in range(11, 33))]
-    np.testing.assert_array_equal(MIXTURE[OPPOSITE], MIXTURE[:, other_side])
+    np.testing.assert_array_equal(LANDMARK_WEIGHTS[OPPOSITE], LANDMARK_WEIGHTS[:, other_side])
 
 
-def test_joints_are_seen_where_the_reference_has_them(squats):
+def test_projected_joints_are_where_the_reference_has_them(squats):
     lens = squats.pictures[0].lens
     error = np.linalg.norm(lens.project(squats.positions) - squats.pixels, axis=-1)
     tall = np.ptp(squats.pixels[0, :, 1])
@@ -81,13 +80,13 @@ def test_joints_are_seen_where_the_reference_has_them(squats):
     assert np.percentile(error, 95) < 0.03 * tall
 
 
-def test_bones_keep_their_length_from_the_second_second_on(squats):
+def test_bones_keep_their_lengths_after_the_first_second(squats):
     children, parents = ([JOINT_INDEX[name] for name in names] for names in (PARENTS, PARENTS.values()))
     lengths = np.linalg.norm(squats.positions[:, children] - squats.positions[:, parents], axis=-1)[RATE:]
     np.testing.assert_allclose(lengths / np.median(lengths, axis=0), 1, atol=0.1)
 
 
-def test_who_stands_upright_is_as_tall_as_it_was_said(squats):
+def test_an_upright_performer_has_the_given_height(squats):
     crown = joint(squats, "head")[:, 1] + body.HEAD_TOP
     soles = (joint(squats, "ankle_left") + joint(squats, "ankle_right"))[:, 1] / 2 - body.ANKLE_HEIGHT
     upright = np.sort(crown - soles)[-10:]
@@ -104,8 +103,8 @@ def test_the_performer_faces_the_camera_upright_with_the_right_side_at_positive_
     assert np.median(toes[:, 2]) < 0
 
 
-def test_the_body_bends_as_the_reference_says(squats):
-    """The angle at the knees; the reference's metres are not ours, but angles are the same in both."""
+def test_knees_bend_as_in_the_reference(squats):
+    """Compare the angle at the knees, because the reference has another scale."""
 
     def bend(joints):
         hip, knee, ankle = (joints[:, JOINT_INDEX[f"{name}_left"]] for name in ("hip", "knee", "ankle"))
@@ -126,8 +125,8 @@ def test_the_hips_sink_in_a_squat_while_the_feet_stay(squats):
     assert stay[1] < sunk / 2
 
 
-def test_depth_decides_about_the_size(squats, clip):
-    """The very picture, cut out of cardboard and put up twice as far away, is of somebody twice as tall."""
+def test_depth_determines_the_scale(squats, clip):
+    """The same image with a flat depth of twice the distance shows a performer of twice the height."""
     picture = clip[0][0]
     distance = float(squats.positions[0, 0, 2]) * 2
     board = np.full(picture.color.shape[:2], round(distance * 1000), np.uint16)
@@ -138,7 +137,7 @@ def test_depth_decides_about_the_size(squats, clip):
     assert person.positions[0, 2] == pytest.approx(distance, abs=0.15)
 
 
-def test_a_moment_without_a_body_loses_the_joints_and_a_longer_one_the_person(clip, tracker, caplog):
+def test_a_short_absence_loses_the_joints_and_a_longer_one_the_performer(clip, tracker, caplog):
     picture = clip[0][0]
     black = np.zeros_like(picture.color)
 
@@ -147,32 +146,26 @@ def test_a_moment_without_a_body_loses_the_joints_and_a_longer_one_the_person(cl
 
     (first,) = shown(0.0, picture.color)
     with caplog.at_level(logging.WARNING):
-        (missed,) = shown(GONE, black)
-        assert shown(GONE + 0.01, black) == []
+        (missed,) = shown(LOST_SECONDS, black)
+        assert shown(LOST_SECONDS + 0.01, black) == []
     assert (missed.user, missed.confidence.tolist()) == (first.user, [0.0] * len(JOINTS))
     np.testing.assert_array_equal(missed.positions, first.positions)
     assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: the picture is black: is there a cover before the lens, or no light?"
+        "MediaPipe pose: the image is black: uncover the lens, or switch on the light"
     ]
     (again,) = shown(2.0, picture.color)
     assert again.user == first.user + 1
 
 
-def test_nobody_in_a_picture_is_told_once(tracker, caplog):
+def test_absence_is_logged_once(tracker, caplog):
     room = np.random.default_rng(1).integers(90, 160, (240, 320, 3), dtype=np.uint8)
     with caplog.at_level(logging.WARNING):
         assert [tracker.track(Picture(k / 30, Lens(320, 240, 260.0), room, None)) for k in range(3)] == [[]] * 3
     assert [record.getMessage() for record in caplog.records] == [
-        "MediaPipe pose: nobody is in view, or too little of them"
+        "MediaPipe pose: no performer is in view, or too little of the body"
     ]
 
 
-def test_a_picture_without_colours_is_told(tracker):
-    with pytest.raises(SourceError, match="a picture without colours"):
+def test_an_image_without_colours_is_an_error(tracker):
+    with pytest.raises(SourceError, match="an image without colours"):
         tracker.track(Picture(0.0, Lens(4, 3, 4.0), None, np.ones((3, 4), np.uint16)))
-
-
-def test_without_mediapipe_it_is_said_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "mediapipe.python.solutions", None)
-    with pytest.raises(SourceError, match=r"pip install 'puppetline\[camera\]'"):
-        library()

@@ -1,16 +1,16 @@
-"""A body whose joints are known, seen through a lens: what is placed is compared with it."""
+"""Placed joints are compared with the known joints of a body in front of a lens."""
 
 import numpy as np
 import pytest
 
 from capture import body
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, OPPOSITE, PARENTS, TRACKED
-from capture.trackers.lifting import SKIN_TO_JOINT
+from capture.trackers.joint_depth import SKIN_TO_JOINT_METRES
 from capture.trackers.picture import Lens
-from capture.trackers.placing import Placing, distance_of
+from capture.trackers.placing import BodyPlacer, distance_of
 
 LENS = Lens(640, 480, 525.0)
-SURE = np.full(20, TRACKED, np.float32)
+TRACKED_ALL = np.full(20, TRACKED, np.float32)
 HAND, HEAD, KNEE = (JOINT_INDEX[joint] for joint in ("hand_left", "head", "knee_right"))
 
 _DIRECTIONS = {
@@ -30,19 +30,19 @@ _DIRECTIONS = {
 
 @pytest.fixture
 def truth():
-    """A body of usual proportions with bent limbs, its hips 2.5 m away; both sides are as long, not as bent."""
+    """A body of usual proportions with bent limbs, 2.5 m away; its sides have equal lengths, but different poses."""
     joints = np.zeros((20, 3))
     joints[0] = 0.3, 0.1, 2.5
     for joint, parent in PARENTS.items():
         name, _, side = joint.partition("_") if joint.endswith(("_left", "_right")) else (joint, "", "")
         direction = np.array(_DIRECTIONS[name]) * ((-1, 1, 1) if side == "left" else (1, 1, 0.7))
-        length = body.typical(joint)
+        length = body.typical_bone_length(joint)
         joints[JOINT_INDEX[joint]] = joints[JOINT_INDEX[parent]] + direction * (length / np.linalg.norm(direction))
     return joints
 
 
 def posture_of(joints):
-    """Return what a tracker guesses of a body at its best, in metres that are none."""
+    """Return the best possible estimate of a tracker, in metres of another scale."""
     return (joints - joints[0]) / 1.2
 
 
@@ -51,41 +51,41 @@ def bones(joints):
 
 
 def depth_of(joints, wall=4.5, without=()):
-    """Draw the skin around joints as discs of 5 cm before a wall, in millimetres; some are left out."""
+    """Return a depth image, in millimetres, of a disc of skin for each joint in front of a wall."""
     depth = np.full((LENS.height, LENS.width), wall * 1000, np.uint16)
     rows, columns = np.indices(depth.shape)
     for joint in np.argsort(-joints[:, 2]):
         if joint not in without:
             column, row = LENS.project(joints[joint])
             disc = np.hypot(columns - column, rows - row) < 0.05 * LENS.focal / joints[joint, 2]
-            depth[disc] = round((joints[joint, 2] - SKIN_TO_JOINT[joint]) * 1000)
+            depth[disc] = round((joints[joint, 2] - SKIN_TO_JOINT_METRES[joint]) * 1000)
     return depth
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, 2.0), (0.8, -0.3, 3.5), (-1.5, 0.4, 1.2)])
-def test_the_distance_at_which_a_posture_looks_like_the_picture_is_exact(truth, place):
+def test_the_distance_of_a_posture_is_exact(truth, place):
     posture = truth - truth[0]
     joints = posture + place
     assert distance_of(posture, joints / joints[:, 2:], np.linspace(0.1, 1, 20)) == pytest.approx(place[2], abs=1e-6)
 
 
-def test_the_height_makes_metres_of_what_the_tracker_guesses(truth):
-    placing = Placing(body.height(truth))
-    positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
+def test_the_height_determines_the_scale_without_depth(truth):
+    placing = BodyPlacer(body.height(truth))
+    positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, None)
     np.testing.assert_allclose(positions, truth, atol=1e-5)
-    np.testing.assert_array_equal(confidence, SURE)
+    np.testing.assert_array_equal(confidence, TRACKED_ALL)
 
 
-def test_a_taller_performer_stands_farther_away_in_proportion(truth):
-    view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None
-    small, tall = (Placing(height).place(*view)[0] for height in (1.4, 2.0))
+def test_a_taller_performer_is_farther_away_in_proportion(truth):
+    view = 0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, None
+    small, tall = (BodyPlacer(height).place(*view)[0] for height in (1.4, 2.0))
     crown_and_soles = body.HEAD_TOP + body.ANKLE_HEIGHT
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 
-def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_alike(truth):
+def test_the_height_is_exact_and_both_sides_are_equal_for_noisy_estimates(truth):
     rng = np.random.default_rng(1)
-    placing = Placing(1.6)
+    placing = BodyPlacer(1.6)
     for k in range(60):
         pixels = LENS.project(truth) + rng.normal(0, 3, (20, 2))
         posture = posture_of(truth) + rng.normal(0, 0.03, (20, 3))
@@ -96,82 +96,84 @@ def test_whatever_the_tracker_guesses_the_height_is_right_and_both_sides_are_ali
         np.testing.assert_allclose(lengths, lengths[OPPOSITE], atol=1e-9)
 
 
-def test_bones_keep_their_length_though_the_tracker_guesses_another_in_each_picture(truth):
+def test_bones_keep_their_lengths_for_noisy_estimates(truth):
     rng = np.random.default_rng(2)
-    placing = Placing(1.7)
+    placing = BodyPlacer(1.7)
     guessed, placed = [], []
     for k in range(90):
         posture = posture_of(truth) + rng.normal(0, 0.02, (20, 3))
         guessed.append(bones(posture))
-        placed.append(bones(placing.place(k / 30, LENS, LENS.project(truth), posture, SURE, None)[0]))
+        placed.append(bones(placing.place(k / 30, LENS, LENS.project(truth), posture, TRACKED_ALL, None)[0]))
     spread = [np.ptp(lengths[30:], axis=0) / np.median(lengths, axis=0) for lengths in (guessed, placed)]
     assert np.median(spread[0]) > 0.25
     assert spread[1].max() < 0.1
 
 
-def test_a_step_in_the_estimated_distance_comes_about_as_an_exponential_of_a_tenth_of_a_second(truth):
-    placing = Placing(body.height(truth))
+def test_the_estimated_distance_is_smoothed_with_a_time_constant_of_0_1_s(truth):
+    placing = BodyPlacer(body.height(truth))
     farther = truth + np.array([0, 0, 1.2])
-    placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None)
+    placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, None)
     for k in range(1, 7):
-        positions, _ = placing.place(k / 20, LENS, LENS.project(farther), posture_of(truth), SURE, None)
+        positions, _ = placing.place(k / 20, LENS, LENS.project(farther), posture_of(truth), TRACKED_ALL, None)
     assert positions[0, 2] == pytest.approx(farther[0, 2] - 1.2 * np.exp(-3), abs=1e-3)
 
 
-def test_depth_puts_joints_where_they_are_whatever_the_height_is_said_to_be(truth):
-    placing = Placing(1.2)
-    positions, confidence = placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
-    np.testing.assert_array_equal(confidence, SURE)
+def test_depth_places_joints_exactly_whatever_the_height(truth):
+    placing = BodyPlacer(1.2)
+    positions, confidence = placing.place(
+        0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth_of(truth)
+    )
+    np.testing.assert_array_equal(confidence, TRACKED_ALL)
     np.testing.assert_allclose(positions, truth, atol=1e-3)
 
 
-def test_a_joint_that_depth_misses_is_inferred_where_the_tracker_guesses_it(truth):
+def test_a_joint_without_depth_is_inferred_at_its_estimate(truth):
     depth = depth_of(truth, without=[HAND])
     column, row = LENS.project(truth[HEAD]).astype(int)
-    depth[row - 60 : row + 20, column - 40 : column + 40] = 1000  # something before the face
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
-    expected = SURE.copy()
+    depth[row - 60 : row + 20, column - 40 : column + 40] = 1000  # an object in front of the face
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth)
+    expected = TRACKED_ALL.copy()
     expected[[HAND, HEAD]] = INFERRED
     np.testing.assert_array_equal(confidence, expected)
     np.testing.assert_allclose(positions, truth, atol=0.01)
 
 
-def test_a_wall_beside_a_thin_limb_is_not_taken_for_it(truth):
+def test_a_wall_beside_a_thin_limb_is_ignored(truth):
     depth = depth_of(truth)
     column, row = LENS.project(truth[KNEE]).astype(int)
     depth[row - 20 : row + 20, column + 1 : column + 20] = 4500
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth)
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth)
     assert confidence[KNEE] == TRACKED
     np.testing.assert_allclose(positions[KNEE], truth[KNEE], atol=1e-3)
 
 
-def test_a_hidden_joint_is_not_looked_for_in_the_depth(truth):
-    hidden = SURE.copy()
+def test_depth_does_not_move_a_hidden_joint(truth):
+    hidden = TRACKED_ALL.copy()
     hidden[HAND] = 0.3
     moved = depth_of(truth)
     column, row = LENS.project(truth[HAND]).astype(int)
     moved[row - 8 : row + 9, column - 8 : column + 9] -= 100
-    positions, confidence = Placing(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), hidden, moved)
+    positions, confidence = BodyPlacer(1.7).place(0.0, LENS, LENS.project(truth), posture_of(truth), hidden, moved)
     assert confidence[HAND] == hidden[HAND]
     np.testing.assert_allclose(positions[HAND], truth[HAND], atol=0.01)
 
 
-def test_an_empty_depth_picture_is_as_good_as_none(truth):
-    view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE
+def test_an_empty_depth_image_is_like_none(truth):
+    view = 0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL
     empty = np.zeros((LENS.height, LENS.width), np.uint16)
-    for with_it, without in zip(Placing(1.7).place(*view, empty), Placing(1.7).place(*view, None), strict=True):
+    for with_it, without in zip(BodyPlacer(1.7).place(*view, empty), BodyPlacer(1.7).place(*view, None), strict=True):
         np.testing.assert_array_equal(with_it, without)
 
 
-def test_what_depth_has_told_of_the_size_outlasts_the_depth(truth):
-    placing = Placing(1.2)
-    placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), SURE, depth_of(truth))
-    positions, _ = placing.place(0.1, LENS, LENS.project(truth), posture_of(truth), SURE, None)
+def test_the_scale_from_depth_outlasts_the_depth(truth):
+    placing = BodyPlacer(1.2)
+    placing.place(0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, depth_of(truth))
+    positions, _ = placing.place(0.1, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, None)
     np.testing.assert_allclose(positions, truth, atol=0.01)
 
 
-def test_a_picture_that_no_body_gives_places_nothing(truth):
+def test_pixels_that_no_body_can_have_give_no_result(truth):
     upside_down = LENS.project(truth) * -1
-    assert Placing(1.7).place(0.0, LENS, upside_down, posture_of(truth), SURE, None) is None
+    assert BodyPlacer(1.7).place(0.0, LENS, upside_down, posture_of(truth), TRACKED_ALL, None) is None
     heap = np.full((20, 2), 100.0)
-    assert Placing(1.7).place(0.0, LENS, heap, posture_of(truth), SURE, None) is None
+    assert BodyPlacer(1.7).place(0.0, LENS, heap, posture_of(truth), TRACKED_ALL, None) is None

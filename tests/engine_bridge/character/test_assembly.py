@@ -7,7 +7,7 @@ from engine_bridge.character.assembly import assemble
 from engine_bridge.character.character import from_document, load_character
 from engine_bridge.character.document import Document
 from engine_bridge.character.readers import read_surface
-from engine_bridge.character.surfaces.surface import CLAY, Material, Picture, Piece, Surface
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, ImageFile, Material, Piece, Surface
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
@@ -19,14 +19,13 @@ def values(document, primitive, name):
 
 def picture_of(document, index):
     image = document.gltf["images"][document.gltf["textures"][index]["source"]]
-    view = document.gltf["bufferViews"][image["bufferView"]]
-    return image, bytes(document.blob[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+    return image, document.view(image["bufferView"])
 
 
 @pytest.fixture
 def skin(tmp_path):
     Image.new("RGB", (4, 4), "red").save(tmp_path / "skin.png")
-    return Picture("skin", "image/png", (tmp_path / "skin.png").read_bytes())
+    return ImageFile("skin", "image/png", (tmp_path / "skin.png").read_bytes())
 
 
 @pytest.fixture
@@ -78,13 +77,13 @@ def test_a_piece_becomes_a_primitive_with_all_that_it_has(saved, skin):
 
 def test_pieces_of_one_name_are_one_mesh_and_materials_and_pictures_are_there_once(saved, skin):
     red, same = Material("a", (1, 0, 0, 1), texture=skin), Material("a", (1, 0, 0, 1), texture=skin)
-    blue = Material("b", (0, 0, 1, 1), texture=Picture("skin", "image/png", bytes(skin.content)))
+    blue = Material("b", (0, 0, 1, 1), texture=ImageFile("skin", "image/png", bytes(skin.content)))
     uvs = np.zeros((4, 2))
     document = saved(
         Surface(
             [
                 Piece("arm", CORNERS, SIDES, red, uvs=uvs),
-                Piece("", CORNERS, SIDES[:2], CLAY),
+                Piece("", CORNERS, SIDES[:2], DEFAULT_MATERIAL),
                 Piece("leg", CORNERS, SIDES, same, uvs=uvs),
                 Piece("arm", CORNERS, SIDES[1:], blue, uvs=uvs),
             ]

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from engine_bridge.character import cache
-from engine_bridge.character.cache import key_of, recall
+from engine_bridge.character.cache import cache_key, load_or_compute
 
-KEY = key_of("some arrays")
+KEY = cache_key("some arrays")
 
 
 def some_arrays():
@@ -31,7 +31,7 @@ def same(found):
 @pytest.fixture
 def kept(tmp_path):
     """The file that the arrays are kept in."""
-    recall(tmp_path, KEY, some_arrays)
+    load_or_compute(tmp_path, KEY, some_arrays)
     return tmp_path / f"{KEY}.npz"
 
 
@@ -39,16 +39,16 @@ def made_anew(kept, caplog):
     """Recall from a bad file: the right arrays, a warning that names the file, and a good file afterwards."""
     caplog.clear()
     with caplog.at_level(logging.WARNING):
-        assert same(recall(kept.parent, KEY, some_arrays))
+        assert same(load_or_compute(kept.parent, KEY, some_arrays))
     assert len(caplog.records) == 1
     assert str(kept) in caplog.text
-    assert "made anew" in caplog.text
-    return same(recall(kept.parent, KEY, impossible))
+    assert "computing again" in caplog.text
+    return same(load_or_compute(kept.parent, KEY, impossible))
 
 
 def test_arrays_are_made_once_and_then_read_back(tmp_path):
-    assert same(recall(tmp_path / "deep" / "er", KEY, some_arrays))
-    assert same(recall(tmp_path / "deep" / "er", KEY, impossible))
+    assert same(load_or_compute(tmp_path / "deep" / "er", KEY, some_arrays))
+    assert same(load_or_compute(tmp_path / "deep" / "er", KEY, impossible))
     assert [path.name for path in (tmp_path / "deep" / "er").iterdir()] == [f"{KEY}.npz"]
 
 
@@ -60,14 +60,14 @@ def test_arrays_that_no_longer_hold_are_made_again_without_a_warning(kept, caplo
         return len(asked) > 1
 
     with pytest.raises(AssertionError, match="made although"):
-        recall(kept.parent, KEY, impossible, is_current)
-    assert same(recall(kept.parent, KEY, impossible, is_current))
+        load_or_compute(kept.parent, KEY, impossible, is_current)
+    assert same(load_or_compute(kept.parent, KEY, impossible, is_current))
     assert (asked, caplog.records) == ([True, True], [])
 
 
 def test_an_error_in_the_making_is_passed_on_and_nothing_is_kept(tmp_path):
     with pytest.raises(AssertionError, match="made although"):
-        recall(tmp_path, KEY, impossible)
+        load_or_compute(tmp_path, KEY, impossible)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -85,7 +85,7 @@ def test_no_flipped_byte_of_a_file_gives_other_arrays(kept, caplog):
         kept.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])
         caplog.clear()
         with caplog.at_level(logging.WARNING):
-            assert same(recall(kept.parent, KEY, some_arrays))
+            assert same(load_or_compute(kept.parent, KEY, some_arrays))
         warnings += len(caplog.records)
     assert warnings > len(whole) / 3 / 2  # the others hit what a zip archive does not need, such as dates
 
@@ -120,8 +120,8 @@ def test_pickled_objects_are_not_loaded(kept, caplog):
 
 
 def test_what_belongs_to_something_else_is_made_anew(kept, caplog):
-    other = key_of("other arrays")
-    recall(kept.parent, other, lambda: {"table": np.eye(3)})
+    other = cache_key("other arrays")
+    load_or_compute(kept.parent, other, lambda: {"table": np.eye(3)})
     (kept.parent / f"{other}.npz").replace(kept)
     assert made_anew(kept, caplog)
 
@@ -129,8 +129,8 @@ def test_what_belongs_to_something_else_is_made_anew(kept, caplog):
 def test_a_folder_that_cannot_be_written_costs_a_warning_only(tmp_path, caplog):
     (tmp_path / "file").write_text("in the way")
     with caplog.at_level(logging.WARNING):
-        assert same(recall(tmp_path / "file" / "cache", KEY, some_arrays))
-    assert "nothing is kept" in caplog.text
+        assert same(load_or_compute(tmp_path / "file" / "cache", KEY, some_arrays))
+    assert "could not save the results" in caplog.text
 
 
 def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, caplog):
@@ -139,20 +139,20 @@ def test_a_full_disk_leaves_no_half_file(tmp_path, monkeypatch, caplog):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(np, "savez", fill)
-    assert same(recall(tmp_path, KEY, some_arrays))
+    assert same(load_or_compute(tmp_path, KEY, some_arrays))
     assert list(tmp_path.iterdir()) == []
     assert "No space left" in caplog.text
 
 
 def test_the_files_that_were_used_last_are_kept(tmp_path, monkeypatch):
-    keys = [key_of(number) for number in range(4)]
+    keys = [cache_key(number) for number in range(4)]
     for age, key in enumerate(keys[:3]):
-        recall(tmp_path, key, some_arrays)
+        load_or_compute(tmp_path, key, some_arrays)
         os.utime(tmp_path / f"{key}.npz", (0, 1000 - age))
-    recall(tmp_path, keys[2], impossible)  # the oldest is the one used last now
+    load_or_compute(tmp_path, keys[2], impossible)  # the oldest is the one used last now
     (tmp_path / "notes.txt").write_text("not of the cache")
-    monkeypatch.setattr(cache, "LARGEST", 3 * (tmp_path / f"{keys[0]}.npz").stat().st_size)
-    recall(tmp_path, keys[3], some_arrays)
+    monkeypatch.setattr(cache, "MAX_CACHE_BYTES", 3 * (tmp_path / f"{keys[0]}.npz").stat().st_size)
+    load_or_compute(tmp_path, keys[3], some_arrays)
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {f"{keys[0]}.npz", f"{keys[2]}.npz", f"{keys[3]}.npz", "notes.txt"}
 
@@ -161,15 +161,15 @@ def test_keys_are_equal_for_equal_things_only(monkeypatch):
     table = np.arange(12.0).reshape(4, 3)
     close = table.copy()
     close[2, 1] = np.nextafter(close[2, 1], 9)
-    assert key_of("a", table) == key_of("a", np.asfortranarray(table))
+    assert cache_key("a", table) == cache_key("a", np.asfortranarray(table))
     keys = {
-        key_of("a", table),
-        key_of("b", table),
-        key_of("a", close),
-        key_of("a", table.reshape(3, 4)),
-        key_of("a", table.view(np.int64)),
-        key_of("a", table, None),
-        key_of("a", table[:2], table[2:]),
+        cache_key("a", table),
+        cache_key("b", table),
+        cache_key("a", close),
+        cache_key("a", table.reshape(3, 4)),
+        cache_key("a", table.view(np.int64)),
+        cache_key("a", table, None),
+        cache_key("a", table[:2], table[2:]),
     }
     monkeypatch.setattr(cache, "VERSION", cache.VERSION + 1)
-    assert len(keys | {key_of("a", table)}) == 8
+    assert len(keys | {cache_key("a", table)}) == 8

@@ -2,9 +2,9 @@ import numpy as np
 import pygltflib as gltf
 import pytest
 
-from engine_bridge.character.character import MOST_PARTS, load_character
+from engine_bridge.character.character import MAX_PARTS, load_character
 from engine_bridge.character.document import Document
-from engine_bridge.character.scene import MOST_SETS, world_transforms
+from engine_bridge.character.scene import MAX_JOINT_SETS, world_transforms
 from puppetline.errors import MeshError
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
@@ -56,13 +56,13 @@ def test_a_skin_without_bounds_is_refused(glb, tmp_path, value):
     inverse[1, 2] = value
     hang_on(glb, inverse)
     error = refused(glb, tmp_path / "a.glb")
-    assert (error.where, error.found) == (f"{tmp_path / 'a.glb'}, nodes[1]", "a transform without bounds")
+    assert (error.where, error.found) == (f"{tmp_path / 'a.glb'}, nodes[1]", "a transform that is not finite")
 
 
 def test_a_node_without_bounds_is_refused(glb, tmp_path):
     above = glb.node(scale=[1e200] * 3)
     glb.node(glb.mesh(glb.primitive(CORNERS, SIDES)), parent=above, scale=[1e200] * 3)
-    assert refused(glb, tmp_path / "a.glb").found == "a transform without bounds"
+    assert refused(glb, tmp_path / "a.glb").found == "a transform that is not finite"
 
 
 def test_a_scene_that_shows_a_branch_without_its_trunk_is_refused(glb, tmp_path):
@@ -75,7 +75,7 @@ def test_a_scene_that_shows_a_branch_without_its_trunk_is_refused(glb, tmp_path)
 
 
 def test_joints_without_end_are_refused(glb, tmp_path):
-    hang_on(glb, np.eye(4, dtype=np.float32), sets=MOST_SETS + 1)
+    hang_on(glb, np.eye(4, dtype=np.float32), sets=MAX_JOINT_SETS + 1)
     error = refused(glb, tmp_path / "a.glb")
     assert (error.where, error.found) == (f"{tmp_path / 'a.glb'}, skins[0]", "17 sets of joints at each vertex")
 
@@ -83,8 +83,8 @@ def test_joints_without_end_are_refused(glb, tmp_path):
 def test_a_scene_of_more_parts_than_any_character_is_refused(glb, tmp_path):
     part = glb.primitive(CORNERS, SIDES)
     mesh = glb.mesh(*[part] * 101)
-    for _ in range(MOST_PARTS // 101 + 1):
+    for _ in range(MAX_PARTS // 101 + 1):
         glb.node(mesh)
     error = refused(glb, tmp_path / "a.glb")
-    assert error.found == "a scene of more parts or vertices than a character has"
+    assert error.found == "a scene with too many parts or vertices"
     assert error.expected == "at most 10,000 parts and 10,000,000 vertices"

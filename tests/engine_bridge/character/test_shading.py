@@ -98,7 +98,7 @@ def test_faceted_surfaces_have_the_normals_of_their_facets(cube):
     centre = positions.reshape(-1, 3, 3).mean(axis=1)
     outward = np.where(np.abs(centre - 0.5) > 0.49, np.sign(centre - 0.5), 0)
     np.testing.assert_allclose(piece.normals, np.repeat(outward, 3, axis=0), atol=1e-12)
-    assert surface.notes == ["1 triangle of 12 faced the wrong way: turned over."]
+    assert surface.notes == ["1 triangle of 12 faced the wrong way and were flipped."]
 
 
 def test_turned_triangles_stay_in_their_places_across_pieces(cube):
@@ -109,7 +109,7 @@ def test_turned_triangles_stay_in_their_places_across_pieces(cube):
         np.concatenate([piece.triangles for piece in surface.pieces]), turned(turned(cube.triangles, 1, 8), 1, 8)
     )
     assert [piece.name for piece in surface.pieces] == ["a", "b"]
-    assert surface.notes == ["said before", "2 triangles of 12 faced the wrong way: turned over."]
+    assert surface.notes == ["said before", "2 triangles of 12 faced the wrong way and were flipped."]
 
 
 def test_where_the_file_has_normals_its_winding_stays(cube):
@@ -127,7 +127,7 @@ def test_normals_without_direction_are_computed(cube):
     smooth = igl.per_vertex_normals(cube.vertices, cube.triangles)
     expected = np.where(np.isin(np.arange(8), [2, 5, 6])[:, None], smooth, (cube.vertices - 0.5) / np.sqrt(0.75))
     np.testing.assert_allclose(surface.pieces[0].normals, expected, atol=1e-12)
-    assert surface.notes == ["3 normals had no direction: computed."]
+    assert surface.notes == ["3 normals had no direction and were computed."]
 
 
 def test_pieces_of_open_parts_have_two_sides(cube):
@@ -151,7 +151,7 @@ def test_what_is_no_surface_is_refused(cube):
 
 @pytest.mark.parametrize("size", [1e-320, 1e-200, 1e-31])
 def test_a_surface_without_a_size_to_speak_of_is_refused(cube, size):
-    with pytest.raises(MeshError, match=f"a surface of a size of {size:.3g}"):
+    with pytest.raises(MeshError, match=f"a surface of size {size:.3g}"):
         shaded(Surface([Piece("", cube.vertices * size, cube.triangles)]), "cube")
 
 

@@ -18,10 +18,10 @@ from PIL import Image
 
 from capture.formats import read_log
 from capture.recording import Recorder
-from capture.trackers.mediapipe import MIXTURE
+from capture.trackers.mediapipe import LANDMARK_WEIGHTS
 from engine_bridge.cli.checks.finding import Finding
 from engine_bridge.cli.main import main
-from engine_bridge.pictures.look import HEIGHT, PERFORMERS
+from engine_bridge.pictures.source_view import PANEL_HEIGHT, PERFORMER_COLORS
 
 from ...terminal import Terminal
 
@@ -215,8 +215,8 @@ def test_look_at_nobody_says_why_draws_that_too_and_fails(run, tmp_path):
         finally:
             done.set()
             chatting.join()
-    assert "  What came were no performers: " in said.stdout
-    assert "    → Set the sender to one of the formats of docs/senders.md." in said.stdout
+    assert "  Packets arrived, but none were understood: " in said.stdout
+    assert "    → Set the sender to one of the formats in docs/senders.md." in said.stdout
     assert "Traceback" not in said.stderr
     with Image.open(tmp_path / "look.png") as picture:
         picture.load()
@@ -263,12 +263,12 @@ def printed_last(terminal):
 
 def test_the_live_look_keeps_a_status_line_and_ctrl_c_leaves_the_last_words_and_the_picture(look_live, tmp_path):
     terminal = look_live("demo:walk?loop", "-o", "look.png")
-    terminal.hear("All is well. · user 1: 20 of 20 joints seen")
+    terminal.hear("No problems found. · user 1: 20 of 20 joints tracked")
     terminal.type(b"\x03")
     assert terminal.end() == 0
     last = printed_last(terminal)
     assert "look.png: demo:walk?loop, " in last
-    assert "  user 1: 20 of 20 joints seen" in last
+    assert "  user 1: 20 of 20 joints tracked" in last
     with Image.open(tmp_path / "look.png") as picture:
         picture.load()
 
@@ -279,7 +279,7 @@ def test_what_ends_the_live_look_leaves_the_last_words(look_live, number):
     terminal.hear("user 1")
     terminal.process.send_signal(number)
     assert terminal.end() == 0
-    assert "  user 1: 20 of 20 joints seen" in printed_last(terminal)
+    assert "  user 1: 20 of 20 joints tracked" in printed_last(terminal)
 
 
 def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_live, kung_fu, tmp_path):
@@ -289,16 +289,16 @@ def test_after_its_seconds_or_the_end_of_a_recording_the_live_look_ends(look_liv
     for source, seconds in (("demo:walk?loop", 1), ("replay:short.log", 600)):
         terminal = look_live(source, "--seconds", seconds)
         assert terminal.end() == 0
-        assert "  user 1: 20 of 20 joints seen" in printed_last(terminal)
+        assert "  user 1: 20 of 20 joints tracked" in printed_last(terminal)
 
 
 def test_a_sender_that_comes_later_is_seen_and_one_that_goes_is_missed(look_live, sender, kung_fu):
     terminal = look_live(sender.uri)
-    terminal.hear("Nothing has come in")
+    terminal.hear("No packet received for")
     with performing(sender, kung_fu):
-        terminal.hear("user 1: 20 of 20 joints seen")
-    before = terminal.heard.count("Nothing has come in")
-    while terminal.heard.count("Nothing has come in") == before:
+        terminal.hear("user 1: 20 of 20 joints tracked")
+    before = terminal.heard.count("No packet received for")
+    while terminal.heard.count("No packet received for") == before:
         terminal.read()
     terminal.type(b"\x03")
     assert terminal.end() == 1
@@ -316,7 +316,7 @@ def test_a_window_that_is_closed_ends_the_live_look(look_live, tmp_path):
 def test_a_camera_that_is_not_there_is_waited_for(look_live, camera):
     terminal = look_live("camera:77")
     terminal.hear("found no /dev/video77")
-    terminal.hear("It is opened again twice a second.")
+    terminal.hear("The source is opened again twice per second.")
     terminal.type(b"\x03")
     assert terminal.end() == 1
     last = printed_last(terminal)
@@ -328,9 +328,10 @@ def test_the_skeleton_lies_on_the_performer_of_a_real_video(run, camera, real_da
     folder = real_data / "video" / "tfjs"
     run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "-o", "look.png")
     frames = json.loads((folder / "pose_squats.full.json").read_text())  # which of them was seen last is chance
-    places = (MIXTURE @ np.array(frames)[..., :2]) * HEIGHT / 1280  # of a film that is 1280 pixels high and 720 wide
+    # the film is 1280 pixels high and 720 wide
+    places = (LANDMARK_WEIGHTS @ np.array(frames)[..., :2]) * PANEL_HEIGHT / 1280
     with Image.open(tmp_path / "look.png") as picture:
-        panel = np.asarray(picture.convert("RGB")).astype(int)[12 : 12 + HEIGHT, 12 : 12 + HEIGHT * 720 // 1280]
-    drawn = np.argwhere(np.abs(panel - PERFORMERS[1]).max(axis=2) < 8)[:, ::-1] + 0.5
+        panel = np.asarray(picture.convert("RGB")).astype(int)[12:, 12:][:PANEL_HEIGHT, : PANEL_HEIGHT * 720 // 1280]
+    drawn = np.argwhere(np.abs(panel - PERFORMER_COLORS[1]).max(axis=2) < 8)[:, ::-1] + 0.5
     distances = np.array([np.linalg.norm(each[:, None] - drawn, axis=2).min(axis=1).max() for each in places])
     assert distances.min() < 6  # 1.2 % of the height

@@ -120,7 +120,7 @@ BAD_LOGS = {
     "a number that is none": (columns(61) + columns(61, 1, "nan"), ["bad.log, line 6", "'nan'", "finite"]),
     "a line that is too short": (columns(61)[:-100] + "\n", ["bad.log, line 5", "columns", "61 columns"]),
     "nothing": ("", ["bad.log", "an empty file"]),
-    "something else": ("Dear diary\n", ["bad.log", "no skeleton log that is known here"]),
+    "something else": ("Dear diary\n", ["bad.log", "an unknown file format"]),
 }
 
 
@@ -374,7 +374,7 @@ def test_a_result_never_replaces_what_it_is_made_from(run, stage, tmp_path):
 def test_a_rest_pose_after_the_end_of_the_log_is_refused(run, stage):
     result = run("convert", "take.log", "--puppet", stage, "-o", "out.glb", "--rest-at", "100")
     assert result.returncode == 1
-    assert_one_line(result, "take.log", "reaches second 100", "--rest-at")
+    assert_one_line(result, "take.log", "the rest pose, 100 s", "--rest-at")
 
 
 def test_handles_given_twice_are_wrong_use(tmp_path):

@@ -1,4 +1,4 @@
-"""The same figure in every guise that a glTF file can give it."""
+"""One figure in many variants of glTF files."""
 
 import io
 import json
@@ -257,7 +257,7 @@ VARIANTS = [
 
 @pytest.fixture(scope="session")
 def variants(blob, new_glb, tmp_path_factory):
-    """Each guise by name, made once."""
+    """Each variant by name."""
     folder = tmp_path_factory.mktemp("variants")
 
     def make(build):
@@ -271,13 +271,13 @@ def variants(blob, new_glb, tmp_path_factory):
 
 @pytest.fixture(params=[build.__name__ for build in VARIANTS])
 def variant(request, variants):
-    """Each guise in turn."""
+    """Each variant in turn."""
     return variants[request.param]
 
 
 @dataclass(frozen=True)
 class Export:
-    """A guise and what became of it."""
+    """A variant, and the clip and summary of its conversion."""
 
     variant: Variant
     clip: Clip
@@ -290,7 +290,7 @@ class Export:
 
 @pytest.fixture(scope="session")
 def exports(variants, take, write_puppet):
-    """Every guise converted, by its name and whether its puppet has a root."""
+    """Every variant converted, by its name and whether its puppet has a root."""
 
     def make(variant, root):
         name = f"{variant.name}_{'root' if root else 'still'}"
@@ -340,7 +340,7 @@ class Raw:
         view = self.file.bufferViews[accessor.bufferView]
         width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
         kind = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
-        start = view.byteOffset + (accessor.byteOffset or 0)
+        start = (view.byteOffset or 0) + (accessor.byteOffset or 0)
         stride = view.byteStride or np.dtype(kind).itemsize * width
         rows = np.lib.stride_tricks.as_strided(
             np.frombuffer(self.blob, "u1")[start:].view(),
@@ -352,7 +352,7 @@ class Raw:
 
     def view(self, index):
         view = self.file.bufferViews[index]
-        return self.blob[view.byteOffset : view.byteOffset + view.byteLength]
+        return self.blob[view.byteOffset or 0 :][: view.byteLength]
 
     def weights(self, node):
         """(F, K) of the channel that morphs a node."""

@@ -6,7 +6,7 @@ import pygltflib as gltf
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.export.animation import Take, animate
+from engine_bridge.export.animation import Keyframes, animate
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
@@ -170,7 +170,7 @@ def test_a_performer_who_stands_still_gives_a_valid_file_without_targets(
         assert json.loads(json.dumps(file.meshes[0].extras))["targetNames"] == ["smile", "frown"]
 
 
-STILL = Take("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
 
 def animated_without_motion(path):

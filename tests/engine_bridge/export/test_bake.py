@@ -9,7 +9,7 @@ from capture.timeline import resample
 from engine_bridge.character.character import load_character, make_character
 from engine_bridge.character.document import Document
 from engine_bridge.export import bake as module
-from engine_bridge.export.bake import TOLERANCE, bake, fit, made_up
+from engine_bridge.export.bake import DEFAULT_TOLERANCE, bake, fit, synthetic_motion
 from engine_bridge.export.live_basis import REACH, LiveBasis
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.exercise import exercise
@@ -82,8 +82,8 @@ def farthest(a, b, rig):
 def test_the_summary_says_what_the_file_and_the_motion_are(of_take):
     summary, path, _ = of_take
     assert (summary.output, summary.bytes) == (str(path), path.stat().st_size)
-    assert (summary.frames, summary.tolerance, summary.notes) == (58, TOLERANCE, ())
-    assert 0 < summary.rms < summary.error <= TOLERANCE
+    assert (summary.frames, summary.tolerance, summary.notes) == (58, DEFAULT_TOLERANCE, ())
+    assert 0 < summary.rms < summary.error <= DEFAULT_TOLERANCE
     assert names_in(path) == [[f"motion_{index}" for index in range(summary.targets)]]
 
 
@@ -116,7 +116,7 @@ def test_the_roots_motion_is_in_no_target(record, standing, write_puppet, blob_f
     there = 0.8 * np.sin(np.arange(60) / 15)[:, None, None] * np.array([1.0, 0.0, 0.5])
     log = record(tmp_path / "walk.log", standing + there)
     puppet = write_puppet(blob_file.with_name("walks.toml"), blob_file.name, root=True)
-    with pytest.raises(PuppetError, match="no motion that takes the character farther than the tolerance"):
+    with pytest.raises(PuppetError, match="motion within the tolerance only"):
         bake(puppet, tmp_path / "a.glb", (log,))
     assert not (tmp_path / "a.glb").exists()
     still = write_puppet(blob_file.with_name("stays.toml"), blob_file.name, root=False)
@@ -151,8 +151,8 @@ def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, s
 def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
     """What is left of it, root mean square over the surface in the worst frame, is a twentieth of what was left out."""
     others = [name for name in PERFORMANCES if name != "kung_fu"]
-    settings = Settings(tolerance=TOLERANCE)
-    motion = made_up(blob_rig, others, settings, lambda *_: None)
+    settings = Settings(tolerance=DEFAULT_TOLERANCE)
+    motion = synthetic_motion(blob_rig, others, settings, lambda *_: None)
     directions = fit(blob_rig, motion, settings, lambda *_: None).directions.astype(np.float32)
     basis = LiveBasis(directions, REACH, blob_rig.model)
     frames, _ = performed(blob_rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))
@@ -177,7 +177,7 @@ def test_a_limit_to_the_targets_is_kept_and_the_error_said_is_the_one_that_follo
     frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
     there = places_from_weights(tmp_path / "a.glb", blob_rig, np.array([basis.project(R).weights for R in frames]))
     assert farthest(there, shown_places(blob_rig, frames), blob_rig) == pytest.approx(summary.error, abs=1e-6)
-    assert summary.error > TOLERANCE
+    assert summary.error > DEFAULT_TOLERANCE
 
 
 def test_the_same_input_gives_the_same_bytes(take, blob_puppet, of_take, tmp_path):
@@ -186,7 +186,7 @@ def test_the_same_input_gives_the_same_bytes(take, blob_puppet, of_take, tmp_pat
 
 
 def test_only_the_beginning_of_a_long_motion_is_an_animation(record, dance, blob_puppet, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "SHOWN", 1.0)
+    monkeypatch.setattr(module, "SHOWN_SECONDS", 1.0)
     log = record(tmp_path / "long.log", dance(100))
     assert bake(blob_puppet, tmp_path / "a.glb", (log,)).frames == 100
     made = Document.load(tmp_path / "a.glb")
@@ -303,9 +303,9 @@ def test_every_example_is_baked_without_fault_and_covers_what_it_has_not_seen(
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
     summary = bake(tmp_path / f"{name}.toml", tmp_path / "out.glb")
     assert_valid_gltf(tmp_path / "out.glb")
-    assert summary.error <= TOLERANCE
-    rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=TOLERANCE)
-    motion = made_up(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
+    assert summary.error <= DEFAULT_TOLERANCE
+    rig, settings = load_rig(tmp_path / f"{name}.toml"), Settings(tolerance=DEFAULT_TOLERANCE)
+    motion = synthetic_motion(rig, [other for other in PERFORMANCES if other != "kung_fu"], settings, lambda *_: None)
     directions = fit(rig, motion, settings, lambda *_: None).directions.astype(np.float32)
     basis = LiveBasis(directions, REACH, rig.model)
     frames, _ = performed(rig, resample(PERFORMANCES["kung_fu"](), 30.0, 0.4))

@@ -54,7 +54,7 @@ def test_the_motion_of_a_skin_is_found_again(skin):
     assert_rigid(found)
     off = bone_motion.carried(lines, found) - bone_motion.carried(lines, motion)
     moved = bone_motion.carried(lines, motion) - rest[:, None]
-    # exactly, but for the pull of `AFFINITY` on bones as far apart as these
+    # exactly, but for the pull of `AFFINITY_WEIGHT` on bones as far apart as these
     assert np.linalg.norm(off) < 0.03 * np.linalg.norm(moved)
 
 
@@ -84,7 +84,7 @@ def test_what_is_close_in_time_stays_close(skin):
 
 
 def test_no_bone_can_be_moved_a_little_to_fit_better(skin):
-    """A stationary point: up to the pull of `AFFINITY`, turning or shifting a bone makes the sum of squares larger."""
+    """A stationary point: up to `AFFINITY_WEIGHT`, turning or shifting a bone increases the sum of squares."""
     rest, weights, lines = skin
     wanted = bone_motion.carried(lines, motions(1, 0.2))
     wanted += np.random.default_rng(7).normal(0, 0.01, wanted.shape)

@@ -1,4 +1,5 @@
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_the_summary_says_what_the_file_and_the_clip_are(converted):
     assert summary.targets == inspect(output)["animations"][0]["morph_targets"]
     assert 0 < summary.error <= summary.tolerance == 0.0005
     assert summary.notes == ()
-    assert json.loads(json.dumps(summary.as_dict()))["frames"] == 58
+    assert json.loads(json.dumps(asdict(summary)))["frames"] == 58
     assert clip.timeline.fps == 30
 
 
@@ -89,7 +90,7 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dan
                 recorder.write(SkeletonFrame(index / 30, 7, place + 1, seen))
     longest, notes = load_timeline(tmp_path / "two.log", Settings())
     assert len(longest.positions) == 20
-    assert notes == ("Took user 4 (20 tracked frames); also in the log: 7 (10 tracked frames).",)
+    assert notes == ("User 4 (20 tracked frames) was chosen; other performers: 7 (10 tracked frames).",)
     other, _ = load_timeline(tmp_path / "two.log", Settings(user=7))
     np.testing.assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
     with pytest.raises(SkeletonLogError) as error:
@@ -106,9 +107,9 @@ def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
     log.write_bytes(log.read_bytes() + b'{"t": 1.4, "us')
     _, summary = convert(log, blob_puppet, tmp_path / "a.glb", Settings())
     assert summary.notes == (
-        "Line 42 was cut off in mid-write: left out.",
-        "40 frames at 30 a second, 2.5 % of the joint positions held while lost",
-        "The log never knows head: what only they move stays still.",
+        "Line 42 is incomplete and was skipped.",
+        "40 frames at 30 per second, 2.5 % of the joint positions held while lost",
+        "The recording has no data for head; parts that only these joints move stay still.",
     )
 
 
@@ -117,23 +118,23 @@ def test_a_log_of_one_frame_or_of_none_tracked_is_refused(record, dance, standin
         load_timeline(record(tmp_path / "one.log", standing[None]), Settings())
     assert (error.value.where, error.value.found) == (
         str(tmp_path / "one.log"),
-        "a clip that gives a single frame at 30 a second",
+        "a recording with a single frame at 30 frames per second",
     )
     with pytest.raises(SkeletonLogError) as error:
         load_timeline(record(tmp_path / "lost.log", np.full((9, 20, 3), np.nan)), Settings())
     assert str(tmp_path / "lost.log") in error.value.where
 
 
-def test_a_puppets_mesh_that_is_missing_is_told_with_the_puppets_key(blob_file, write_puppet, tmp_path):
+def test_a_puppets_mesh_that_is_missing_is_named_with_the_puppets_key(blob_file, write_puppet, tmp_path):
     path = write_puppet(tmp_path / "a.toml", "sub/none.glb")
     with pytest.raises(PuppetError) as error:
         load_rig(path)
-    told = error.value
-    assert (told.where, told.found) == (
+    refused = error.value
+    assert (refused.where, refused.found) == (
         f"{path}, [character], mesh",
-        f"'sub/none.glb', and there is no file {tmp_path / 'sub' / 'none.glb'}",
+        f"'sub/none.glb', which leads to the missing file {tmp_path / 'sub' / 'none.glb'}",
     )
-    assert told.fix == "Correct the path, or put the mesh there."
+    assert refused.fix == "Correct the path, or copy the mesh there."
 
 
 @pytest.mark.parametrize("fault", ["log", "puppet", "mesh", "handle", "output"])

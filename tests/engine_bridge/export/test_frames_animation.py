@@ -17,7 +17,7 @@ PER_STEP = 3
 
 @pytest.fixture(scope="module")
 def caches(variants, take, write_puppet):
-    """Some guises as vertex caches: the variant, the clip and the summary."""
+    """Some variants as vertex caches: the variant, the clip and the summary."""
 
     def make(name):
         variant = variants[name]
@@ -63,9 +63,9 @@ def test_one_target_is_in_at_a_keyframe(caches, raw):
 
 def test_a_cache_that_no_player_could_hold_is_refused_with_a_rate_that_fits(blob_file, tmp_path, monkeypatch):
     character = load_character(blob_file)
-    monkeypatch.setattr(frames_animation, "LARGEST", 5_000_000)
+    monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", 5_000_000)
     check_size(tmp_path / "out.glb", character, 100, 30)
-    with pytest.raises(OutputError, match=r"Give --fps (\d+(\.\d)?), or use --as morph") as refused:
+    with pytest.raises(OutputError, match=r"Use --fps (\d+(\.\d)?), or use --as morph") as refused:
         check_size(tmp_path / "out.glb", character, 1000, 30)
     slower = float(str(refused.value).partition("--fps ")[2].partition(",")[0])
     check_size(tmp_path / "out.glb", character, int(1000 * slower / 30), slower)
@@ -76,15 +76,15 @@ def test_a_cache_that_no_player_could_hold_is_refused_with_a_rate_that_fits(blob
 def test_the_size_that_is_reckoned_with_is_that_of_the_file(caches, monkeypatch):
     _, clip, summary = caches["textured"]
     arguments = Path(summary.output), clip.rig.character, len(clip.frames), 30
-    monkeypatch.setattr(frames_animation, "LARGEST", int(summary.bytes * 1.1))
+    monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", int(summary.bytes * 1.1))
     check_size(*arguments)
-    monkeypatch.setattr(frames_animation, "LARGEST", int(summary.bytes * 0.9))
+    monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", int(summary.bytes * 0.9))
     with pytest.raises(OutputError):
         check_size(*arguments)
 
 
 def test_nothing_is_performed_for_a_cache_that_is_refused(blob_puppet, take, tmp_path, monkeypatch):
-    monkeypatch.setattr(frames_animation, "LARGEST", 1_000_000)
+    monkeypatch.setattr(frames_animation, "MAX_CACHE_BYTES", 1_000_000)
     stages = []
     with pytest.raises(OutputError):
         convert(take, blob_puppet, tmp_path / "out.glb", Settings(form="frames"), lambda stage, _: stages.append(stage))

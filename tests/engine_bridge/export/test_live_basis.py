@@ -16,7 +16,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.timeline import choose, resample
 from engine_bridge.character.document import Document
 from engine_bridge.export.bake import bake
-from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED, LiveBasis
+from engine_bridge.export.live_basis import EXTRAS, REACH, UNLIMITED_REACH, LiveBasis
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
@@ -85,7 +85,9 @@ def test_the_rest_pose_is_no_weight_at_all(baked, basis):
 @given(data=st.data())
 def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins(data, baked, basis, directions):
     model = baked.rig.model
-    mixed = data.draw(arrays(np.float32, len(directions), elements=st.floats(-UNLIMITED, UNLIMITED, width=32)))
+    mixed = data.draw(
+        arrays(np.float32, len(directions), elements=st.floats(-UNLIMITED_REACH, UNLIMITED_REACH, width=32))
+    )
     R = model.rest_controls + np.tensordot(mixed.astype(np.float64), directions, axes=1)
     # and whatever moves no vertex changes nothing
     R += model.null_space @ data.draw(arrays(np.float64, (1, 3), elements=st.floats(-5, 5))).repeat(len(R), axis=0)
@@ -106,9 +108,9 @@ def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions)
     weights, _, limited = basis.project(R)
     assert 0 <= weights.min() <= weights.max() <= 1
     coordinates = (2 * weights[:-1].astype(np.float64) - weights[-1]) * REACH
-    size, room = np.abs(mixed), REACH - UNLIMITED
-    held = UNLIMITED + room * np.tanh((size - UNLIMITED) / room)
-    expected = np.sign(mixed) * np.where(size <= UNLIMITED, size, held)
+    size, room = np.abs(mixed), REACH - UNLIMITED_REACH
+    held = UNLIMITED_REACH + room * np.tanh((size - UNLIMITED_REACH) / room)
+    expected = np.sign(mixed) * np.where(size <= UNLIMITED_REACH, size, held)
     np.testing.assert_allclose(coordinates, expected, atol=1e-5 + 1e-6 * size.max())
     assert limited == (size.max() > REACH) or size.max() == pytest.approx(REACH, rel=1e-5)
 
@@ -216,7 +218,7 @@ def test_as_many_fields_and_isolines_the_other_way_round_are_other_settings(bake
 
 
 def test_a_file_without_a_basis_is_refused(blob_file, blob_rig):
-    with pytest.raises(PuppetError, match=r"found none; expected the morph basis.*puppetline bake"):
+    with pytest.raises(PuppetError, match=r"found no morph basis; expected the morph basis.*puppetline bake"):
         LiveBasis.load(blob_file, blob_rig)
 
 

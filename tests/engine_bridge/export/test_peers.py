@@ -421,7 +421,7 @@ def test_an_hour_plays_to_its_end(program, player, request, players):
     if (
         program == "Godot"
     ):  # merges keyframes that are nearer than its tolerance, and those nearer than twice that to a time
-        told = shown.times < 0.5 / FPS / MERGED
-        shown = replace(shown, meshes={key: positions[told] for key, positions in shown.meshes.items()})
-        expected = {key: positions[told] for key, positions in expected.items()}
+        exact = shown.times < 0.5 / FPS / MERGED
+        shown = replace(shown, meshes={key: positions[exact] for key, positions in shown.meshes.items()})
+        expected = {key: positions[exact] for key, positions in expected.items()}
     assert players.farthest(shown.meshes, expected) <= (hour.summary.error + ROUNDING) * hour.diagonal + late

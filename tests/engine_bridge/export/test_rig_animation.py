@@ -14,11 +14,11 @@ from engine_bridge.character.document import Document
 from engine_bridge.character.scene import influences, world_transforms
 from engine_bridge.cli.main import main
 from engine_bridge.export import rig_animation
-from engine_bridge.export.animation import Take
+from engine_bridge.export.animation import Keyframes
 from engine_bridge.export.convert import convert
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.performance.settings import Settings
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs
 from puppetline.errors import MeshError, PuppetError
@@ -146,7 +146,7 @@ def wild(limbs, count=12, seed=3):
 def take_of(motions, root=None):
     times = np.arange(len(motions), dtype=np.float32) / 30
     root = None if root is None else np.asarray(root, np.float32)
-    return Take("take", times, np.zeros((len(motions), 0), np.float32), root)
+    return Keyframes("take", times, np.zeros((len(motions), 0), np.float32), root)
 
 
 def animated(character, limbs, motions, root=None):
@@ -338,7 +338,7 @@ def test_quaternions_do_not_jump_over_two_turns_and_over_chunks(build, monkeypat
     turns = [[Rotation.from_euler("y", angle, degrees=True)] * 2 for angle in np.linspace(0, 720, 60)]
     motions = motions_of([ARM], turns)
     whole, *_ = animated(character, [ARM], motions)
-    monkeypatch.setattr(rig_animation, "AT_A_TIME", 7)
+    monkeypatch.setattr(rig_animation, "FRAMES_PER_CHUNK", 7)
     chunks, *_ = animated(character, [ARM], motions)
     for key, quaternions in keys_of(whole).items():
         assert (keys_of(chunks)[key] == quaternions).all()
@@ -415,7 +415,7 @@ def test_a_sheared_joint_is_refused(glb, tmp_path):
     glb.file.skins.append(glb_skin([node], None))
     glb.node(glb.mesh(primitive), skin=0)
     character = load_character(glb.save(tmp_path / "sheared.glb"))
-    with pytest.raises(MeshError, match=r"nodes\[0\]\.matrix: found a matrix .* Use --as morph"):
+    with pytest.raises(MeshError, match=r"nodes\[0\]\.matrix: found a joint with a sheared matrix.* Use --as morph"):
         animated(character, [ARM], wild([ARM]))
 
 
@@ -471,7 +471,7 @@ def test_three_plays_real_characters_as_their_weights_blend_the_motions(name, co
     elsewhere, gltf = followers(character, BENDS_ELSEWHERE.get(name, ())), character.document.gltf
     played = play(Path(summary.output), len(frames)).meshes
     compared = 0
-    for part, place in zip(character.parts, character.places, strict=True):
+    for part, place in zip(character.parts, character.vertex_slices, strict=True):
         node, count = gltf["nodes"][part.node], len(part.vertices)
         exact = np.full(count, part.node not in elsewhere)
         if "skin" in node:

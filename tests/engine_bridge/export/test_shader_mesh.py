@@ -2,18 +2,18 @@
 
 import json
 import shutil
+from dataclasses import asdict
 
 import numpy as np
-import pygltflib
 import pytest
 from click.testing import CliRunner
 from puppetline.examples.characters import CHARACTERS
 
 from engine_bridge.character.character import make_character
 from engine_bridge.cli.main import main
-from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import proposal, puppet
+from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from puppetline.errors import OutputError, PuppetError
@@ -29,34 +29,19 @@ REAL = [
 """Skinned, moved by nodes, without indices, in fifteen surfaces; all but the Adventurer have pictures."""
 
 
-class File:
-    """A .glb as pygltflib reads it."""
+def surfaces(made):
+    """The primitives of all nodes of the scene."""
+    nodes, meshes = made.file.nodes, made.file.meshes
+    return [each for node in made.file.scenes[0].nodes for each in meshes[nodes[node].mesh].primitives]
 
-    def __init__(self, path):
-        self.file = pygltflib.GLTF2().load(path)
-        self.bytes = self.file.binary_blob()
 
-    def array(self, index, width):
-        accessor = self.file.accessors[index]
-        view = self.file.bufferViews[accessor.bufferView]
-        kind = {5123: "<u2", 5125: "<u4", 5126: "<f4"}[accessor.componentType]
-        start = view.byteOffset + (accessor.byteOffset or 0)
-        return np.frombuffer(self.bytes, kind, accessor.count * width, start).reshape(-1, width)
+def column(made, name):
+    """One attribute of all surfaces, one after another."""
+    return np.concatenate([made.array(getattr(each.attributes, name)) for each in surfaces(made)])
 
-    def surfaces(self):
-        """The primitives of all nodes of the scene."""
-        nodes, meshes = self.file.nodes, self.file.meshes
-        return [each for node in self.file.scenes[0].nodes for each in meshes[nodes[node].mesh].primitives]
 
-    def column(self, name, width):
-        """One attribute of all surfaces, one after another."""
-        return np.concatenate([self.array(getattr(each.attributes, name), width) for each in self.surfaces()])
-
-    def picture(self, folder, image):
-        if image.bufferView is None:
-            return (folder / image.uri).read_bytes()
-        view = self.file.bufferViews[image.bufferView]
-        return self.bytes[view.byteOffset or 0 :][: view.byteLength]
+def picture(made, folder, image):
+    return (folder / image.uri).read_bytes() if image.bufferView is None else made.view(image.bufferView)
 
 
 def scene_of(path):
@@ -66,28 +51,27 @@ def scene_of(path):
 def assert_is_the_scene(made, scene):
     """All that the file says of a vertex is what the scene message says of it."""
     arrays, count = scene.arrays, scene.facts["vertices"]
-    np.testing.assert_array_equal(made.column("POSITION", 3), arrays["positions"])
+    np.testing.assert_array_equal(column(made, "POSITION"), arrays["positions"])
     directed = arrays["normals"].any(axis=1)
-    np.testing.assert_array_equal(made.column("NORMAL", 3)[directed], arrays["normals"][directed])
-    ladder = np.hstack([made.column(f"TEXCOORD_{number}", 2) for number in range(2, 6)])
+    np.testing.assert_array_equal(column(made, "NORMAL")[directed], arrays["normals"][directed])
+    ladder = np.hstack([column(made, f"TEXCOORD_{number}") for number in range(2, 6)])
     np.testing.assert_array_equal(ladder[:, : scene.facts["fields"]], arrays["ladder"])
     assert not ladder[:, scene.facts["fields"] :].any()
-    np.testing.assert_array_equal(made.column("TEXCOORD_6", 2), np.column_stack([np.arange(count), np.zeros(count)]))
-    surfaces = made.surfaces()
-    assert len(surfaces) == len(scene.facts["parts"])
-    for surface, part in zip(surfaces, scene.facts["parts"], strict=True):
+    np.testing.assert_array_equal(column(made, "TEXCOORD_6"), np.column_stack([np.arange(count), np.zeros(count)]))
+    assert len(surfaces(made)) == len(scene.facts["parts"])
+    for surface, part in zip(surfaces(made), scene.facts["parts"], strict=True):
         (first, vertices), (start, triangles) = part["vertices"], part["triangles"]
-        there = made.array(surface.indices, 1).reshape(-1, 3).astype(np.int64)
+        there = made.array(surface.indices).reshape(-1, 3).astype(np.int64)
         np.testing.assert_array_equal(there + first, arrays["triangles"][start : start + triangles])
         assert there.max() < vertices
     if "uv" in arrays:
-        np.testing.assert_array_equal(made.column("TEXCOORD_0", 2), arrays["uv"])
+        np.testing.assert_array_equal(column(made, "TEXCOORD_0"), arrays["uv"])
 
 
-def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, tmp_path, assert_valid_gltf):
-    summary = write_ladder(blob_puppet, tmp_path / "a.glb")
+def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, tmp_path, assert_valid_gltf, raw):
+    summary = write_shader_mesh(blob_puppet, tmp_path / "a.glb")
     scene = scene_of(blob_puppet)
-    assert_is_the_scene(File(tmp_path / "a.glb"), scene)
+    assert_is_the_scene(raw(tmp_path / "a.glb"), scene)
     assert_valid_gltf(tmp_path / "a.glb")
     assert (summary.output, summary.bytes) == (str(tmp_path / "a.glb"), (tmp_path / "a.glb").stat().st_size)
     assert (summary.vertices, summary.triangles) == (scene.facts["vertices"], scene.facts["triangles"])
@@ -95,33 +79,33 @@ def test_the_file_says_of_every_vertex_what_the_scene_message_says(blob_puppet, 
 
 
 def test_the_same_input_gives_the_same_bytes(blob_puppet, tmp_path):
-    write_ladder(blob_puppet, tmp_path / "a.glb")
-    write_ladder(blob_puppet, tmp_path / "b.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "a.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "b.glb")
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()
 
 
 def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_puppet, tmp_path):
     many = write_puppet(blob_file.with_name("many.toml"), blob_file.name, more="[solver]\nfields = 9\nisolines = 4\n")
     with pytest.raises(PuppetError, match=r"many\.toml, \[solver\], fields: found 9 fields; expected at most 8"):
-        write_ladder(many, tmp_path / "a.glb")
+        write_shader_mesh(many, tmp_path / "a.glb")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
     content = blob_file.read_bytes()
     with pytest.raises(OutputError, match="read from"):
-        write_ladder(blob_puppet, blob_file)
+        write_shader_mesh(blob_puppet, blob_file)
     assert blob_file.read_bytes() == content
 
 
 def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     output = tmp_path / "a.glb"
-    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
-    assert told.exit_code == 0
-    assert told.output.startswith(f"{output}: ")
-    assert "isoline coordinates of 5 fields" in told.output
-    told = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
-    assert json.loads(told.output) == json.loads(json.dumps(write_ladder(blob_puppet, output).as_dict()))
+    result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{output}: ")
+    assert "isoline coordinates of 5 fields" in result.output
+    result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
+    assert json.loads(result.output) == json.loads(json.dumps(asdict(write_shader_mesh(blob_puppet, output))))
 
 
 def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tmp_path):
@@ -138,24 +122,24 @@ def test_the_commands_old_name_goes_on_working_and_is_not_listed(blob_puppet, tm
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHARACTERS)
-def test_every_example_is_its_scene(name, request, example_character, tmp_path, assert_valid_gltf):
+def test_every_example_is_its_scene(name, request, example_character, tmp_path, assert_valid_gltf, raw):
     made = example_character(name)
     make_character(name, made.vertices, made.faces, made.colors).document.save(tmp_path / f"{name}.glb")
     shutil.copy(request.config.rootpath / EXAMPLES / f"{name}.toml", tmp_path)
-    summary = write_ladder(tmp_path / f"{name}.toml", tmp_path / "out.glb")
-    assert_is_the_scene(File(tmp_path / "out.glb"), scene_of(tmp_path / f"{name}.toml"))
+    summary = write_shader_mesh(tmp_path / f"{name}.toml", tmp_path / "out.glb")
+    assert_is_the_scene(raw(tmp_path / "out.glb"), scene_of(tmp_path / f"{name}.toml"))
     assert_valid_gltf(tmp_path / "out.glb")
     assert summary.fields == 8
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
-def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_path, validate):
+def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_path, validate, raw):
     source = real_data / "mesh" / name
-    puppet.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
+    puppet_file.dump(proposal.new_puppet(source, tmp_path / "real.toml").puppet, tmp_path / "real.toml")
     output = tmp_path / "out.glb"
-    write_ladder(tmp_path / "real.toml", output)
-    before, after = File(source), File(output)
+    write_shader_mesh(tmp_path / "real.toml", output)
+    before, after = raw(source), raw(output)
     assert_is_the_scene(after, scene_of(tmp_path / "real.toml"))
     report, was = validate(output), validate(source)
     assert report["errors"] <= was["errors"]
@@ -164,4 +148,4 @@ def test_a_real_character_is_its_scene_and_looks_as_it_did(name, real_data, tmp_
         assert getattr(after.file, listed) == getattr(before.file, listed)
     assert len(after.file.images) == len(before.file.images)
     for own, image in zip(after.file.images, before.file.images, strict=True):
-        assert after.picture(tmp_path, own) == before.picture(source.parent, image)
+        assert picture(after, tmp_path, own) == picture(before, source.parent, image)

@@ -1,4 +1,4 @@
-"""Every guise of the figure as a skinned mesh, read back by pygltflib and played by three.js."""
+"""Every variant of the figure as a skinned mesh, read back by pygltflib and played by three.js."""
 
 import json
 from pathlib import Path
@@ -15,9 +15,9 @@ pytest.importorskip("py_dem_bones")
 
 FRAMES = 20
 MIRRORED = {"node_transforms": 0, "shared_mesh": 1}
-"""Guises with a part under a mirror, and which it is: with the mirror baked in, its triangles must be turned over."""
+"""Variants with a part under a mirror, and which it is: with the mirror baked in, its triangles must be turned over."""
 IN_THE_WORLD = {"textured", "colored", "float_colors", "without_normals", "without_indices", "several_primitives"}
-"""Guises whose vertices are where the file says: there is nothing to bring anywhere."""
+"""Variants whose vertices are where the file says: there is nothing to bring anywhere."""
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def take(record, dance, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def skins(variants, take, write_puppet):
-    """Every guise with 8 bones: its variant, the clip and the summary."""
+    """Every variant with 8 bones: its variant, the clip and the summary."""
 
     def make(variant):
         puppet = write_puppet(variant.path.with_name(f"{variant.name}_skin.toml"), variant.path.name)
@@ -42,7 +42,7 @@ def skins(variants, take, write_puppet):
 
 @pytest.fixture
 def skin(variant, skins):
-    """Each guise in turn."""
+    """Each variant in turn."""
     return skins[variant.name]
 
 
@@ -254,7 +254,7 @@ def test_a_node_comes_to_the_top_and_what_hangs_on_it_stays(
     assert (place.mesh, place.name, place.scale) == (None, None, [-2, 2, 2])
     assert [file.nodes[child].name for child in place.children] == ["hat"]
     assert [animation.name for animation in file.animations] == ["dance", "tip", "grin", "pointed tip", "pointed grin"]
-    assert "The character's own animations that moved what it hung on (2) are left out." in summary.notes
+    assert "Omitted 2 of the file's animations, which moved the character's nodes or skeleton." in summary.notes
     before, made = raw(furnished), raw(tmp_path / "out.glb")
     old, new = (f.file.meshes[0].primitives[0].attributes.TANGENT for f in (before, made))
     turned = before.array(old)[:, :3] @ (Rotation.from_euler("y", 90, degrees=True).as_matrix() @ np.diag([-1, 1, 1])).T

@@ -13,7 +13,7 @@ FRAMES = np.random.default_rng(0).normal(size=(50, 8, 3)).astype(np.float32)
 @pytest.fixture(params=["memory", "file"])
 def store(request, monkeypatch):
     """The frames in a store, once small enough for memory and once not."""
-    monkeypatch.setattr(frame_store, "IN_MEMORY", 10**6 if request.param == "memory" else 1000)
+    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 10**6 if request.param == "memory" else 1000)
     made = FrameStore((8, 3))
     for start in (0, 20, 30):
         made.append(FRAMES[start : {0: 20, 20: 30, 30: 50}[start]].astype(np.float64))
@@ -54,8 +54,8 @@ def test_it_goes_on_growing_after_it_was_read(store):
     np.testing.assert_array_equal(store[:], np.concatenate([FRAMES, FRAMES[:2]]))
 
 
-def test_a_system_without_room_is_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(frame_store, "IN_MEMORY", 1000)
+def test_a_system_without_room_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 1000)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
     with pytest.raises(OutputError) as refused:
         FrameStore((8, 3)).append(FRAMES)

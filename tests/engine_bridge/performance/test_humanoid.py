@@ -27,17 +27,19 @@ CHAINS = {
         }.items()
     },
 }
+SIDED_BONES = {
+    "UpperArm": ("shoulder", "elbow"),
+    "LowerArm": ("elbow", "wrist"),
+    "Hand": ("wrist", "hand"),
+    "UpperLeg": ("hip", "knee"),
+    "LowerLeg": ("knee", "ankle"),
+}
 BONES = {
-    "LeftUpperArm": ("shoulder_left", "elbow_left"),
-    "LeftLowerArm": ("elbow_left", "wrist_left"),
-    "LeftHand": ("wrist_left", "hand_left"),
-    "LeftUpperLeg": ("hip_left", "knee_left"),
-    "LeftLowerLeg": ("knee_left", "ankle_left"),
-    "RightUpperArm": ("shoulder_right", "elbow_right"),
-    "RightLowerArm": ("elbow_right", "wrist_right"),
-    "RightHand": ("wrist_right", "hand_right"),
-    "RightUpperLeg": ("hip_right", "knee_right"),
-    "RightLowerLeg": ("knee_right", "ankle_right"),
+    **{
+        f"{side.title()}{bone}": (f"{start}_{side}", f"{end}_{side}")
+        for side in ("left", "right")
+        for bone, (start, end) in SIDED_BONES.items()
+    },
     "Hips": ("hip_center", "spine"),
     "Spine": ("spine", "shoulder_center"),
     "Neck": ("shoulder_center", "head"),

@@ -5,7 +5,7 @@ from capture.skeleton import JOINT_INDEX, mirrored
 from engine_bridge.character.character import make_character
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import make_rig
-from engine_bridge.puppet import puppet as puppet_file
+from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import CharacterTable, RetargetTable, RootTable, SmoothingTable
 from solver.model.reduced_model import position_matrix
 

@@ -166,104 +166,26 @@ def test_a_walk_is_scaled_by_the_length_of_the_legs_and_stays_at_the_height_of_t
     assert min(over) == pytest.approx(0, abs=1e-9)
 
 
-FOREARM = """HIERARCHY
-ROOT Hips
-{
-OFFSET 0 0 0
-CHANNELS 3 Xposition Yposition Zposition
-JOINT Spine
-{
-OFFSET 0 0.25 0
-CHANNELS 0
-JOINT Neck
-{
-OFFSET 0 0.25 0
-CHANNELS 0
-JOINT Head
-{
-OFFSET 0 0.2 0
-CHANNELS 0
-}
-}
-JOINT LeftArm
-{
-OFFSET 0.18 0.23 0
-CHANNELS 0
-JOINT LeftForeArm
-{
-OFFSET 0.28 0 0
-CHANNELS 1 Xrotation
-JOINT LeftHand
-{
-OFFSET 0.25 0 0
-CHANNELS 0
-End Site
-{
-OFFSET 0.1 0 0
-}
-}
-}
-}
-JOINT RightArm
-{
-OFFSET -0.18 0.23 0
-CHANNELS 0
-JOINT RightForeArm
-{
-OFFSET -0.28 0 0
-CHANNELS 0
-JOINT RightHand
-{
-OFFSET -0.25 0 0
-CHANNELS 0
-End Site
-{
-OFFSET -0.1 0 0
-}
-}
-}
-}
-}
-JOINT LeftUpLeg
-{
-OFFSET 0.1 -0.05 0
-CHANNELS 0
-JOINT LeftLeg
-{
-OFFSET 0 -0.42 0
-CHANNELS 0
-JOINT LeftFoot
-{
-OFFSET 0 -0.42 0
-CHANNELS 0
-End Site
-{
-OFFSET 0 -0.05 0.15
-}
-}
-}
-}
-JOINT RightUpLeg
-{
-OFFSET -0.1 -0.05 0
-CHANNELS 0
-JOINT RightLeg
-{
-OFFSET 0 -0.42 0
-CHANNELS 0
-JOINT RightFoot
-{
-OFFSET 0 -0.42 0
-CHANNELS 0
-End Site
-{
-OFFSET 0 -0.05 0.15
-}
-}
-}
-}
-}
-"""
+def joint(name, offset, *children, channels="CHANNELS 0"):
+    """A joint of a BVH file."""
+    return "\n".join([name, "{", f"OFFSET {offset}", channels, *children, "}"])
+
+
+def side(name, sign, forearm_channels="CHANNELS 0"):
+    """The arm and the leg of one side of a body in a T-pose."""
+    hand = joint(f"JOINT {name}Hand", f"{sign * 0.25} 0 0", f"End Site\n{{\nOFFSET {sign * 0.1} 0 0\n}}")
+    forearm = joint(f"JOINT {name}ForeArm", f"{sign * 0.28} 0 0", hand, channels=forearm_channels)
+    foot = joint(f"JOINT {name}Foot", "0 -0.42 0", "End Site\n{\nOFFSET 0 -0.05 0.15\n}")
+    leg = joint(f"JOINT {name}UpLeg", f"{sign * 0.1} -0.05 0", joint(f"JOINT {name}Leg", "0 -0.42 0", foot))
+    return joint(f"JOINT {name}Arm", f"{sign * 0.18} 0.23 0", forearm), leg
+
+
+LEFT_ARM, LEFT_LEG = side("Left", 1, "CHANNELS 1 Xrotation")
+RIGHT_ARM, RIGHT_LEG = side("Right", -1)
+NECK = joint("JOINT Neck", "0 0.25 0", joint("JOINT Head", "0 0.2 0"))
+SPINE = joint("JOINT Spine", "0 0.25 0", NECK, LEFT_ARM, RIGHT_ARM)
+HIPS = joint("ROOT Hips", "0 0 0", SPINE, LEFT_LEG, RIGHT_LEG, channels="CHANNELS 3 Xposition Yposition Zposition")
+FOREARM = f"HIERARCHY\n{HIPS}\n"
 """A body in a T-pose whose left forearm can turn about itself."""
 
 

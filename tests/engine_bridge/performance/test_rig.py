@@ -102,12 +102,3 @@ def test_other_parameters_share_what_does_not_depend_on_them(puppet):
     second = load_rig(puppet)
     assert (len(first.model.weights), len(second.model.weights)) == (5, 4)
     assert len(kept()) == len(files) + 1
-
-
-def test_a_cache_that_cannot_be_written_costs_a_warning_only(puppet, tmp_path, caplog):
-    (tmp_path / "cache").write_text("in the way")
-    with caplog.at_level(logging.WARNING):
-        first = load_rig(puppet)
-    assert "nothing is kept" in caplog.text
-    (tmp_path / "cache").unlink()
-    assert same(load_rig(puppet), first)

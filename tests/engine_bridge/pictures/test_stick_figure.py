@@ -3,7 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX, PARENTS
 from engine_bridge.pictures import stick_figure
-from engine_bridge.pictures.preview import View, backdrop, project
+from engine_bridge.pictures.renderer import View, backdrop, project
 
 SIZE = (180, 320)
 VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)
@@ -11,7 +11,7 @@ VIEW = View(0.0, 0.0, (0.0, 0.0, 0.0), 1.0)
 
 @pytest.fixture
 def joints():
-    """A performer whose every joint has a place of its own, none in front of another."""
+    """A performer whose joints are at distinct places, none in front of another."""
     random = np.random.default_rng(1)
     return np.column_stack([random.uniform(-0.8, 0.8, 20), random.uniform(-1.5, 1.5, 20), np.zeros(20)])
 
@@ -20,7 +20,7 @@ def of_color(picture, color):
     return (np.abs(picture.astype(int) - color) < 3).all(axis=-1)
 
 
-def test_a_bone_alone_is_a_line_between_its_joints_in_the_colour_of_its_side():
+def test_a_single_bone_is_a_line_between_its_joints_in_the_colour_of_its_side():
     for joint, color in (("elbow_left", stick_figure.LEFT), ("elbow_right", stick_figure.RIGHT)):
         alone = np.full((20, 3), np.nan)
         alone[JOINT_INDEX[joint]], alone[JOINT_INDEX[PARENTS[joint]]] = [0.5, 1.0, 0], [-0.5, -1.0, 0]
@@ -28,13 +28,13 @@ def test_a_bone_alone_is_a_line_between_its_joints_in_the_colour_of_its_side():
         ends = project(np.array([[-0.5, -1.0, 0], [0.5, 1.0, 0]]), VIEW, SIZE)
         along = (ends[1] - ends[0])[:2] / np.linalg.norm((ends[1] - ends[0])[:2])
         away = np.column_stack([column, row]) + 0.5 - ends[0, :2]
-        assert np.abs(away @ [-along[1], along[0]]).max() <= stick_figure.WIDTH * 180 / 2 + 1
+        assert np.abs(away @ [-along[1], along[0]]).max() <= stick_figure.BONE_WIDTH * 180 / 2 + 1
         assert (away @ along).min() == pytest.approx(0, abs=3)
         assert (away @ along).max() == pytest.approx(np.linalg.norm(ends[1] - ends[0]), abs=3)
 
 
 def test_the_nearer_arm_covers_the_other():
-    """The bones cross in the middle of the picture."""
+    """The bones cross in the centre of the image."""
     for front, color in ((1.0, stick_figure.LEFT), (-1.0, stick_figure.RIGHT)):
         crossed = np.full((20, 3), np.nan)
         for side, z, tilt in (("left", front, 0.5), ("right", -front, -0.5)):
@@ -43,7 +43,7 @@ def test_the_nearer_arm_covers_the_other():
         assert of_color(stick_figure.draw(crossed, VIEW, SIZE)[160, 90], color)
 
 
-def test_joints_that_are_not_known_leave_out_their_bones_and_nothing_else(joints):
+def test_a_lost_joint_removes_its_bones_only(joints):
     whole = stick_figure.draw(joints, VIEW, SIZE)
     lost = joints.copy()
     lost[JOINT_INDEX["hand_left"]] = np.nan
@@ -55,6 +55,6 @@ def test_joints_that_are_not_known_leave_out_their_bones_and_nothing_else(joints
     assert ((np.column_stack([column, row]) >= low) & (np.column_stack([column, row]) <= high)).all()
 
 
-def test_without_any_joint_it_is_the_backdrop():
+def test_without_joints_the_image_is_the_background():
     picture = stick_figure.draw(np.full((20, 3), np.nan), VIEW, SIZE)
     np.testing.assert_allclose(picture.astype(int), backdrop(SIZE), atol=1)

@@ -12,13 +12,13 @@ def test_a_handle_off_the_mesh_is_refused_with_the_nearest_place_on_it(blob_rig)
     off = [first, second.model_copy(update={"position": (50.0, 1.2, 0.0)}), *others]
     with pytest.raises(PuppetError) as error:
         check_handles(off, blob_rig.mesh, "figure.toml")
-    told = error.value
-    assert told.where == "figure.toml, [[handle]] 2 'right hand', position"
-    assert told.found.startswith("[50, 1.2, 0], which is 48.")
+    refused = error.value
+    assert refused.where == "figure.toml, [[handle]] 2 'right hand', position"
+    assert refused.found.startswith("[50, 1.2, 0], which is 48.")
     low, high = blob_rig.mesh.vertices.min(axis=0), blob_rig.mesh.vertices.max(axis=0)
     spans = " to ".join("[" + ", ".join(f"{value:.4g}" for value in corner) + "]" for corner in (low, high))
-    assert told.expected == f"a point on the mesh, which spans {spans}"
-    nearest = np.array([float(number) for number in told.fix.split("[")[1].split("]")[0].split(",")])
+    assert refused.expected == f"a point on the mesh, which spans {spans}"
+    nearest = np.array([float(number) for number in refused.fix.split("[")[1].split("]")[0].split(",")])
     assert np.linalg.norm(blob_rig.mesh.vertices - nearest, axis=1).min() < 0.05
     assert nearest[0] > 1.4
 
@@ -29,10 +29,10 @@ def test_a_limb_outside_the_mesh_is_refused_and_one_deep_inside_is_not(blob_rig,
     out = limb.model_copy(update={"points": (*limb.points[:2], (1.4, 5.0, 0.1))})
     with pytest.raises(PuppetError) as error:
         check_limbs([limbed_rig.puppet.limb[0], out], blob_rig.mesh, "figure.toml")
-    told = error.value
-    assert told.where == "figure.toml, [[limb]] 2 'left arm', points, 3"
-    assert told.found.startswith("[1.4, 5, 0.1], which is 3.")
-    assert told.expected.startswith("a point inside the mesh, which spans")
+    refused = error.value
+    assert refused.where == "figure.toml, [[limb]] 2 'left arm', points, 3"
+    assert refused.found.startswith("[1.4, 5, 0.1], which is 3.")
+    assert refused.expected.startswith("a point inside the mesh, which spans")
 
 
 def test_a_limb_in_the_middle_of_a_fat_character_is_inside_it(limbed_rig):

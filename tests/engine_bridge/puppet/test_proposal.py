@@ -1,17 +1,12 @@
-import re
-
 import numpy as np
 import pytest
 
 from engine_bridge.character.character import make_character
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import puppet as puppet_file
-from engine_bridge.puppet.proposal import limb_tables, new_puppet, propose_handles
-from engine_bridge.puppet.puppet import CharacterTable
+from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import MeshError, PuppetError
 from solver.anatomy import orientation
-from solver.anatomy.limb_chain import LimbChain, Limbs
-from solver.surface.mesh import SolverMesh
 
 HUMANOID = {
     "head": "head",
@@ -20,37 +15,6 @@ HUMANOID = {
     "left foot": "foot_left",
     "right foot": "foot_right",
 }
-QUADRUPED = {
-    "head": "head",
-    "left hind foot": "foot_left",
-    "right hind foot": "foot_right",
-    "left front foot": "hand_left",
-    "right front foot": "hand_right",
-    "tail": "head",
-}
-DOG = [
-    ((0.0, 1.0, -1.0), (0.0, 1.0, 1.0), 0.30),
-    ((0.0, 1.0, 1.0), (0.0, 1.7, 1.5), 0.20),
-    ((0.0, 1.7, 1.5), (0.0, 1.65, 1.8), 0.16),
-    ((0.1, 1.0, 0.9), (0.3, -0.2, 1.0), 0.15),
-    ((-0.1, 1.0, 0.9), (-0.3, -0.2, 0.95), 0.15),
-    ((0.1, 1.0, -0.9), (0.3, -0.2, -0.9), 0.15),
-    ((-0.1, 1.0, -0.9), (-0.3, -0.2, -0.95), 0.15),
-    ((0.0, 1.0, -1.0), (0.0, 1.5, -1.9), 0.12),
-]
-WINGED = [*DOG, ((0.1, 1.2, 0.4), (1.3, 2.4, 0.3), 0.12), ((-0.1, 1.2, 0.4), (-1.3, 2.4, 0.3), 0.12)]
-MOUSE = [
-    ((0.0, 0.9, 0.0), (0.0, 1.4, 0.0), 0.35),
-    ((0.0, 2.2, 0.0), (0.0, 2.3, 0.0), 0.45),
-    ((0.3, 2.4, 0.0), (0.95, 3.0, 0.0), 0.16),
-    ((-0.3, 2.4, 0.0), (-0.95, 3.0, 0.0), 0.16),
-    ((0.2, 1.4, 0.0), (1.1, 1.0, 0.1), 0.14),
-    ((-0.2, 1.4, 0.0), (-1.1, 1.0, 0.1), 0.14),
-    ((0.2, 0.9, 0.0), (0.35, -0.2, 0.1), 0.16),
-    ((-0.2, 0.9, 0.0), (-0.35, -0.2, 0.1), 0.16),
-    ((0.0, 0.8, -0.1), (0.0, 0.6, -1.6), 0.12),
-]
-"""Ears as long as its arms, and a tail."""
 PERSON = {
     "trunk": "direction",
     "head": "direction",
@@ -90,126 +54,11 @@ REAL = {
 """How each limb of a real character follows."""
 
 
-def places(handles):
-    return {handle.name: np.array(handle.position) for handle in handles}
-
-
 def assert_on_the_right_sides(named, basis):
     for name, place in named.items():
         if name.startswith(("left", "right")):
             other = named[name.replace("left", "right") if name.startswith("left") else name.replace("right", "left")]
             assert ((place - other) @ basis[0] > 0) == name.startswith("left")
-
-
-@pytest.mark.parametrize(("up", "front"), [("y", "z"), ("z", "-y"), ("x", "y")])
-def test_a_figure_gets_head_hands_and_feet_on_its_own_sides(blob, up, front):
-    table = CharacterTable(mesh="blob.glb", up=up, front=front)
-    mesh = make_character("blob", blob.vertices.astype(float) @ table.basis, blob.faces).solver_mesh()
-    handles = propose_handles(mesh, table)
-    assert {handle.name: handle.joint for handle in handles} == HUMANOID
-    assert {handle.gain for handle in handles} == {1.0}
-    named = places(handles)
-    assert_on_the_right_sides(named, table.basis)
-    upright = {name: place @ table.basis.T for name, place in named.items()}
-    assert upright["left hand"][0] > 1.3
-    assert upright["right hand"][0] < -1.3
-    assert upright["head"][1] > 1.8
-    assert max(upright["left foot"][1], upright["right foot"][1]) < -1.4
-
-
-def test_a_quadruped_gets_four_feet_a_head_and_a_tail_that_swings_against_it(make_shape):
-    shape = make_shape(DOG, 0.09)
-    table = CharacterTable(mesh="dog.glb")
-    handles = propose_handles(make_character("dog", shape.vertices.astype(float), shape.faces).solver_mesh(), table)
-    assert {handle.name: handle.joint for handle in handles} == QUADRUPED
-    named = places(handles)
-    assert_on_the_right_sides(named, table.basis)
-    assert named["head"][2] > 1.7
-    assert named["tail"][2] < -1.8
-    assert min(named[f"{side} front foot"][2] for side in ("left", "right")) > 0.5
-    assert max(named[f"{side} hind foot"][2] for side in ("left", "right")) < -0.5
-    assert {handle.name: handle.gain for handle in handles}["tail"] == -0.7
-
-
-@pytest.fixture
-def solver_mesh(make_shape):
-    def make(limbs, step=0.09):
-        shape = make_shape(limbs, step)
-        return make_character("made", shape.vertices.astype(float), shape.faces).solver_mesh()
-
-    return make
-
-
-def test_wings_follow_the_elbows(solver_mesh):
-    handles = propose_handles(solver_mesh(WINGED), CharacterTable(mesh="a"))
-    assert {handle.name: handle.joint for handle in handles} == {
-        **QUADRUPED,
-        "left wing": "elbow_left",
-        "right wing": "elbow_right",
-    }
-    named = places(handles)
-    assert_on_the_right_sides(named, np.eye(3))
-    assert min(named["left wing"][1], named["right wing"][1]) > 2.3
-
-
-def test_without_a_tail_the_rump_is_held(solver_mesh):
-    round_behind = [((0.0, 1.0, -0.8), (0.0, 1.0, 1.0), 0.30), *DOG[1:-1]]
-    handles = propose_handles(solver_mesh(round_behind), CharacterTable(mesh="a"))
-    expected = {name: joint for name, joint in QUADRUPED.items() if name != "tail"}
-    assert {handle.name: handle.joint for handle in handles} == {**expected, "rump": None}
-    np.testing.assert_allclose(places(handles)["rump"], [0, 1, -1.1], atol=0.15)
-
-
-def test_ears_are_no_arms_however_long(solver_mesh):
-    handles = propose_handles(solver_mesh(MOUSE), CharacterTable(mesh="a"))
-    assert {handle.name: handle.joint for handle in handles} == {**HUMANOID, "tail": "head"}
-    named = places(handles)
-    assert max(named["left hand"][1], named["right hand"][1]) < 1.3
-    assert abs(named["head"][0]) < 0.2
-    assert named["tail"][2] < -1.5
-
-
-@pytest.mark.parametrize("limbs", [DOG, WINGED, MOUSE], ids=["dog", "winged", "mouse"])
-def test_in_the_mirror_image_left_and_right_are_swapped_exactly(solver_mesh, limbs):
-    mesh = solver_mesh(limbs)
-    image = SolverMesh(mesh.vertices * [-1, 1, 1], mesh.faces[:, ::-1], mesh.of_render)
-    swapped = {"left": "right", "right": "left"}
-    original = {
-        (handle.name, handle.joint): handle.position for handle in propose_handles(mesh, CharacterTable(mesh="a"))
-    }
-    mirrored = {
-        (handle.name, handle.joint): handle.position for handle in propose_handles(image, CharacterTable(mesh="a"))
-    }
-    assert {
-        tuple(re.sub("left|right", lambda side: swapped[side[0]], text) for text in key): (-x, y, z)
-        for key, (x, y, z) in original.items()
-    } == mirrored
-
-
-@pytest.mark.parametrize("limbs", [DOG, WINGED, MOUSE], ids=["dog", "winged", "mouse"])
-@pytest.mark.parametrize(("up", "front"), [("z", "-y"), ("-x", "y"), ("-y", "-z")])
-def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, limbs, up, front):
-    mesh, table = solver_mesh(limbs), CharacterTable(mesh="a", up=up, front=front)
-    turned = SolverMesh(mesh.vertices @ table.basis, mesh.faces, mesh.of_render)
-    expected = places(propose_handles(mesh, CharacterTable(mesh="a")))
-    found = places(propose_handles(turned, table))
-    assert list(found) == list(expected)
-    for name, place in expected.items():
-        np.testing.assert_allclose(found[name], place @ table.basis, atol=1e-5)
-
-
-def test_parts_of_their_own_are_limbs_as_well(make_shape):
-    """The dog cut into a body, a head, a tail and four legs that do not touch it."""
-    pieces = [make_shape([limb], 0.06) for limb in ([*DOG[:1], *DOG[3:]])]
-    shrunk = [piece.vertices * 1.0 for piece in pieces]
-    shrunk.append(make_shape(DOG[1:3], 0.06).vertices)
-    pieces.append(make_shape(DOG[1:3], 0.06))
-    starts = np.cumsum([0, *map(len, shrunk)])
-    faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=False)])
-    mesh = make_character("dog", np.concatenate(shrunk).astype(float), faces).solver_mesh()
-    assert mesh.components.max() == 6
-    handles = propose_handles(mesh, CharacterTable(mesh="a"))
-    assert {handle.name: handle.joint for handle in handles} == QUADRUPED
 
 
 @pytest.mark.slow
@@ -229,73 +78,6 @@ def test_real_characters_get_the_limbs_that_they_have(real_data, tmp_path, file)
 
 ARM = tuple((f"{joint}_left",) for joint in ("shoulder", "elbow", "wrist", "hand"))
 LEG = tuple((f"{joint}_left",) for joint in ("hip", "knee", "ankle", "foot"))
-
-
-def chains(**named):
-    points = {name.replace("_", " "): np.array(points, dtype=float) for name, points in named.items()}
-    return Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
-
-
-UPRIGHT = {
-    "trunk": [(0, 1, 0), (0, 1.2, 0), (0, 1.4, 0)],
-    "head": [(0, 1.4, 0), (0, 1.7, 0)],
-    "left_arm": [(0.2, 1.4, 0), (0.5, 1.4, 0), (0.8, 1.4, 0), (0.9, 1.4, 0)],
-    "right_arm": [(-0.2, 1.4, 0), (-0.5, 1.4, 0), (-0.8, 1.4, 0), (-0.9, 1.4, 0)],
-    "left_leg": [(0.1, 1, 0), (0.1, 0.5, 0), (0.1, 0.1, 0), (0.1, 0, 0.2)],
-    "right_leg": [(-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.1, 0, 0.2)],
-}
-
-
-def test_a_persons_limbs_point_where_the_performers_do():
-    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT), CharacterTable(mesh="a"))}
-    assert {name: limb.follow for name, limb in tables.items()} == PERSON
-    assert tables["left arm"].driven_by == ARM
-    assert tables["left leg"].driven_by == LEG
-    assert tables["trunk"].driven_by == (("hip_center",), ("spine",), ("shoulder_center",))
-    assert tables["head"].driven_by == (("shoulder_center",), ("head",))
-    assert tables["right arm"].points == tuple(map(tuple, UPRIGHT["right_arm"]))
-    assert {limb.gain for limb in tables.values()} == {1.0}
-    assert {limb.parent for limb in tables.values()} == {None}
-
-
-@pytest.mark.parametrize(
-    ("changed", "turning"),
-    [
-        ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
-        ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
-        ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
-    ],
-    ids=["lying", "looking forward", "crouching"],
-)
-def test_what_is_built_otherwise_turns(changed, turning):
-    tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))
-    assert {limb.name for limb in tables if limb.follow == "turn"} == turning
-
-
-def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
-    limbs = chains(
-        trunk=[(0, 1, -1), (0, 1, 0), (0, 1, 1)],
-        neck=[(0, 1, 1), (0, 1.2, 1.2), (0, 1.4, 1.4)],
-        head=[(0, 1.4, 1.4), (0, 1.4, 1.8)],
-        left_front_leg=[(0.2, 1, 1), (0.2, 0.5, 1), (0.2, 0.1, 1), (0.2, 0, 1.1)],
-        left_hind_leg=[(0.2, 1, -1), (0.2, 0.5, -1), (0.2, 0.1, -1), (0.2, 0, -0.9)],
-        left_wing=[(0.2, 1.2, 0), (0.5, 1.5, 0), (0.8, 1.8, 0), (1, 2, 0)],
-        tail=[(0, 1, -1), (0, 1, -1.2), (0, 1, -1.4), (0, 1, -1.6)],
-    )
-    tables = {limb.name: limb for limb in limb_tables(limbs, CharacterTable(mesh="a"))}
-    assert {limb.follow for limb in tables.values()} == {"turn"}
-    assert tables["left front leg"].driven_by == tables["left wing"].driven_by == ARM
-    assert tables["left hind leg"].driven_by == LEG
-    gains = {name: limb.gain for name, limb in tables.items() if limb.gain != 1}
-    assert gains == {"neck": 0.5, "tail": -0.7, "left wing": 0.5}
-    assert {name: limb.parent for name, limb in tables.items() if limb.parent} == {"head": "neck"}
-    assert tables["neck"].driven_by == (("shoulder_center",), ("shoulder_center", "head"), ("head",))
-    assert tables["tail"].driven_by == (("hip_center",), ("shoulder_center",), ("shoulder_center", "head"), ("head",))
-
-
-def test_a_trunk_and_a_head_alone_are_no_limbs():
-    alone = chains(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"])
-    assert limb_tables(alone, CharacterTable(mesh="a")) == []
 
 
 def test_what_has_no_limbs_gets_handles(make_shape, tmp_path):
@@ -319,20 +101,6 @@ def test_the_user_says_where_limbs_end(blob_file, tmp_path):
     points = {limb.name: limb.points for limb in made.limb}
     np.testing.assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)
     np.testing.assert_allclose(points["right arm"][-1], (1.55, 1.32, 0.1), atol=0.15)
-
-
-def test_what_has_no_feet_gets_a_base_that_stays(solver_mesh):
-    ball = propose_handles(solver_mesh([((0.0, 0.0, 0.0), (0.0, 1e-6, 0.0), 1.0)], 0.2), CharacterTable(mesh="a"))
-    np.testing.assert_allclose([np.linalg.norm(handle.position) for handle in ball], 1, atol=0.05)
-    snowman = propose_handles(
-        solver_mesh([((0.0, 0.0, 0.0), (0.0, 0.1, 0.0), 1.0), ((0.0, 1.5, 0.0), (0.0, 1.6, 0.0), 0.6), *MOUSE[4:6]]),
-        CharacterTable(mesh="a"),
-    )
-    hands = {"left hand": "hand_left", "right hand": "hand_right"}
-    assert {handle.name: handle.joint for handle in snowman} == {"head": "head", **hands, "base": None}
-    for handles in (ball, snowman):
-        assert places(handles)["base"][1] < -0.9
-        assert places(handles)["head"][1] > 0.5
 
 
 def test_handles_and_maps_of_ones_own_take_the_place_of_those_proposed(blob_file, tmp_path):
@@ -416,7 +184,7 @@ def test_what_is_given_is_neither_proposed_nor_said(blob_file, tmp_path):
             {"nose": "head"},
             "the command line, --map nose=head",
             "no limb 'nose'",
-            "Name one of these limbs, or add it with --handle.",
+            "Use the name of one of these limbs, or add a handle with --handle.",
         ),
         (
             {"crown": "0,2.1,0.3"},

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capture.skeleton import JOINTS
-from engine_bridge.puppet.puppet import Puppet, RootTable, loads, with_handle
+from engine_bridge.puppet.puppet import Puppet, RootTable, with_handle
 from engine_bridge.puppet.puppet_document import PuppetDocument, with_mapping
+from engine_bridge.puppet.puppet_file import loads
 from puppetline.errors import OutputError, PuppetError
 
 TEXT = """# A dog that nods.
@@ -175,10 +176,10 @@ def test_what_somebody_else_has_changed_is_not_overwritten(file, change):
     elif change != "gone":
         file.write_text(TEXT.replace("1.60", "1.61") if change == "text" else TEXT + "# mine")
     was = file.read_bytes() if file.is_file() else None
-    with pytest.raises(PuppetError, match="somebody has changed") as told:
+    with pytest.raises(PuppetError, match="has changed since it was loaded") as error:
         document.save(with_handle(document.puppet, 0, (), "xyz", 1.0))
-    assert told.value.where == str(file)
-    assert "Reload" in told.value.fix
+    assert error.value.where == str(file)
+    assert "Reload" in error.value.fix
     assert (file.read_bytes() if file.is_file() else None) == was
     assert document.puppet == loads(TEXT, file)
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import from_document, load_character, make_character
-from engine_bridge.puppet.rig_limbs import Joint, axes_of, limbs_of, rig_limbs
+from engine_bridge.puppet.rig_limbs import Joint, axes_of, limbs_of_joints, rig_limbs
 
 PERSON = ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
 FOUR_LEGGED = ["left front leg", "right front leg", "left hind leg", "right hind leg"]
@@ -100,7 +100,7 @@ def skeleton(names, vertices=None):
 
 @pytest.mark.parametrize("names", CONVENTIONS.values(), ids=CONVENTIONS)
 def test_a_person_is_known_by_the_names_of_every_convention(names):
-    limbs = limbs_of(skeleton(names))
+    limbs = limbs_of_joints(skeleton(names))
     assert limbs.notes == ()
     assert list(limbs.points) == PERSON
     for side, sign in (("left", np.ones(3)), ("right", np.array([-1.0, 1, 1]))):
@@ -114,24 +114,24 @@ def test_a_person_is_known_by_the_names_of_every_convention(names):
 
 def test_left_is_what_the_names_say_and_the_front_follows():
     joints = skeleton(UNREAL)
-    assert axes_of(limbs_of(joints)) == ("y", "z")
+    assert axes_of(limbs_of_joints(joints)) == ("y", "z")
     turned = [Joint(j.name, j.parent, j.place[[2, 0, 1]], j.vertices) for j in joints]  # up is z
-    assert axes_of(limbs_of(turned, np.array([0.0, 0, 1]))) == ("z", "x")
+    assert axes_of(limbs_of_joints(turned)) == ("z", "x")
 
 
 def test_a_limb_ends_where_the_vertices_end_that_follow_it():
     held = np.add(PLACES["hand"], [[0, -0.02, 0], [0.2, 0.02, 0]])
     joints = [Joint(j.name, j.parent, j.place, held if j.name == "hand_l" else j.vertices) for j in skeleton(UNREAL)]
-    end = limbs_of(joints).points["left arm"][-1]
+    end = limbs_of_joints(joints).points["left arm"][-1]
     np.testing.assert_allclose(end, np.add(PLACES["hand"], (0.19, 0, 0)), atol=1e-12)  # 95 % of the way
 
 
 def test_names_that_say_nothing_leave_it_to_the_shape():
     joints = [Joint(f"Bone.{i:03}", i - 1, np.array([0.0, i, 0]), np.zeros((0, 3))) for i in range(7)]
-    limbs = limbs_of(joints)
+    limbs = limbs_of_joints(joints)
     assert limbs.chains == ()
     assert limbs.notes == (
-        "The names of the joints in its skeleton say too little (Bone.000, Bone.001, Bone.002, Bone.003, Bone.004, …): "
+        "The joint names in the skeleton are unknown (Bone.000, Bone.001, Bone.002, Bone.003, Bone.004, …); "
         "limbs are found from the shape.",
     )
     assert axes_of(limbs) is None

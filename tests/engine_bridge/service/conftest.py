@@ -20,7 +20,7 @@ from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 
 from capture.skeleton import JOINTS, SkeletonFrame
-from engine_bridge.service.character_player import CharacterPlayer, Manner
+from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.monitoring.status import (
     CharacterStatus,
     ClientsStatus,
@@ -34,12 +34,12 @@ from engine_bridge.service.monitoring.status import (
 )
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
-from engine_bridge.service.stage import Direction, Stage
+from engine_bridge.service.stage import Stage, StageSettings
 
-PATIENCE = 180.0
-"""Seconds after which a test gives up: a first start compiles."""
+TIMEOUT_SECONDS = 180.0
+"""Time after which a test fails, in seconds; the first start compiles."""
 
-MANNER, DIRECTION = Manner(), Direction()
+PLAYER_SETTINGS, STAGE_SETTINGS = PlayerSettings(), StageSettings()
 
 
 @pytest.fixture(scope="session")
@@ -52,8 +52,8 @@ def executor():
 def make_player(blob_rig, executor):
     """Make a player for the small figure."""
 
-    def make(name="dog", manner=MANNER, idle=None, rig=blob_rig):
-        return CharacterPlayer(StreamedCharacter(name, rig, 1), manner, executor, idle)
+    def make(name="dog", settings=PLAYER_SETTINGS, idle=None, rig=blob_rig):
+        return CharacterPlayer(StreamedCharacter(name, rig, 1), settings, executor, idle)
 
     return make
 
@@ -62,8 +62,8 @@ def make_player(blob_rig, executor):
 def make_stage(make_player):
     """Make a stage of some characters of the same figure."""
 
-    def make(names=("dog",), manner=MANNER, direction=DIRECTION, **more):
-        return Stage("stage", [make_player(name, manner, **more) for name in names], direction)
+    def make(names=("dog",), player_settings=PLAYER_SETTINGS, settings=STAGE_SETTINGS, **more):
+        return Stage("stage", [make_player(name, player_settings, **more) for name in names], settings)
 
     return make
 
@@ -100,6 +100,25 @@ OSCELETON = {
         for side in ("left", "right")
     },
 }
+
+
+class Clock:
+    """The monotonic clock of this process, which a test can put forward instead of waiting."""
+
+    def __init__(self, patch):
+        self._skipped = 0.0
+        monotonic, monotonic_ns = time.monotonic, time.monotonic_ns
+        patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
+        patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
+
+    def reach(self, moment):
+        """Put it forward to a moment, unless that has passed."""
+        self._skipped += max(0.0, moment - time.monotonic())
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    return Clock(monkeypatch)
 
 
 class Sender:
@@ -161,7 +180,7 @@ class Client:
 
     def until(self, wanted, kind=None):
         """Receive until a message of a kind satisfies a condition; return all of that kind, that one last."""
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         received = []
         while True:
             assert self.socket.poll(max(0, 1000 * (give_up - time.monotonic()))), received[-3:]
@@ -208,7 +227,7 @@ class Served:
 
     def logged(self, event):
         """Wait for an event in the log; None if the process ends without it."""
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         while time.monotonic() < give_up:
             ended = self.process.poll() is not None
             if ended:
@@ -233,7 +252,7 @@ class Served:
                 asking.plain_username, asking.plain_password = b"puppetline", token
             asking.connect(self.control)
             asking.send_json({"do": do, **arguments})
-            assert asking.poll(1000 * PATIENCE), f"no answer to {do}"
+            assert asking.poll(1000 * TIMEOUT_SECONDS), f"no answer to {do}"
             reply = asking.recv_json()
         return reply["result"] if reply["ok"] else reply["error"]
 
@@ -243,7 +262,7 @@ class Served:
         return self.ended()
 
     def ended(self):
-        code = self.process.wait(PATIENCE)
+        code = self.process.wait(TIMEOUT_SECONDS)
         self._read.join()
         for client in self._clients:
             client.close()

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from capture.recording import Recorder
 from engine_bridge.export.live_basis import LiveBasis
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.service.character_player import CharacterPlayer, Manner
+from engine_bridge.service.character_player import CharacterPlayer, PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.stage import Direction, Stage
+from engine_bridge.service.stage import Stage, StageSettings
 from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.states import STATES
 
@@ -91,9 +91,9 @@ def line(puppet, baked, log, executor):
     """The same recording, played here."""
     rig = load_rig(puppet)
     player = CharacterPlayer(
-        StreamedCharacter("parts", rig, 1, LiveBasis.load(baked, rig)), Manner(calibrate="at_once"), executor
+        StreamedCharacter("parts", rig, 1, LiveBasis.load(baked, rig)), PlayerSettings(calibrate="at_once"), executor
     )
-    playing = StageRunner(f"replay:{log}", Stage("stage", [player], Direction()), log.parent)
+    playing = StageRunner(f"replay:{log}", Stage("stage", [player], StageSettings()), log.parent)
     yield playing
     playing.close()
 

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from capture.events import TICK, Cue, Tick
+from capture.events import TICK_SECONDS, Cue, Tick
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
-from engine_bridge.service.character_player import Manner
+from engine_bridge.service.character_player import PlayerSettings
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
 from engine_bridge.service.stage_runner import PREPARATION_SECONDS
 
-EASE = Manner().ease
+EASE = PlayerSettings().ease
 
 
 def play(stage, events):
@@ -34,7 +34,7 @@ def play(stage, events):
 
 
 def ticks(start, seconds):
-    return [Tick(start + k * TICK) for k in range(1, round(seconds / TICK) + 1)]
+    return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
 
 
 def largest_step(frames, diagonal):
@@ -49,7 +49,7 @@ def crossed(puppet):
 
 
 def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(make_stage, kung_fu, blob_rig):
-    stage = make_stage(manner=Manner(tilt=0.0, height=0.0))
+    stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0))
     [player] = stage.players
     puppet, edited_at = crossed(blob_rig.puppet), kung_fu[150].time
     steady = largest_step(play(make_stage(), kung_fu), blob_rig.mesh.diagonal)
@@ -70,7 +70,7 @@ def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(
         if event.time < edited_at + PREPARATION_SECONDS:
             continue
         aim = performance.retargeting.step(event)
-        if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK + EASE:
+        if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK_SECONDS + EASE:
             np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
             np.testing.assert_array_equal(frame.root, aim.root)
             eased += 1
@@ -78,7 +78,7 @@ def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(
 
 
 def test_the_last_of_many_edits_counts(make_stage, kung_fu, blob_rig):
-    once, often = (make_stage(manner=Manner(tilt=0.0, height=0.0)) for _ in range(2))
+    once, often = (make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0)) for _ in range(2))
     for stage in (once, often):
         play(stage, kung_fu[:150])
     for gain in np.linspace(0, 3, 30):
@@ -132,7 +132,7 @@ def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stag
     fresh = make_stage(idle=take, rig=player.character.rig).players[0]
     np.testing.assert_array_equal(fresh.make_idle().targets, player.make_idle().targets)
     head = [handle.name for handle in blob_rig.puppet.handle].index("left hand")
-    went = [frame.targets[head] - frame.root for frame in after[round(EASE / TICK) + 2 :]]
+    went = [frame.targets[head] - frame.root for frame in after[round(EASE / TICK_SECONDS) + 2 :]]
     assert np.ptp(went, axis=0)[2] < 1e-9 < np.ptp([frame.targets[head] - frame.root for frame in before], axis=0)[2]
 
 
@@ -285,7 +285,7 @@ def test_a_file_that_somebody_else_has_changed_is_left_alone(serve, dog, sender)
     dog.write_text(mine)
     refused = service.ask("save_puppet", character="dog")
     assert refused["where"] == str(dog)
-    assert "somebody has changed" in refused["found"]
+    assert "has changed since it was loaded" in refused["found"]
     assert dog.read_text() == mine
     service.ask("reload")
     service.ask("set_handle", character="dog", handle="head", gain=3)

@@ -21,7 +21,11 @@ def test_the_least_that_a_file_must_say(tmp_path):
     assert stage_names(service) == ["stage"]
     assert character_names(stage) == ["dog"]
     assert (service.network.host, service.network.port, service.announce) == ("127.0.0.1", 7400, True)
-    assert (stage.direction.people, stage.manner.calibrate, stage.manner.tilt) == ("each", "still", None)
+    assert (stage.settings.people, stage.player_settings.calibrate, stage.player_settings.tilt) == (
+        "each",
+        "still",
+        None,
+    )
 
 
 def test_all_that_it_can_say(tmp_path):
@@ -64,8 +68,8 @@ puppet = "figures/big dog (2).toml"
     )
     assert stage_names(service) == ["left", "stage2"]
     assert [character_names(stage) for stage in service.stage] == [["rex"], ["big_dog_2"]]
-    assert service.stage[0].direction.turn == 45
-    assert (service.stage[0].manner.tilt, service.stage[0].manner.height) == (12.5, 1.6)
+    assert service.stage[0].settings.turn == 45
+    assert (service.stage[0].player_settings.tilt, service.stage[0].player_settings.height) == (12.5, 1.6)
     assert service.metrics.port == 9464
     assert service.osc[0].send == ("controls", "morphs")
 

@@ -1,6 +1,9 @@
+import ctypes
 import os
 import select
 import signal
+import sys
+import time
 
 import pytest
 
@@ -32,6 +35,32 @@ def test_the_end_interrupts_whatever_is_being_done_before(number):
         assert signals.stop
 
 
+def test_an_interrupt_that_a_callback_discards_is_raised_again_and_not_printed(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    called = []
+
+    @ctypes.CFUNCTYPE(None)
+    def callback():
+        called.append(True)
+        come(signal.SIGINT)
+
+    with Signals() as signals:
+        callback()
+        assert called
+        with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - in whatever is being done then
+            for _ in range(6000):
+                time.sleep(0.01)
+        assert signals.stop
+    assert capsys.readouterr().err == ""
+
+
+def test_other_errors_in_callbacks_are_still_printed(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+    with Signals():
+        ctypes.CFUNCTYPE(None)(lambda: 1 / 0)()
+    assert "ZeroDivisionError" in capsys.readouterr().err
+
+
 @pytest.mark.skipif(not HAS_HANGUP, reason="there is no SIGHUP here")
 def test_a_reload_is_asked_for_once_however_often_it_comes():
     with Signals() as signals:
@@ -43,8 +72,11 @@ def test_a_reload_is_asked_for_once_however_often_it_comes():
 
 
 def test_everything_is_as_before_afterwards():
-    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    def state():
+        return signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT), sys.unraisablehook
+
+    before = state()
     with Signals():
-        assert signal.getsignal(signal.SIGTERM) != before[0]
-    assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
+        assert all(now != then for now, then in zip(state(), before, strict=True))
+    assert state() == before
     assert signal.set_wakeup_fd(-1) == -1

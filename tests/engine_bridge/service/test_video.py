@@ -50,7 +50,7 @@ def test_a_broken_video_is_one_line_and_exit_code_1(tmp_path, commands):
     (tmp_path / "cut.mp4").write_bytes(b"\0\0\0\x20ftypisom" + bytes(100))
     result = commands.run("look", "--source", f"video:{tmp_path}/cut.mp4", "-o", tmp_path / "look.png")
     [line] = result.stderr.splitlines()
-    assert "found no picture in" in line
+    assert "found no image in" in line
     assert (result.returncode, result.stdout) == (1, "")
 
 

@@ -21,8 +21,8 @@ import pytest
 
 HERE = Path(__file__).parent
 ADDON = HERE.parents[2] / "integrations" / "godot" / "addons" / "puppetline"
-PATIENCE = 60.0
-"""Seconds after which a test gives up: it shares the machine with others."""
+TIMEOUT_SECONDS = 60.0
+"""Time after which a test fails, in seconds; others run at the same time."""
 
 WRONG = re.compile(
     r"SCRIPT ERROR|Parse Error|^\s*ERROR:|instances? (were |was )?leaked|leaked at exit|still in use at exit"
@@ -80,7 +80,7 @@ class Script:
         """The last of what it has printed."""
         return "\n".join(line[:400] for line in self.lines[-60:])
 
-    def until(self, wanted, timeout=PATIENCE):
+    def until(self, wanted, timeout=TIMEOUT_SECONDS):
         """Wait for a result that satisfies a condition, and return it."""
         give_up = time.monotonic() + timeout
         while True:
@@ -99,7 +99,7 @@ class Script:
         self._over.touch()
         return self.finish(allow=allow)
 
-    def finish(self, timeout=PATIENCE, allow=()):
+    def finish(self, timeout=TIMEOUT_SECONDS, allow=()):
         """Wait for its end and return all results; fail where it said that something is wrong."""
         try:
             code = self.process.wait(timeout)
@@ -170,7 +170,7 @@ def start_godot(godot, project):
 def run_godot(start_godot):
     """Run a script in the project to its end and return its results; `allow` are texts of errors that are meant."""
 
-    def run(script, *arguments, display=False, timeout=PATIENCE, allow=()):
+    def run(script, *arguments, display=False, timeout=TIMEOUT_SECONDS, allow=()):
         return start_godot(script, *arguments, display=display).finish(timeout, allow)
 
     return run

@@ -13,7 +13,7 @@ import pytest
 import zmq
 from PIL import Image
 
-from engine_bridge.puppet.puppet import load
+from engine_bridge.puppet.puppet_file import load
 from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
 
 pytestmark = pytest.mark.slow
@@ -176,7 +176,7 @@ def test_edits_can_be_taken_back_and_others_are_seen(dock, start, puppet):
     puppet.write_text(puppet.read_text() + "\n# and a remark\n")
     dock.do("press", "Save")
     shown = dock.until(lambda shown: shown["trouble"])
-    assert "somebody has changed" in shown["trouble"]
+    assert "has changed since it was loaded" in shown["trouble"]
     assert str(puppet) in shown["trouble"]
     assert shown["rows"]["head"]["gain"] == 4
     dock.do("press", "TroubleSeen")

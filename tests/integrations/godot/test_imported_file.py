@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.scene import Scene
@@ -27,7 +27,7 @@ def array(text, kind, width):
 
 
 def imported(godot, project, run_godot, puppet, settings):
-    write_ladder(puppet, project / "figure.glb")
+    write_shader_mesh(puppet, project / "figure.glb")
     params = "".join(f"{name}={value}\n" for name, value in settings.items())
     (project / "figure.glb.import").write_text(f'[remap]\n\nimporter="scene"\n\n[params]\n\n{params}')
     command = [godot, "--headless", "--path", project, "--import"]

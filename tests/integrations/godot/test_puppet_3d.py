@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import zmq
 
-from engine_bridge.export.shader_mesh import write_ladder
+from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
 from solver.motion.deformer import to_file_units
@@ -268,7 +268,7 @@ def test_a_mesh_of_another_puppet_is_not_used(
     watch, serve, add_glb, blob_file, blob_puppet, write_puppet, take, tmp_path
 ):
     other = write_puppet(blob_file.with_name("other.toml"), blob_file.name, more="[solver]\nfields = 3\nisolines = 5")
-    write_ladder(other, tmp_path / "other.glb")
+    write_shader_mesh(other, tmp_path / "other.glb")
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})
     state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))

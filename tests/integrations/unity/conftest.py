@@ -19,8 +19,8 @@ from ..conftest import live
 
 HERE = Path(__file__).parent
 PACKAGE = HERE.parents[2] / "integrations" / "unity"
-PATIENCE = 60.0
-"""Seconds after which a test gives up."""
+TIMEOUT_SECONDS = 60.0
+"""Time after which a test fails, in seconds."""
 
 STRICT = ["-langversion:7.2", "-warnaserror+", "-warn:4", "-optimize+"]
 """The newest C# that mcs knows, which is older than that of Unity 2021.3; no warnings."""
@@ -55,7 +55,7 @@ class Program:
 
     def until(self, wanted, since=0):
         """Wait for something that satisfies a condition, said after the first `since` things, and return it."""
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         looked = since
         while True:
             alive = self._read.is_alive()
@@ -73,7 +73,7 @@ class Program:
         if told:
             self.tell(told)
         self.process.stdin.close()
-        code = self.process.wait(PATIENCE)
+        code = self.process.wait(TIMEOUT_SECONDS)
         self._read.join()
         assert (code, self.noise) == (0, [])
         return self.said
@@ -201,7 +201,7 @@ class Reference:
     @property
     def scene(self):
         """The scene, as soon as it is there."""
-        return self._scene.result(PATIENCE)
+        return self._scene.result(TIMEOUT_SECONDS)
 
     def close(self):
         self._ended = True

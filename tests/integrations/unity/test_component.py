@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from .conftest import PATIENCE, array
+from .conftest import TIMEOUT_SECONDS, array
 
 UNITY = np.float32([-1, 1, 1])
 
@@ -29,7 +29,7 @@ def python(reference, figure):
 
 def shown(program, reference, wanted=20, since=0):
     """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while time.monotonic() < give_up:
         theirs = dict(reference.frames)
         both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]

@@ -13,7 +13,7 @@ import pytest
 
 from engine_bridge.cli import examples
 
-from .conftest import HERE, PATIENCE, array
+from .conftest import HERE, TIMEOUT_SECONDS, array
 
 FRAMES = 20
 FEW, EVERY = 6, 25
@@ -36,7 +36,7 @@ def frames(program, since=0):
 
 def common(program, reference, wanted=FRAMES, since=0):
     """Wait until both have so many frames of the same moments, and return those: (C#'s, Python's) each."""
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while time.monotonic() < give_up:
         theirs = dict(reference.frames)
         both = {n: (ours, theirs[n].body) for n, ours in frames(program, since).items() if n in theirs}

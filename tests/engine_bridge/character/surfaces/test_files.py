@@ -51,7 +51,7 @@ def test_a_file_below_the_mesh_is_found_with_either_slash(folder, here, name):
 def test_a_path_of_another_computer_stands_for_the_file_of_that_name_here(folder, here, name):
     (here / "skin.png").write_bytes(b"")
     assert folder.find(name, here, "a.mtl, line 1") == (here / "skin.png").resolve()
-    assert folder.notes == [f"{name!r} is not there: 'skin.png' beside it is taken."]
+    assert folder.notes == [f"{name!r} is missing; using 'skin.png' in the mesh's folder."]
 
 
 @pytest.mark.parametrize(
@@ -65,37 +65,37 @@ def test_a_path_of_another_computer_stands_for_the_file_of_that_name_here(folder
     ],
 )
 def test_what_a_path_that_leaves_the_folder_leads_to_is_not_read(folder, here, name):
-    assert folder.picture(name, here, "a.mtl, line 3") is None
+    assert folder.image(name, here, "a.mtl, line 3") is None
     last = name.replace("\\", "/").rpartition("/")[2]
     assert folder.notes == [
-        f"a.mtl, line 3: {name!r} is outside of the mesh's folder and is not read. Copy {last!r} beside the mesh."
+        f"a.mtl, line 3: {name!r} is outside the mesh's folder and is not read. Copy {last!r} into that folder."
     ]
 
 
 @pytest.mark.parametrize("name", ["a" * 5000, "a\0b"])
-def test_what_is_no_name_of_a_file_is_told_of(folder, here, name):
-    assert folder.picture(name, here, "a.mtl, line 3") is None
-    assert folder.notes == [f"a.mtl, line 3: {name[:60]!r} is no file name. It is omitted."]
+def test_what_is_no_name_of_a_file_is_noted(folder, here, name):
+    assert folder.image(name, here, "a.mtl, line 3") is None
+    assert folder.notes == [f"a.mtl, line 3: {name[:60]!r} is not a file name and is ignored."]
 
 
 def test_what_a_link_that_leaves_the_folder_leads_to_is_not_read(folder, here):
     (here / "skin.png").symlink_to("../secret.png")
-    assert folder.picture("skin.png", here, "a.mtl, line 3") is None
+    assert folder.image("skin.png", here, "a.mtl, line 3") is None
     assert folder.notes == [
-        "a.mtl, line 3: 'skin.png' is outside of the mesh's folder and is not read. Copy 'skin.png' beside the mesh."
+        "a.mtl, line 3: 'skin.png' is outside the mesh's folder and is not read. Copy 'skin.png' into that folder."
     ]
 
 
-def test_a_file_that_is_not_there_is_told_of(folder, here):
+def test_a_file_that_is_not_there_is_noted(folder, here):
     assert folder.find("textures/none.png", here, "a.mtl, line 1") is None
-    assert folder.picture("C:\\none.png", here, "a.mtl, line 1") is None
-    assert folder.notes == ["'textures/none.png' is not there.", "'C:\\\\none.png' is not there."]
+    assert folder.image("C:\\none.png", here, "a.mtl, line 1") is None
+    assert folder.notes == ["'textures/none.png' is missing.", "'C:\\\\none.png' is missing."]
 
 
 @pytest.mark.parametrize(("kind", "mime"), [("PNG", "image/png"), ("JPEG", "image/jpeg"), ("MPO", "image/jpeg")])
 def test_png_and_jpeg_are_kept_byte_for_byte(folder, here, kind, mime):
     (here / "skin.of.wolf").write_bytes(encoded(kind))  # known by its content
-    picture = folder.picture("skin.of.wolf", here, "a.mtl, line 1")
+    picture = folder.image("skin.of.wolf", here, "a.mtl, line 1")
     assert (picture.name, picture.mime, picture.content) == ("skin.of", mime, encoded(kind))
     assert folder.notes == []
 
@@ -106,12 +106,12 @@ def test_png_and_jpeg_are_kept_byte_for_byte(folder, here, kind, mime):
 )
 def test_other_pictures_become_png_of_the_same_pixels(folder, here, kind, mode):
     (here / "skin").write_bytes(encoded(kind, mode))
-    picture = folder.picture("skin", here, "a.mtl, line 1")
+    picture = folder.image("skin", here, "a.mtl, line 1")
     shown, stated = (Image.open(io.BytesIO(content)) for content in (picture.content, encoded(kind, mode)))
     assert (picture.mime, shown.format) == ("image/png", "PNG")
     np.testing.assert_array_equal(shown.convert("RGBA"), stated.convert("RGBA"))
     assert ("A" in shown.getbands()) == (mode == "RGBA")
-    assert folder.notes == ["The picture 'skin' is converted to PNG."]
+    assert folder.notes == ["The image 'skin' is converted to PNG."]
 
 
 def png_claiming(width, height):
@@ -130,8 +130,8 @@ def png_claiming(width, height):
 )  # fmt: skip
 def test_a_picture_that_is_damaged_or_too_large_is_left_out_with_a_note(folder, here, content, recwarn):
     (here / "skin.png").write_bytes(content)
-    assert folder.picture("skin.png", here, "a.mtl, line 1") is None
-    assert folder.picture("skin.png", here, "a.mtl, line 2") is None
+    assert folder.image("skin.png", here, "a.mtl, line 1") is None
+    assert folder.image("skin.png", here, "a.mtl, line 2") is None
     (note,) = folder.notes
-    assert note.startswith("The picture 'skin.png' cannot be read (")
+    assert note.startswith("The image 'skin.png' cannot be read (")
     assert not recwarn.list

@@ -46,7 +46,7 @@ def test_colours_opacity_and_glow(read):
 def test_opacity_is_d_or_what_tr_leaves_but_never_nothing(read, text, opacity, noted):
     material, notes = read(text)
     assert material.base_color[3] == opacity
-    assert notes == ["Material 'wolf fur' would be invisible: made opaque."] * noted
+    assert notes == ["Material 'wolf fur' would be invisible and was made opaque."] * noted
 
 
 @pytest.mark.parametrize(
@@ -81,10 +81,10 @@ def test_a_texture_stands_in_place_of_the_colour(read, options, tmp_path):
         ("-mm 0 0.5 -bm 0.5 -blendu off", "-mm, -bm"), ("-t 1 1 -texres 512 -cc on", "-t, -cc"),
     ],
 )  # fmt: skip
-def test_options_that_would_change_a_texture_are_told_of(read, options, lost, tmp_path):
+def test_options_that_would_change_a_texture_are_noted(read, options, lost, tmp_path):
     material, notes = read(f"map_Kd {options} skin one.png")
     assert material.texture.content == (tmp_path / "skin one.png").read_bytes()
-    assert notes == [f"Material 'wolf fur': {lost} of map_kd not carried."]
+    assert notes == [f"Material 'wolf fur': {lost} of map_kd ignored."]
 
 
 def test_the_picture_s_own_alpha_channel_cuts_out(read):
@@ -93,8 +93,8 @@ def test_the_picture_s_own_alpha_channel_cuts_out(read):
     material, notes = read("map_Kd bumps.png\nmap_d skin one.png\nmap_Ks bumps.png")
     assert material.alpha_mode == "OPAQUE"
     assert sorted(notes) == [
-        "Material 'wolf fur': map_d is not carried.",
-        "Material 'wolf fur': map_ks is not carried.",
+        "Material 'wolf fur': map_d is ignored.",
+        "Material 'wolf fur': map_ks is ignored.",
     ]
 
 
@@ -104,8 +104,8 @@ def test_normals_are_taken_from_whatever_calls_itself_bumps(read, kind):
     assert (material.normal_texture.name, notes) == ("bumps", [])
 
 
-def test_an_opacity_map_is_told_of_where_it_is_not_in_the_texture(read):
-    lost = ["Material 'wolf fur': map_d is not carried."]
+def test_an_opacity_map_is_noted_where_it_is_not_in_the_texture(read):
+    lost = ["Material 'wolf fur': map_d is ignored."]
     material, notes = read("d 0.5\nmap_Kd bumps.png\nmap_d skin one.png")
     assert (material.alpha_mode, notes) == ("BLEND", lost)
     assert read("map_Kd bumps.png\nmap_d bumps.png")[1] == lost
@@ -113,33 +113,33 @@ def test_an_opacity_map_is_told_of_where_it_is_not_in_the_texture(read):
     assert (material.alpha_mode, notes) == ("BLEND", [])
 
 
-def test_a_second_map_of_bumps_is_told_of(read):
+def test_a_second_map_of_bumps_is_noted(read):
     material, notes = read("bump heights.png\nnorm bumps.png\nmap_Bump -bm 0.5 bumps.png")
     assert material.normal_texture.name == "bumps"
-    assert notes == ["Material 'wolf fur': bump is not carried beside norm."]
+    assert notes == ["Material 'wolf fur': bump is ignored in favour of norm."]
 
 
-def test_heights_are_told_of(read):
-    assert read("map_Bump heights.png")[1] == ["Material 'wolf fur': map_bump holds heights and is not carried."]
+def test_heights_are_noted(read):
+    assert read("map_Bump heights.png")[1] == ["Material 'wolf fur': map_bump has heights and is ignored."]
 
 
 def test_a_picture_that_is_missing_leaves_the_colour(read):
     material, notes = read("Kd 0.5 0.5 0.5\nmap_Kd none.png")
-    assert (material.base_color, material.texture, notes) == ((0.5, 0.5, 0.5, 1), None, ["'none.png' is not there."])
+    assert (material.base_color, material.texture, notes) == ((0.5, 0.5, 0.5, 1), None, ["'none.png' is missing."])
 
 
-def test_lines_that_are_no_numbers_are_told_of(read):
+def test_lines_that_are_no_numbers_are_noted(read):
     material, notes = read("Kd spectral a.rfl\nNs nan\nd")
     assert material.base_color == (1, 1, 1, 1)
-    assert notes == ["a.mtl: 2 lines not understood, the first is line 3."]
+    assert notes == ["a.mtl: 2 lines not understood; the first is line 3."]
 
 
-def test_a_path_that_leaves_the_folder_is_told_of_with_its_line(read, tmp_path):
+def test_a_path_that_leaves_the_folder_is_noted_with_its_line(read, tmp_path):
     material, notes = read("Kd 1 0 1\nmap_Kd ../../etc/passwd")
     assert (material.base_color, material.texture) == ((1, 0, 1, 1), None)
     assert notes == [
-        f"{tmp_path / 'a.mtl'}, line 4: '../../etc/passwd' is outside of the mesh's folder and is not read."
-        " Copy 'passwd' beside the mesh."
+        f"{tmp_path / 'a.mtl'}, line 4: '../../etc/passwd' is outside the mesh's folder and is not read."
+        " Copy 'passwd' into that folder."
     ]
 
 
@@ -149,4 +149,4 @@ def test_materials_share_a_picture_that_both_name(tmp_path):
     folder = Folder(tmp_path / "a.obj", [])
     first, second = mtl.read(tmp_path / "a.mtl", folder).values()
     assert first.texture is second.texture
-    assert folder.notes == ["The picture 'a.tga' is converted to PNG."]
+    assert folder.notes == ["The image 'a.tga' is converted to PNG."]

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from engine_bridge.character.surfaces import obj
-from engine_bridge.character.surfaces.surface import CLAY, linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -23,7 +23,13 @@ def test_without_texture_coordinates_and_normals_vertices_stay_as_they_are(read)
     piece = only(read(f"v 9 9 9\n{SQUARE}v 8 8 8\nf 5 4 3 2\n"))
     np.testing.assert_array_equal(piece.positions, [[9, 9, 9], [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [8, 8, 8]])
     assert piece.triangles.tolist() == [[4, 3, 2], [4, 2, 1]]
-    assert (piece.name, piece.material, piece.normals, piece.uvs, piece.colors) == ("", CLAY, None, None, None)
+    assert (piece.name, piece.material, piece.normals, piece.uvs, piece.colors) == (
+        "",
+        DEFAULT_MATERIAL,
+        None,
+        None,
+        None,
+    )
 
 
 def test_every_distinct_corner_becomes_a_vertex_in_order_of_first_appearance(read):
@@ -107,7 +113,10 @@ def test_colours_behind_the_coordinates_are_linear_afterwards(read):
     np.testing.assert_array_equal(piece.colors, linear(np.array([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]])))
     assert piece.material.base_color == (1, 1, 1, 1)
     surface = read("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n")
-    assert (only(surface).colors, surface.notes) == (None, ["Vertex colours left out: some vertices have none."])
+    assert (only(surface).colors, surface.notes) == (
+        None,
+        ["Vertex colours are omitted, because some vertices have none."],
+    )
     assert read("v 0 0 0 1\nv 1 0 0 1\nv 0 1 0\nf 1 2 3\n").notes == []
 
 
@@ -125,9 +134,9 @@ def test_groups_and_materials_become_pieces_in_order_of_their_first_faces(read, 
         ("part#2", "green", 1),
     ]  # fmt: skip
     assert [piece.material.base_color for piece in surface.pieces] == [
-        (0, 0, 1, 1), (1, 0, 0, 1), (1, 0, 0, 1), CLAY.base_color, (0, 1, 0, 1)
+        (0, 0, 1, 1), (1, 0, 0, 1), (1, 0, 0, 1), DEFAULT_MATERIAL.base_color, (0, 1, 0, 1)
     ]  # fmt: skip
-    assert surface.notes == ["1 material not described: 'none'."]
+    assert surface.notes == ["1 material missing in the material files: 'none'."]
     blue = surface.pieces[0]
     np.testing.assert_array_equal(blue.positions[blue.triangles[1]], [[0, 1, 0], [1, 0, 0], [0, 0, 0]])
 
@@ -136,16 +145,16 @@ def test_isolated_vertices_are_kept_once_where_there_are_several_groups(read):
     surface = read(f"v 7 7 7\n{SQUARE}g a\nf 2 3 4\ng b\nf 2 4 5\n")
     assert [piece.positions[:, 0].tolist() for piece in surface.pieces] == [[7, 0, 1, 1], [0, 1, 0]]
     with_normals = read(f"v 7 7 7\n{SQUARE}vn 0 0 1\nf 2//1 3//1 4//1 5//1\n")
-    assert (len(only(with_normals).positions), with_normals.notes) == (4, ["1 vertex in no face left out."])
+    assert (len(only(with_normals).positions), with_normals.notes) == (4, ["1 vertex without a face omitted."])
 
 
-def test_a_material_file_that_is_missing_or_elsewhere_is_told_of(read, tmp_path):
+def test_a_material_file_that_is_missing_or_elsewhere_is_noted(read, tmp_path):
     surface = read(f"mtllib none.mtl\nmtllib none.mtl\n{SQUARE}usemtl a\nf 1 2 3\n")
-    assert surface.notes == ["'none.mtl' is not there.", "1 material not described: 'a'."]
+    assert surface.notes == ["'none.mtl' is missing.", "1 material missing in the material files: 'a'."]
     elsewhere = read(f"{SQUARE}mtllib /etc/hosts.mtl\nf 1 2 3\n")
     assert elsewhere.notes == [
-        f"{tmp_path / 'a.obj'}, line 5: '/etc/hosts.mtl' is outside of the mesh's folder and is not read."
-        " Copy 'hosts.mtl' beside the mesh."
+        f"{tmp_path / 'a.obj'}, line 5: '/etc/hosts.mtl' is outside the mesh's folder and is not read."
+        " Copy 'hosts.mtl' into that folder."
     ]
     np.testing.assert_array_equal(only(elsewhere).positions, only(read(f"{SQUARE}f 1 2 3\n")).positions)
 
@@ -155,7 +164,7 @@ def test_a_piece_without_texture_coordinates_has_no_picture(read, written, real_
     written("a.mtl", "newmtl a\nmap_Kd skin.jpg\n")
     surface = read(f"mtllib a.mtl\nvt 0 0\n{SQUARE}usemtl a\no bare\nf 1 2 3\no other\nf 1/1 3/1 4/1\n")
     assert [piece.material.texture and piece.material.texture.name for piece in surface.pieces] == [None, "skin"]
-    assert surface.notes == ["'bare' has no texture coordinates for the picture of material 'a'."]
+    assert surface.notes == ["'bare' has no texture coordinates for the image of material 'a'."]
 
 
 @pytest.mark.parametrize(
@@ -165,9 +174,9 @@ def test_a_piece_without_texture_coordinates_has_no_picture(read, written, real_
         ("s 0", "s off", "", 0), ("s 1", "s off", "vn 0 0 1", 0),
     ],
 )  # fmt: skip
-def test_smoothing_groups_are_told_of_where_no_normals_say_the_same(read, first, second, normals, noted):
+def test_smoothing_groups_are_noted_where_no_normals_say_the_same(read, first, second, normals, noted):
     surface = read(f"{SQUARE}{normals}\n{first}\nf 1 2 3\n{second}\nf 1 3 4\ns 9\n")
-    lost = "Smoothing groups are not carried: export the mesh with normals to keep its hard edges."
+    lost = "Smoothing groups are ignored. Export the mesh with normals to keep its hard edges."
     assert surface.notes == [lost] * noted
 
 
@@ -175,14 +184,14 @@ def test_a_backslash_at_the_very_end_says_nothing(read):
     assert only(read(f"{SQUARE}f 1 2 3 \\\n4\\")).triangles.tolist() == [[0, 1, 2], [0, 2, 3]]
 
 
-def test_what_is_no_polygon_is_told_of(read):
+def test_what_is_no_polygon_is_noted(read):
     surface = read(f"{SQUARE}l 1 2 3\np 1\ns off\nvp 1\nfoo 1\nf 1 2\nf 1 2 3\nbar\nf 4/1/2 1/1/2 2/1/2\n")
     assert [len(piece.triangles) for piece in surface.pieces] == [2]
     assert sorted(surface.notes) == [
-        "1 face of fewer than 3 corners left out.",
-        "2 lines not understood and left out, the first is line 9.",
-        "2 statements of lines or points left out.",
-        "The faces name texture coordinates or normals that the file does not have.",
+        "1 face with fewer than 3 corners omitted.",
+        "2 lines not understood and omitted; the first is line 9.",
+        "2 statements of lines or points omitted.",
+        "Some faces name texture coordinates or normals that are not in the file.",
     ]
 
 
@@ -211,7 +220,7 @@ def test_a_face_that_names_a_texture_coordinate_that_is_not_there_has_none(read,
     for piece, expected in zip(surface.pieces, whole.pieces, strict=True):
         for name in ("positions", "triangles", "normals", "uvs"):
             np.testing.assert_array_equal(getattr(piece, name), getattr(expected, name))
-    assert surface.notes == ["The faces name texture coordinates or normals that the file does not have."]
+    assert surface.notes == ["Some faces name texture coordinates or normals that are not in the file."]
     assert whole.notes == []
 
 
@@ -269,7 +278,7 @@ def test_a_real_file_keeps_its_picture_byte_for_byte(real_data):
     material = only(surface).material
     assert material.texture.content == (path.parent / "fuze uv.jpg").read_bytes()
     assert (material.name, material.roughness, material.base_color) == ("a-super-duper-material", 1, (1, 1, 1, 1))
-    assert surface.notes == ["Material 'a-super-duper-material' would be invisible: made opaque."]
+    assert surface.notes == ["Material 'a-super-duper-material' would be invisible and was made opaque."]
 
 
 def test_texture_coordinates_of_a_real_file_are_those_of_its_corners(real_data):

@@ -34,10 +34,10 @@ def test_all_ways_to_begin_give_the_same_surface(cube, written, head):
     assert (surface.notes, piece.normals, piece.uvs, piece.colors) == ([], None, None, None)
 
 
-def test_colours_of_faces_are_told_of(cube, written):
+def test_colours_of_faces_are_noted(cube, written):
     surface = read(written("a.off", text(cube, after=" 255 0 0")))
     np.testing.assert_array_equal(surface.pieces[0].triangles, cube.triangles)
-    assert surface.notes == ["Colours of faces left out: glTF has them at vertices."]
+    assert surface.notes == ["Colours of faces are omitted; glTF supports them at vertices only."]
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_normals_colours_and_texture_coordinates_of_vertices(cube, written, keyw
         ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 1.5\n", 6, "'3 0 1 1.5'"),
         ("NOFF\n3 1 0\n0 0 0 0 0 1\n1 0 0\n0 1 0 0 0 1\n3 0 1 2\n", 4, "'1 0 0'"),
         ("OFF BINARY\n\0\0", None, "a binary OFF file"),
-        ("4OFF\n3 1 0\n", None, "vertices in another space"),
+        ("4OFF\n3 1 0\n", None, "vertices with another dimension"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_its_line(written, content, line, found):
@@ -89,10 +89,10 @@ def test_what_does_not_fit_is_refused_with_its_line(written, content, line, foun
     assert (error.value.where, error.value.found) == (f"{path}, line {line}" if line else str(path), found)
 
 
-def test_small_faces_and_further_lines_are_told_of(written):
+def test_small_faces_and_further_lines_are_noted(written):
     surface = read(written("a.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n3 0 1 2\n0 1\n"))
     assert surface.pieces[0].triangles.tolist() == [[0, 1, 2]]
-    assert surface.notes == ["1 line after the last face left out.", "1 face of fewer than 3 corners left out."]
+    assert surface.notes == ["1 line after the last face omitted.", "1 face with fewer than 3 corners omitted."]
 
 
 @pytest.mark.parametrize("name", ["cheburashka.off", "dog_10k.off", "fertility_genus4.off", "nasty/two_triangles.off"])

@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from engine_bridge.character.surfaces import ply
-from engine_bridge.character.surfaces.surface import CLAY, linear
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, linear
 from puppetline.errors import MeshError
 
 XYZ = "element vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
@@ -42,7 +42,13 @@ def test_polygons_become_triangles(cube, read):
     piece = only(surface)
     np.testing.assert_array_equal(piece.positions, cube.vertices)
     np.testing.assert_array_equal(piece.triangles, cube.triangles)
-    assert (piece.material, piece.normals, piece.uvs, piece.colors, surface.notes) == (CLAY, None, None, None, [])
+    assert (piece.material, piece.normals, piece.uvs, piece.colors, surface.notes) == (
+        DEFAULT_MATERIAL,
+        None,
+        None,
+        None,
+        [],
+    )
 
 
 @pytest.mark.parametrize(
@@ -70,7 +76,7 @@ def test_colours_that_would_all_be_invisible_are_opaque(cube, read):
     more = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue", "alpha"))
     surface = read(cube_text(cube, more, (0, 0, 0, 0)))
     np.testing.assert_array_equal(only(surface).colors, [[0, 0, 0, 1]] * 8)
-    assert surface.notes == ["All vertices would be invisible: made opaque."]
+    assert surface.notes == ["All vertices would be invisible and were made opaque."]
 
 
 @pytest.mark.parametrize("names", [("s", "t"), ("u", "v"), ("texture_u", "texture_v")])
@@ -84,11 +90,11 @@ def test_texture_coordinates_normals_and_the_picture(cube, read, tmp_path, names
     assert piece.material.texture.content == (tmp_path / "skin of a cube.png").read_bytes()
 
 
-def test_a_picture_without_texture_coordinates_is_told_of(cube, read):
+def test_a_picture_without_texture_coordinates_is_noted(cube, read):
     surface = read(cube_text(cube).replace("made by hand", "TextureFile skin.png"))
     assert (only(surface).material, surface.notes) == (
-        CLAY,
-        ["No texture coordinates for the picture 'skin.png': left out."],
+        DEFAULT_MATERIAL,
+        ["The image 'skin.png' is omitted, because there are no texture coordinates."],
     )
 
 
@@ -103,7 +109,7 @@ def test_texture_coordinates_of_corners_split_vertices(cube, read):
     np.testing.assert_array_equal(piece.uvs[piece.triangles], np.tile(fan, (6, 1, 1)))
     corners = {(vertex, *square[2 * k : 2 * k + 2]) for quad in cube.quads for k, vertex in enumerate(quad)}
     assert len(piece.positions) == len(corners)
-    assert surface.notes == ["1 vertex in no face left out."]
+    assert surface.notes == ["1 vertex without a face omitted."]
 
 
 def test_strips_end_at_minus_one_or_with_their_list(read):
@@ -114,7 +120,7 @@ def test_strips_end_at_minus_one_or_with_their_list(read):
     assert piece.triangles.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]]
 
 
-def test_what_is_not_carried_is_told_of(cube, read):
+def test_what_is_not_carried_is_noted(cube, read):
     body = (
         XYZ.format(n=8) + "property float quality\nelement camera 1\nproperty float f\nproperty float g\n"
         + FACES.format(n=7) + "property uchar red\nelement edge 0\nproperty int a\nelement nothing 5\n"
@@ -123,8 +129,8 @@ def test_what_is_not_carried_is_told_of(cube, read):
     surface = read(header(body) + rows([[*v, 1] for v in cube.vertices]) + "1 2\n" + rows(faces))
     np.testing.assert_array_equal(only(surface).triangles, cube.triangles)
     assert surface.notes == [
-        "Not carried: vertex quality, camera, face red, edge.",
-        "1 face of fewer than 3 corners left out.",
+        "Ignored: vertex quality, camera, face red, edge.",
+        "1 face with fewer than 3 corners omitted.",
     ]
 
 
@@ -142,7 +148,7 @@ def points_only(cube):
         (lambda cube: cube_text(cube).replace("1 3 7 5", "1 3 -7 5"), "vertex -7", ", face 5"),
         (lambda cube: cube_text(cube).replace("1 3 7 5", "1 3 7 0.5"), "vertex 0.5", ", face 5"),
         (lambda cube: cube_text(cube).replace("1 0 1", "1 nan 1"), "[1.0, nan, 1.0]", ", vertex 5"),
-        (lambda cube: cube_text(cube).replace("list uchar int ", "int "), "one corner a face", ", element face"),
+        (lambda cube: cube_text(cube).replace("list uchar int ", "int "), "one corner per face", ", element face"),
     ],
 )
 def test_what_is_no_surface_is_refused(cube, read, tmp_path, make, found, where):

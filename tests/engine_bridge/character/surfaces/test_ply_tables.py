@@ -87,7 +87,7 @@ def test_elements_without_properties_and_without_rows(written):
         assert "none" not in tables
 
 
-def told(written, content):
+def refused(written, content):
     with pytest.raises(MeshError) as error:
         read(written, content)
     return error.value.where.partition("a.ply")[2], error.value.found
@@ -104,7 +104,7 @@ def told(written, content):
 def test_a_header_line_that_does_not_fit_is_named(written, line, text):
     lines = ["ply", "format ascii 1.0", "element vertex 1", "property float x", "end_header", "1", ""]
     lines[line - 1] = text
-    assert told(written, "\n".join(lines)) == (f", line {line}", repr(text[:60]))
+    assert refused(written, "\n".join(lines)) == (f", line {line}", repr(text[:60]))
 
 
 @pytest.mark.parametrize("version", ["", " 1.0", " 1.1", " 1.0 "])
@@ -115,14 +115,14 @@ def test_the_format_may_have_any_version_or_none(written, version):
 
 def test_a_type_that_is_not_known_is_named(written):
     text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\nend_header\n1\n"
-    assert told(written, text) == (", line 4", "the type 'half'")
+    assert refused(written, text) == (", line 4", "the type 'half'")
 
 
 @pytest.mark.parametrize(
     "text", ["", "plywood\n", "ply\nformat ascii 1.0\n", "ply\nformat ascii 1.0\nelement a 1\ncomment end_header\n"]
 )
 def test_what_has_no_header_is_refused(written, text):
-    assert told(written, text) == ("", "no PLY header")
+    assert refused(written, text) == ("", "no PLY header")
 
 
 @pytest.mark.parametrize(
@@ -139,20 +139,20 @@ def test_what_has_no_header_is_refused(written, text):
 )
 def test_rows_of_text_that_do_not_fit_are_named(written, rows, place, found):
     head = "ply\nformat ascii 1.0\nelement a 2\nproperty int one\nproperty list uchar int some\nend_header\n"
-    assert told(written, head + rows) == (f", {place}", found)
+    assert refused(written, head + rows) == (f", {place}", found)
 
 
 @pytest.mark.parametrize("rows", [3, 2**31, 10**17])
 def test_more_rows_than_the_bytes_hold_are_refused_before_any_memory_is_taken(written, rows):
     head = f"ply\nformat binary_little_endian 1.0\nelement a {rows}\nproperty int one\nend_header\n"
-    assert told(written, head.encode() + bytes(8)) == (", element a", f"8 bytes for {rows:,} rows")
+    assert refused(written, head.encode() + bytes(8)) == (", element a", f"8 bytes for {rows:,} rows")
 
 
 @pytest.mark.parametrize(("length", "row"), [(-1, 0), (2**31 - 1, 0), (5, 1), (-3, 1)])
 def test_lists_longer_than_the_bytes_or_shorter_than_nothing_are_refused(written, length, row):
     head = b"ply\nformat binary_little_endian 1.0\nelement a 2\nproperty list int double some\nend_header\n"
     lists = [struct.pack("<id", 1, 0.5)] * row + [struct.pack("<i", length)] + [bytes(16)] * (2 - row)
-    assert told(written, head + b"".join(lists)) == (", element a", f"a list of {length} in row {row}")
+    assert refused(written, head + b"".join(lists)) == (", element a", f"a list of {length} in row {row}")
 
 
 def test_only_a_word_of_its_own_is_a_beginning():

@@ -43,9 +43,9 @@ def test_solids_of_a_text_become_pieces_in_capitals_or_not(cube, written):
         np.testing.assert_array_equal(piece.positions[piece.triangles], cube.vertices[cube.triangles])
 
 
-def test_bytes_after_the_last_facet_are_told_of(cube, written):
+def test_bytes_after_the_last_facet_are_noted(cube, written):
     surface = read(written("a.stl", binary(cube) + b"abc"))
-    assert (len(surface.pieces[0].triangles), surface.notes) == (12, ["3 bytes after the last facet left out."])
+    assert (len(surface.pieces[0].triangles), surface.notes) == (12, ["3 bytes after the last facet omitted."])
 
 
 @pytest.mark.parametrize("facets", [13, 2**31, 2**32 - 1])
@@ -71,8 +71,8 @@ def test_a_facet_that_is_nowhere_is_named(cube, written, bad):
     [
         (4, "vertex 0 0", 4, "'0 0'"),
         (4, "vertex 0 0 nan", 4, "'0 0 nan'"),
-        (4, "vortex 0 0 0", 7, "a facet of 2 vertices"),
-        (4, "", 7, "a facet of 2 vertices"),
+        (4, "vortex 0 0 0", 7, "a facet with 2 vertices"),
+        (4, "", 7, "a facet with 2 vertices"),
         (2, "fact normal 0 0 0", 3, "'outer loop'"),
         (6, "facet normal 0 0 0", 6, "'facet normal 0 0 0'"),
     ],
@@ -95,7 +95,7 @@ def test_a_text_that_is_cut_off_is_refused(cube, written):
 
 def test_a_text_that_ends_after_a_facet_is_read_with_a_note(cube, written):
     whole = text(cube)
-    note = "The file ends without 'endsolid': facets may be missing."
+    note = "The file ends without 'endsolid'; facets may be missing."
     for end in (whole.rindex("endsolid"), whole.rindex("endsolid") - 1):
         surface = read(written("a.stl", whole[:end]))
         np.testing.assert_array_equal(surface.pieces[0].positions, cube.vertices[cube.triangles].reshape(-1, 3))
@@ -109,7 +109,7 @@ def test_lines_that_are_none_of_the_format_are_left_out_with_a_note(cube, writte
     surface = read(written("a.stl", odd))
     (piece,) = surface.pieces
     np.testing.assert_array_equal(piece.positions, cube.vertices[cube.triangles].reshape(-1, 3))
-    assert surface.notes == ["4 lines not understood and left out, the first is line 2."]
+    assert surface.notes == ["4 lines not understood and omitted; the first is line 2."]
 
 
 def test_a_text_without_facets_is_refused(written):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from engine_bridge.character.surfaces.surface import CLAY, count, linear, material_for, outside, upper_left
+from engine_bridge.character.surfaces.surface import DEFAULT_MATERIAL, count, linear, material_for, outside, upper_left
 
 
 def test_srgb_becomes_linear_and_opacity_stays():
@@ -37,7 +37,7 @@ def test_positions_that_are_no_mesh_s_are_marked(bad):
 
 def test_a_piece_without_material_shows_its_colours_as_they_are():
     solid, glassy = np.ones((2, 4)), np.array([[1, 1, 1, 1], [1, 1, 1, 0.5]])
-    assert material_for(None) is CLAY
+    assert material_for(None) is DEFAULT_MATERIAL
     assert [material_for(colors).alpha_mode for colors in (solid, glassy)] == ["OPAQUE", "BLEND"]
     assert material_for(solid).base_color == (1, 1, 1, 1)
 

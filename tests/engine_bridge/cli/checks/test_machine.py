@@ -172,7 +172,7 @@ def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faul
         ("demo:nobody", False, "no performance 'nobody'"),
         ("replay:no such file", False, "no such file: a file that cannot be read (No such file or directory)"),
     ]
-    assert findings[2].fix == "Name one of these, as in demo:walk?loop."
+    assert findings[2].fix == "Use one of these names, for example demo:walk?loop."
 
 
 def test_findings_are_lines_to_read_and_json():

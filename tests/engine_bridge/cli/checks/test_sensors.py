@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from capture.libraries import NotInstalledError
-from capture.sensors import camera, freenect, openni
-from capture.sensors.openni import Sensor
+from capture.sensors import camera, freenect, openni_library
+from capture.sensors.openni_library import Sensor
 from capture.trackers import mediapipe
 from capture.trackers.nite import library_path
 from engine_bridge.cli.checks import sensors
@@ -126,7 +126,7 @@ def test_a_library_that_is_installed_and_does_not_load_is_a_fault_though_nothing
     assert finding.detail.startswith(f"a libfreenect that does not load ({broken}: ")
 
 
-@pytest.mark.parametrize(("module", "load"), [("mediapipe", mediapipe.library), ("cv2", camera.opencv)])
+@pytest.mark.parametrize(("module", "load"), [("mediapipe", mediapipe.load_mediapipe), ("cv2", camera.load_opencv)])
 @pytest.mark.parametrize(
     ("error", "ok"),
     [
@@ -150,20 +150,20 @@ def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_a
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
     detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
     found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
-    assert found == Finding("a library", ok, detail, mediapipe.EXTRA)
+    assert found == Finding("a library", ok, detail, mediapipe.INSTALL_FIX)
 
 
 @pytest.mark.parametrize(("named", "ok"), [(False, None), (True, False)])
 def test_openni2_is_optional_unless_the_environment_names_its_folder(tmp_path, monkeypatch, named, ok):
-    monkeypatch.delenv(openni.REDIST, raising=False)
+    monkeypatch.delenv(openni_library.REDIST_VARIABLE, raising=False)
     if named:
-        monkeypatch.setenv(openni.REDIST, str(tmp_path))
-    monkeypatch.setattr(openni, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
+        monkeypatch.setenv(openni_library.REDIST_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(openni_library, "_path", lambda: str(tmp_path / "libOpenNI2.so.0"))
     monkeypatch.setattr(ctypes.util, "find_library", lambda _name: None)
     bindings = SimpleNamespace(
         loaded_dll_directory=None, OpenNIError=ArithmeticError, c_api=SimpleNamespace(load_dll=ctypes.CDLL)
     )
-    finding = sensors._library("OpenNI 2", lambda name: openni._load(name, bindings), "openni:", needed=False)
+    finding = sensors._library("OpenNI 2", lambda name: openni_library._start(name, bindings), "openni:", needed=False)
     assert (finding.ok, finding.fix) == (ok, "Install it: apt install libopenni2-0 on Debian and Ubuntu.")
 
 
@@ -172,7 +172,7 @@ def test_mediapipe_is_needed_for_an_openni2_sensor_only_where_nite2_is_not(usb, 
     def mediapipe_is_not_here():
         raise NotInstalledError("MediaPipe", found="nothing", expected="it", fix="Install it.")
 
-    monkeypatch.setattr(sensors, "mediapipe", mediapipe_is_not_here)
+    monkeypatch.setattr(sensors, "load_mediapipe", mediapipe_is_not_here)
     monkeypatch.setattr(sensors.nite, "library_path", lambda: nite)
     usb("1d27:0601")
     assert found(sensors.examine(), "MediaPipe").ok is ok
@@ -189,9 +189,9 @@ def test_a_machine_without_usb_is_no_fault(monkeypatch):
 def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkeypatch):
     trouble = SourceError("openni:uri=b", found="a sensor that does not work (busy)", expected="one", fix="End it.")
     plugged = [Sensor("Xtion", "a", "17", None), Sensor("Xtion", "b", "", trouble), Sensor("Carmine", "c", "", None)]
-    monkeypatch.setattr(openni, "openni2", lambda _where: None)
-    monkeypatch.setattr(openni, "devices", lambda _bindings: [sensor.uri for sensor in plugged])
-    monkeypatch.setattr(openni, "plugged_in", lambda _where: plugged)
+    monkeypatch.setattr(openni_library, "load_openni2", lambda _where: None)
+    monkeypatch.setattr(openni_library, "sensor_uris", lambda _bindings: [sensor.uri for sensor in plugged])
+    monkeypatch.setattr(openni_library, "list_sensors", lambda _where: plugged)
     findings = [*sensors.examine()]
     start = findings.index(Finding("OpenNI 2", True, "installed; 3 sensors plugged in"))
     assert findings[start + 1 : start + 4] == [
@@ -215,8 +215,8 @@ def test_nite2_is_looked_for_where_openni_looks_for_it(usb, tmp_path, monkeypatc
 
 def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):
     usb("045e:02ae")
-    monkeypatch.setattr(freenect, "plugged_in", lambda _where: 2)
-    monkeypatch.setattr(sensors, "mediapipe", lambda: None)
+    monkeypatch.setattr(freenect, "count_sensors", lambda _where: 2)
+    monkeypatch.setattr(sensors, "load_mediapipe", lambda: None)
     monkeypatch.setattr(sensors, "version", {"mediapipe": "0.10.21"}.get)
     findings = [*sensors.examine()]
     assert found(findings, "libfreenect") == Finding("libfreenect", True, "installed; 2 Kinect v1 plugged in")

@@ -22,7 +22,7 @@ from engine_bridge.service.security.endpoints import NetworkSettings, endpoints_
 from engine_bridge.service.security.guard import Guard
 from puppetline.errors import PuppetError, ServiceError
 
-PATIENCE = 20_000
+TIMEOUT_MS = 20_000
 DOCUMENT = Path(__file__).parents[4] / "docs" / "control.md"
 
 
@@ -132,7 +132,7 @@ def req(context, office):
 
 
 def heard(client):
-    assert client.poll(PATIENCE)
+    assert client.poll(TIMEOUT_MS)
     return client.recv_multipart()
 
 
@@ -312,7 +312,7 @@ def test_a_message_that_is_far_too_large_ends_the_connection_and_nothing_else(of
         monitor = client.get_monitor_socket(zmq.EVENT_DISCONNECTED)
         client.connect(office.address)
         client.send(b" " * 131_073)
-        assert monitor.poll(PATIENCE)
+        assert monitor.poll(TIMEOUT_MS)
         client.disable_monitor()
         monitor.close()
     assert request(office.address, "ping") == "pong"
@@ -324,7 +324,7 @@ def test_a_client_that_never_reads_harms_nobody(office, context):
         deaf.linger = 0
         deaf.connect(office.address)
         deaf.send_json({"do": "ping"})
-        assert deaf.poll(PATIENCE)
+        assert deaf.poll(TIMEOUT_MS)
         question = json.dumps({"do": "calibrate", "id": "i" * 64}).encode()
         for _ in range(20_000):
             try:

@@ -19,7 +19,7 @@ from engine_bridge.service.outputs.vmc import DATAGRAM_BYTES, datagrams
 from engine_bridge.service.protocol.frame import Frame, StreamedCharacter
 from solver.motion.limb_motion import LimbMotion
 
-PATIENCE = 60.0
+TIMEOUT_SECONDS = 60.0
 SIDE = """
 [[limb]]
 name = "{side} arm"
@@ -191,7 +191,7 @@ def test_what_reads_vmc_gets_the_directions_of_the_characters_bones_back(figure,
 
 
 def next_frame(source):
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while time.monotonic() < give_up:
         select([source.fileno()], [], [], max(0, min(source.due() - time.monotonic(), 1)))
         for event in source.receive():
@@ -242,14 +242,14 @@ def test_a_vmc_program_sees_the_arms_where_the_performer_has_them(serve, service
     frames = itertools.chain(begin, (moved(held, time=2 + n / 60) for n in itertools.count()))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
-        receiver.settimeout(PATIENCE)
+        receiver.settimeout(TIMEOUT_SECONDS)
         serve("--config", service_file(sender.uri, receiver.getsockname()[1]))
         stop = threading.Event()
         thread = threading.Thread(target=sender.play, args=(frames,), kwargs={"until": stop.is_set})
         thread.start()
         try:
             expected = directions(to_character_axes(held.positions))[3:5]  # the left upper arm and forearm
-            give_up = time.monotonic() + PATIENCE
+            give_up = time.monotonic() + TIMEOUT_SECONDS
             calibrated, latest, apart = [], {}, 180.0
             while apart > 2 and time.monotonic() < give_up:
                 sent = [receiver.recv(65536)]

@@ -26,11 +26,11 @@ from puppetline.errors import ServiceError
 
 TOKEN = "Zp3-sYd_0123456789"
 DECIDED = zmq.EVENT_HANDSHAKE_SUCCEEDED | zmq.EVENT_HANDSHAKE_FAILED_AUTH | zmq.EVENT_DISCONNECTED
-PATIENCE = 20_000
+TIMEOUT_MS = 20_000
 """Milliseconds after which something that must happen has not."""
 
 
-ask = partial(request, timeout=PATIENCE / 1000)
+ask = partial(request, timeout=TIMEOUT_MS / 1000)
 
 
 @pytest.fixture(autouse=True)
@@ -154,7 +154,7 @@ def visit(context, keys):
             client.curve_serverkey = keys[service][0]
         monitor = client.get_monitor_socket(DECIDED)
         client.connect(address)
-        assert monitor.poll(PATIENCE), "neither let in nor refused"
+        assert monitor.poll(TIMEOUT_MS), "neither let in nor refused"
         let_in = recv_monitor_message(monitor)["event"] == zmq.EVENT_HANDSHAKE_SUCCEEDED
         client.disable_monitor()
         monitor.close()
@@ -170,7 +170,7 @@ def assert_served(visit):
     def check(house, mechanism):
         let_in, client = visit(house.address(mechanism)[0], mechanism)
         assert let_in
-        assert client.poll(PATIENCE)
+        assert client.poll(TIMEOUT_MS)
         assert client.recv() == b"still here"
         client.close(0)
 
@@ -264,11 +264,11 @@ def greeting(mechanism):
 def test_garbage_ends_in_nothing_and_the_next_is_served(house, assert_served, endpoint, data):
     opened = house(endpoint)
     for address in opened.address(endpoint):
-        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
+        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), TIMEOUT_MS / 1000) as raw:
             raw.sendall(data)
             assert_served(opened, endpoint)
     for address in opened.address(endpoint):  # and a byte at a time
-        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE / 1000) as raw:
+        with sockets.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), TIMEOUT_MS / 1000) as raw:
             raw.setsockopt(sockets.IPPROTO_TCP, sockets.TCP_NODELAY, 1)
             try:
                 for byte in data[:80]:
@@ -299,7 +299,7 @@ def test_an_empty_token_opens_nothing(house, assert_served, hello, monkeypatch):
 def left_open(address, data, number):
     """Connections on each of which a client has said so much, and then nothing more."""
     port = int(address.rsplit(":", 1)[1])
-    opened = [sockets.create_connection(("127.0.0.1", port), PATIENCE / 1000) for _ in range(number)]
+    opened = [sockets.create_connection(("127.0.0.1", port), TIMEOUT_MS / 1000) for _ in range(number)]
     try:
         for each in opened:
             each.sendall(data)
@@ -350,14 +350,14 @@ def test_the_65th_client_waits_until_one_has_left(house, visit, monkeypatch):
     let_in, late = visit(stream)
     assert not let_in
     for client in clients:
-        assert client.poll(PATIENCE)
+        assert client.poll(TIMEOUT_MS)
         assert client.recv() == b"still here"
     assert not late.poll(0)
     assert opened.clients()["connected"] == opened.clients()["limit"] == 64
     assert opened.clients()["refused"] >= 1
     assert ask(control, "ping") == "pong", "the control socket has room of its own"
     clients.pop().close(0)
-    assert late.poll(PATIENCE), "there is room again, and nobody told it to try again"
+    assert late.poll(TIMEOUT_MS), "there is room again, and nobody told it to try again"
 
 
 def test_all_doors_share_the_room(house, visit, monkeypatch):
@@ -376,7 +376,7 @@ def test_a_stranger_does_not_learn_whether_there_is_room(house, visit, context):
     stranger.plain_username, stranger.plain_password = b"x", b"wrong"
     monitor = stranger.get_monitor_socket(zmq.EVENT_HANDSHAKE_FAILED_PROTOCOL | zmq.EVENT_HANDSHAKE_FAILED_AUTH)
     stranger.connect(opened.address("PLAIN")[0])
-    assert monitor.poll(PATIENCE), "who has no room is cut off without a word, who has no token is told"
+    assert monitor.poll(TIMEOUT_MS), "who has no room is cut off without a word, who has no token is told"
 
 
 def test_the_place_of_who_left_is_free_at_once(house, visit):
@@ -541,7 +541,7 @@ def test_no_handshake_however_garbled_harms_the_next(house, assert_served, mecha
                     data = data[:at]
                 case "wait":
                     pauses.add(at)
-        with sockets.create_connection(("127.0.0.1", port), PATIENCE / 1000) as raw:
+        with sockets.create_connection(("127.0.0.1", port), TIMEOUT_MS / 1000) as raw:
             raw.settimeout(0.05)
             with suppress(OSError):
                 for start, end in pairwise([0, *sorted(pauses), len(data)]):
@@ -582,7 +582,7 @@ def test_the_real_service_opens_to_keys_and_to_nothing_else(serve, blob_puppet, 
     with left_open(stream, greeting("CURVE"), 70), left_open(stream, b"GET / HTTP/1.1\r\n\r\n", 10):
         let_in, client = visit(stream, "CURVE")
         assert let_in
-        assert client.poll(PATIENCE)
+        assert client.poll(TIMEOUT_MS)
         assert client.recv().startswith(b"blob/")
     assert not any(let_in or stranger.poll(0) for let_in, stranger in strangers)
     assert service.stop() == 0

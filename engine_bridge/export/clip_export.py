@@ -1,0 +1,122 @@
+"""Export of a clip in each form: morph targets, one target per keyframe, bones, or the file's own skeleton."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.document import Document
+from engine_bridge.export import frames_animation, morph_basis, skinning
+from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.rig_animation import animate_rig
+from engine_bridge.export.skin_animation import animate_skin
+from engine_bridge.performance.clip import Clip, Progress
+from engine_bridge.performance.settings import Form, Settings
+from engine_bridge.puppet.rig_bones import rig_bones
+from solver.model.batch import BatchBinding
+
+
+@dataclass(frozen=True)
+class ExportResult:
+    """Numbers about an exported clip, see `engine_bridge.export.convert.Summary`."""
+
+    error: float
+    rms: float | None = None
+    targets: int = 0
+    bones: int = 0
+    following: int = 0
+    notes: tuple[str, ...] = ()
+
+
+def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+    """Animate a character in the form of the settings.
+
+    Parameters
+    ----------
+    clip : Clip
+    name : str
+        Name of the animation.
+    settings : Settings
+    progress : callable
+
+    Returns
+    -------
+    document : Document
+        Animated document.
+    result : ExportResult
+    """
+    return _EXPORTERS[settings.form](clip, name, settings, progress)
+
+
+def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
+    root = None if clip.rig.puppet.root is None else clip.root
+    return Keyframes(name, clip.timeline.times.astype(np.float32), weights, root)
+
+
+def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+    rig = clip.rig
+    basis = morph_basis.fit(
+        rig.model,
+        BatchBinding.of_solver_mesh(rig.model, rig.mesh),
+        clip.frames,
+        tolerance=settings.max_error,
+        max_targets=settings.targets,
+        progress=lambda share: progress("Fitting morph targets", share),
+    )
+    displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
+    document = animate(rig.character, _keyframes(clip, name, basis.weights), displacements)
+    return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+
+
+def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    skin = skinning.fit(
+        rig.model,
+        rig.mesh,
+        clip.frames[:],
+        tolerance=settings.max_error,
+        bones=settings.bones,
+        progress=lambda share: progress("Fitting bones", share),
+    )
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, notes = animate_skin(rig.character, _keyframes(clip, name, no_weights), skin, rig.mesh.of_render)
+    return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+
+
+def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+    rig, count = clip.rig, len(clip.frames)
+    displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
+    progress("Making keyframes", 1.0)
+    document = animate(rig.character, _keyframes(clip, name, frames_animation.weights(count)), displacements)
+    return document, ExportResult(error=0.0, targets=count)
+
+
+def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+    rig = clip.rig
+    bones = rig_bones(rig.character, rig.puppet.limbs)
+    no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
+    document, moved = animate_rig(rig.character, _keyframes(clip, name, no_weights), bones, clip.motions)
+    progress("Turning joints", 1.0)
+    notes = []
+    if bones.missing:
+        notes.append(
+            f"The skeleton has no joint for {', '.join(bones.missing)}; parts that only these limbs move stay still."
+        )
+    if bones.loose:
+        notes.append(f"Without a joint above them, {', '.join(bones.loose)} follow the nearest bones.")
+    if moved.uneven:
+        notes.append(
+            f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
+            "approximate. Use --as morph for the exact motion."
+        )
+    error = moved.error / float(rig.model.diagonal)
+    return document, ExportResult(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+
+
+_EXPORTERS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, ExportResult]]] = {
+    "morph": _as_morph,
+    "skin": _as_skin,
+    "frames": _as_frames,
+    "rig": _as_rig,
+}

@@ -1,0 +1,69 @@
+"""A contact sheet of a clip: frames of the character, each beside the performer at the same time."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.skeleton import JOINT_INDEX, mirrored, to_character_axes
+from engine_bridge.performance.clip import Clip
+from engine_bridge.pictures import stick_figure
+from engine_bridge.pictures.contact_sheet import write_contact_sheet
+from engine_bridge.pictures.renderer import View, render
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+TILE_COUNT, COLUMN_COUNT = 12, 4
+CHARACTER_SIZE, PERFORMER_SIZE = (320, 320), (180, 320)
+"""Width and height of both halves of a tile, in pixels."""
+
+
+def draw(clip: Clip, path: Path, title: str, progress: Callable[[float], None] = lambda _: None) -> None:
+    """Draw evenly spaced frames of a clip, seen from the character's front left, as a PNG.
+
+    Parameters
+    ----------
+    clip : Clip
+    path : Path
+    title : str
+    progress : callable, optional
+        Called with the share of the tiles that are drawn.
+
+    Raises
+    ------
+    OutputError
+    """
+    chosen = np.unique(np.linspace(0, len(clip.frames) - 1, min(TILE_COUNT, len(clip.frames))).astype(int))
+    images = []
+    for performer, character in zip(_performer(clip, chosen), _character(clip, chosen), strict=True):
+        images.append(np.hstack([performer, character]))
+        progress(len(images) / len(chosen))
+    labels = [f"{clip.timeline.times[index]:.2f} s" for index in chosen]
+    write_contact_sheet(images, labels, COLUMN_COUNT, path, title)
+
+
+def _performer(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
+    """Draw the recorded joints; the camera follows the hips."""
+    joints = clip.timeline.positions[chosen]
+    joints = to_character_axes(mirrored(joints) if clip.rig.puppet.retarget.mirror else joints)
+    joints = joints - np.nan_to_num(joints[:, JOINT_INDEX["hip_center"], None])
+    known = joints[np.isfinite(joints).all(axis=-1)]
+    view = View.around(known if len(known) else np.zeros((1, 3)), size=PERFORMER_SIZE)
+    return [stick_figure.draw(each, replace(view, radius=max(view.radius, 1e-6)), PERFORMER_SIZE) for each in joints]
+
+
+def _character(clip: Clip, chosen: NDArray[np.int64]) -> list[NDArray[np.uint8]]:
+    """Draw the character on its floor; the camera follows the root, so the character is large in each tile."""
+    rig, basis = clip.rig, clip.rig.puppet.character.basis
+    binding = Binding.of_solver_mesh(rig.model, rig.mesh)
+    solved = [binding.vertices(to_file_units(clip.frames[index], rig.model)) + clip.root[index] for index in chosen]
+    poses = np.array(solved)[:, rig.mesh.of_render] @ basis.T
+    ways = clip.root[chosen] @ basis.T * [1, 0, 1]
+    view = View.around(poses - ways[:, None])
+    images = []
+    for pose, way in zip(poses, ways, strict=True):
+        along = replace(view, center=tuple(view.center + way))
+        images.append(render(pose, rig.character.triangles, along, CHARACTER_SIZE, rig.character.colors))
+    return images

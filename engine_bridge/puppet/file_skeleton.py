@@ -1,0 +1,84 @@
+"""Skeleton in a character's file: its joints, and shown nodes without a joint above them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine_bridge.character.character import Character
+from engine_bridge.character.scene import tree, world_transforms
+
+
+@dataclass(frozen=True, eq=False)
+class FileSkeleton:
+    """Joints of a character's file, parents before their children.
+
+    Attributes
+    ----------
+    nodes, parents : (j,) list of int
+        Node of each joint, and the row of its parent, −1 for none.
+    positions : (j, 3) float64
+        For a loose node, the middle of the vertices that it shows.
+    loose : dict
+        Rows of shown nodes without a skin and without a joint above them, with their names.
+    diagonal : float
+        Diagonal of the character's bounding box.
+    """
+
+    nodes: list[int]
+    parents: list[int]
+    positions: NDArray[np.float64]
+    loose: dict[int, str]
+    diagonal: float
+
+    @classmethod
+    def of(cls, character: Character) -> "FileSkeleton":
+        """Take the joints of all skins; without skins, the nodes above several meshes."""
+        document, gltf = character.document, character.document.gltf
+        walk = tree(document)
+        above = {node: parent for node, parent in walk if parent is not None}
+        middles = _middles(character)
+        chosen = {joint for skin in gltf["skins"] for joint in skin["joints"]}
+        if not chosen and len(middles) > 1:
+            chosen = {other for node in middles for other in _path_to_top(node, above)}
+        loose: set[int] = set()
+        for node, _ in walk if chosen else ():
+            hangs = not (chosen | loose).isdisjoint(_path_to_top(node, above))
+            if node in middles and "skin" not in gltf["nodes"][node] and not hangs:
+                loose.add(node)
+        nodes = [node for node, _ in walk if node in chosen or node in loose]
+        rows = {node: row for row, node in enumerate(nodes)}
+        parents = [
+            next((rows[other] for other in _path_to_top(node, above)[1:] if other in rows), -1) for node in nodes
+        ]
+        positions = world_transforms(document)[np.array(nodes, dtype=np.int64), :3, 3]
+        for node in loose:
+            positions[rows[node]] = middles[node]
+        names = {rows[node]: gltf["nodes"][node].get("name", f"node {node}") for node in sorted(loose)}
+        return cls(nodes, parents, positions, names, float(np.linalg.norm(np.ptp(character.vertices, axis=0))))
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @cached_property
+    def paths_to_top(self) -> list[list[int]]:
+        """Rows of each joint and its ancestors, from the joint to the top."""
+        above = {row: parent for row, parent in enumerate(self.parents) if parent >= 0}
+        return [_path_to_top(row, above) for row in range(len(self))]
+
+
+def _path_to_top(node: int, above: dict[int, int]) -> list[int]:
+    path = [node]
+    while path[-1] in above:
+        path.append(above[path[-1]])
+    return path
+
+
+def _middles(character: Character) -> dict[int, NDArray[np.float64]]:
+    """Return the middle of the vertices that each node shows."""
+    shown: dict[int, list[NDArray[np.float64]]] = {}
+    for part in character.parts:
+        shown.setdefault(part.node, []).append(part.vertices)
+    whole = {node: np.concatenate(parts) for node, parts in shown.items()}
+    return {node: (positions.min(axis=0) + positions.max(axis=0)) / 2 for node, positions in whole.items()}

@@ -1,0 +1,85 @@
+"""Meanings of joint names in the skeletons of common programs."""
+
+import re
+from dataclasses import dataclass
+
+SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
+
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+"""Word in the name of a joint, such as `LeftForeArm`, `upper_arm.L` or `J_Bip_R_LowerLeg`."""
+
+DECORATION = frozenset(
+    ["mixamorig", "def", "b", "c", "j", "cc", "base", "bip", "valve", "biped", "bn", "jnt", "joint", "bone", "bend"]
+)
+"""Words that programs put before or after a joint's own name."""
+
+CONTROLS = frozenset(
+    ["ik", "fk", "pole", "target", "ctrl", "control", "mch", "org", "twist", "roll", "heel", "end", "nub", "helper"]
+)
+"""Words in the names of joints that control others; such a joint counts only if vertices follow it."""
+
+PARTS = {
+    "head": "head|skull",
+    "neck": "neck",
+    "spine": "spine|torso|abdomen|chest|upperchest|waist|ribcage|back|hips?|pelvis|body|spinelower|spineupper",
+    "girdle": "clavicle|collar|collarbone|shoulder",
+    "upper arm": "upperarm|uparm|arm|shldr",
+    "lower arm": "lowerarm|lowarm|forearm|elbow",
+    "hand": "hand|wrist|palm[a-z]?",
+    "thigh": "upperleg|upleg|thigh|femur",
+    "shin": "lowerleg|lowleg|calf|shin|knee",
+    "leg": "leg|midleg",
+    "foot": "foot|ankle|footback|paw|hoof",
+    "toe": "toes?|toebase|ball",
+    "tail": "tail",
+    "wing": "wing|feather",
+}
+"""Pattern of a joint's own name, without side, digits and decoration, for each part of the body."""
+
+PATTERNS = {part: re.compile(f"(?:{names})") for part, names in PARTS.items()}
+
+QUARTERS = {"front": "front", "fore": "front", "back": "hind", "hind": "hind", "rear": "hind"}
+"""Prefix of a leg's joints, with its pair of legs."""
+
+LEG_PARTS = ("thigh", "leg", "shin", "foot", "toe")
+
+
+@dataclass(frozen=True)
+class JointMeaning:
+    """Meaning of a joint's name.
+
+    Attributes
+    ----------
+    side : str or None
+        "left", "right" or None.
+    quarter : str or None
+        "front" or "hind" for a joint of such a leg.
+    part : str
+        One of `PARTS`.
+    """
+
+    side: str | None
+    quarter: str | None
+    part: str
+
+
+def parse_joint_name(name: str, moves_vertices: bool) -> JointMeaning | None:
+    """Return the meaning of a joint's name; None for an unknown name, or a control that moves no vertices."""
+    words = [word.lower() for word in WORD.findall(name.rsplit(":", 1)[-1])]
+    sides = [SIDES[word] for word in words if word in SIDES]
+    words = [word for word in words if word not in SIDES and word not in DECORATION]
+    if not sides and words and words[0][0] in "lr" and _part("".join(words)) is None:  # DAZ: lShin
+        sides, words[0] = [SIDES[words[0][0]]], words[0][1:]
+    if CONTROLS & set(words) and not moves_vertices:
+        return None
+    own = "".join(word for word in words if word not in CONTROLS or word in ("twist", "roll"))
+    part, quarter = _part(own), None
+    for word, which in QUARTERS.items():
+        rest = own.removeprefix(word)
+        if rest != own and sides and part is None and _part(rest) in (*LEG_PARTS, "girdle"):
+            part, quarter = _part(rest), which
+    return JointMeaning(sides[0] if sides else None, quarter, part) if part else None
+
+
+def _part(name: str) -> str | None:
+    return next((part for part, pattern in PATTERNS.items() if pattern.fullmatch(name)), None)

@@ -1,0 +1,134 @@
+import shutil
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from engine_bridge.character import surface_document
+from engine_bridge.character.character import load_character
+from engine_bridge.character.surface_document import read_document
+
+OBJ = """mtllib a.mtl
+v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+vt 0 0
+vt 1 1
+usemtl skin
+f 1/1 3/1 2/2
+f 1/1 2/2 4/1
+f 2/2 3/1 4/1
+f 3/1 1/1 4/1
+"""
+
+
+@pytest.fixture
+def mesh(tmp_path):
+    """A tetrahedron with a picture, in a folder of its own."""
+    folder = tmp_path / "mesh"
+    folder.mkdir()
+    (folder / "a.obj").write_text(OBJ)
+    (folder / "a.mtl").write_text("newmtl skin\nmap_Kd skin.png\n")
+    Image.new("RGB", (2, 2), "red").save(folder / "skin.png")
+    return folder / "a.obj"
+
+
+@pytest.fixture
+def read(tmp_path, mesh, monkeypatch):
+    """Read the mesh, and say whether it was surface_document."""
+    parses = []
+    parse = surface_document.read_surface
+    monkeypatch.setattr(surface_document, "read_surface", lambda *files: parses.append(1) or parse(*files))
+
+    def run(path=mesh):
+        parses.clear()
+        return read_document(path, path.read_bytes(), tmp_path / "cache"), bool(parses)
+
+    return run
+
+
+def same(one, other):
+    return (one.gltf, one.blob, one.notes, one.name) == (other.gltf, other.blob, other.notes, other.name)
+
+
+def test_a_document_is_parsed_once_and_is_the_same_as_without_a_cache(read, mesh):
+    first, was_parsed = read()
+    assert was_parsed
+    again, was_parsed = read()
+    assert not was_parsed
+    assert same(first, again)
+    assert same(first, read_document(mesh, mesh.read_bytes()))
+    assert first.gltf["images"][0]["name"] == "skin"
+
+
+def appended(name, text):
+    def change(folder):
+        (folder / name).write_text((folder / name).read_text() + text)
+
+    return change
+
+
+CHANGES = {
+    "mesh": appended("a.obj", "v 2 2 2\n"),
+    "materials": appended("a.mtl", "Ns 30\n"),
+    "picture": lambda folder: Image.new("RGB", (2, 2), "blue").save(folder / "skin.png"),
+    "picture gone": lambda folder: (folder / "skin.png").unlink(),
+    "materials gone": lambda folder: (folder / "a.mtl").unlink(),
+    "picture by another name": lambda folder: (folder / "skin.png").rename(folder / "SKIN.PNG"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_change_of_the_mesh_or_of_a_file_that_it_names_is_seen(read, mesh, change):
+    first, _ = read()
+    CHANGES[change](mesh.parent)
+    second, was_parsed = read()
+    assert was_parsed
+    assert not same(first, second)
+    assert same(second, read_document(mesh, mesh.read_bytes()))
+    assert read()[1] is False
+
+
+def test_a_picture_that_was_missing_is_seen_when_it_comes_and_so_is_what_new_materials_name(read, mesh):
+    (mesh.parent / "skin.png").rename(mesh.parent / "fur.png")
+    assert read()[0].notes == ["'skin.png' is missing."]
+    shutil.copyfile(mesh.parent / "fur.png", mesh.parent / "skin.png")
+    assert read()[0].notes == []
+    (mesh.parent / "a.mtl").write_text("newmtl skin\nmap_Kd fur.png\n")
+    red, _ = read()
+    Image.new("RGB", (2, 2), "blue").save(mesh.parent / "fur.png")
+    blue, was_parsed = read()
+    assert was_parsed
+    assert red.gltf["images"][0]["name"] == blue.gltf["images"][0]["name"] == "fur"
+    assert red.blob != blue.blob
+
+
+def test_files_that_the_mesh_does_not_name_do_not_matter(read, mesh):
+    read()
+    (mesh.parent / "b.mtl").write_text("newmtl skin\n")
+    assert read()[1] is False
+
+
+def test_the_same_mesh_elsewhere_is_another_since_its_notes_say_where(read, mesh, tmp_path):
+    read()
+    shutil.copytree(mesh.parent, tmp_path / "other")
+    document, was_parsed = read(tmp_path / "other" / "a.obj")
+    assert was_parsed
+    assert document.name == str(tmp_path / "other" / "a.obj")
+
+
+@pytest.mark.parametrize(
+    "name", ["homer_6k.obj", "dog_10k.off", "nasty/busted.STL", "fuze/fuze.obj", "chair_model.obj"]
+)
+def test_real_characters_are_the_same_from_the_cache(real_data, tmp_path, name):
+    path = real_data / "mesh" / name
+    plain = load_character(path)
+    for _ in range(2):
+        kept = load_character(path, tmp_path)
+        assert same(kept.document, plain.document)
+        for one, other in zip(kept.parts, plain.parts, strict=True):
+            np.testing.assert_array_equal(one.vertices, other.vertices)
+            np.testing.assert_array_equal(one.triangles, other.triangles)
+            np.testing.assert_array_equal(one.normals, other.normals)
+    assert len(list(tmp_path.iterdir())) == 1

@@ -1,0 +1,139 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from capture.skeleton import JOINT_INDEX, OPPOSITE
+from engine_bridge.performance.clip import load_timeline, perform
+from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.settings import Settings
+from engine_bridge.pictures import clip_sheet
+from puppetline.errors import OutputError
+from solver.model.binding import Binding
+from solver.motion.deformer import to_file_units
+
+
+@pytest.fixture(scope="module")
+def clip_of(take, record, tmp_path_factory):
+    def make(puppet, log=take):
+        rig = load_rig(puppet)
+        timeline, notes = load_timeline(log, Settings())
+        return perform(rig, timeline, Settings(), notes, lambda _stage, _share: None)
+
+    return make
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """What is passed to the renderer (poses, views and colours), and the labels."""
+    seen = {"poses": [], "views": [], "colors": []}
+
+    def render(vertices, faces, view, size, colors):
+        seen["poses"].append(vertices)
+        seen["views"].append(view)
+        seen["colors"].append(colors)
+        return np.zeros((size[1], size[0], 3), np.uint8)
+
+    monkeypatch.setattr(clip_sheet, "render", render)
+    monkeypatch.setattr(clip_sheet, "write_contact_sheet", lambda _images, labels, *_rest: seen.update(labels=labels))
+    return seen
+
+
+@pytest.fixture
+def solved_pose():
+    """Return the rendered vertices of a frame, without root motion: `solved_pose(clip, index)`."""
+
+    def pose(clip, index):
+        binding = Binding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
+        return binding.vertices(to_file_units(clip.frames[index], clip.rig.model))[clip.rig.mesh.of_render]
+
+    return pose
+
+
+def test_it_shows_twelve_frames_from_the_first_to_the_last_with_their_times(
+    clip_of, blob_puppet, drawn, solved_pose, tmp_path
+):
+    clip = clip_of(blob_puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    chosen = [0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]
+    assert drawn["labels"] == [f"{index / 30:.2f} s" for index in chosen]
+    for index, pose in zip(chosen, drawn["poses"], strict=True):
+        np.testing.assert_allclose(pose, solved_pose(clip, index) + clip.root[index], atol=1e-5)
+
+
+def test_the_camera_follows_the_root(clip_of, blob_puppet, drawn, tmp_path):
+    clip = clip_of(blob_puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    roots = clip.root[[0, 5, 10, 15, 20, 25, 31, 36, 41, 46, 51, 57]]
+    assert np.ptp(roots[:, 0]) > 0.1
+    centers = np.array([view.center for view in drawn["views"]])
+    np.testing.assert_allclose(centers - centers[0], roots - roots[0], atol=1e-6)
+    assert {view.radius for view in drawn["views"]} == {drawn["views"][0].radius}
+
+
+def test_without_a_root_the_character_stays_and_a_short_clip_is_shown_whole(
+    clip_of, blob_file, write_puppet, record, dance, drawn, solved_pose, tmp_path
+):
+    puppet = write_puppet(blob_file.with_name("rootless.toml"), blob_file.name, root=False)
+    clip = clip_of(puppet, record(tmp_path / "short.log", dance(3)))
+    shares = []
+    clip_sheet.draw(clip, tmp_path / "a.png", "title", shares.append)
+    assert shares == [1 / 3, 2 / 3, 1]
+    for index, pose in enumerate(drawn["poses"]):
+        np.testing.assert_allclose(pose, solved_pose(clip, index), atol=1e-5)
+
+
+def test_a_character_with_another_up_axis_is_shown_upright(
+    clip_of, blob_file, write_puppet, drawn, solved_pose, tmp_path
+):
+    puppet = write_puppet(blob_file.with_name("lying.toml"), blob_file.name, character='up = "z"\nfront = "-y"\n')
+    clip = clip_of(puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    left, up, front = drawn["poses"][0].T
+    np.testing.assert_allclose(np.stack([left, -front, up], axis=1), solved_pose(clip, 0) + clip.root[0], atol=1e-5)
+
+
+def test_vertex_colours_are_those_of_the_file(clip_of, blob, new_glb, write_puppet, drawn, tmp_path):
+    glb = new_glb()
+    corners = blob.faces.ravel()
+    glb.node(glb.mesh(glb.primitive(blob.vertices[corners], COLOR_0=blob.colors[corners])))
+    glb.save(tmp_path / "painted.glb")
+    clip = clip_of(write_puppet(tmp_path / "a.toml", "painted.glb"))
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    np.testing.assert_allclose(drawn["colors"][0], blob.colors[corners], atol=1e-6)
+    assert len(drawn["poses"][0]) == len(corners)
+
+
+def test_the_performer_is_seen_from_the_characters_side_and_mirrored_like_it(
+    clip_of, blob_puppet, blob_file, write_puppet, drawn, monkeypatch, tmp_path
+):
+    figures = []
+
+    def draw(joints, view, size):
+        figures.append((joints, view))
+        return np.zeros((size[1], size[0], 3), np.uint8)
+
+    monkeypatch.setattr(clip_sheet.stick_figure, "draw", draw)
+    monkeypatch.setattr(clip_sheet, "render", lambda *_: np.zeros((320, 320, 3), np.uint8))
+    mirroring = write_puppet(blob_file.with_name("mirrors.toml"), blob_file.name, more="[retarget]\nmirror = true\n")
+    clip = clip_of(blob_puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    clip_sheet.draw(clip_of(mirroring), tmp_path / "a.png", "title")
+    plain, mirror = figures[:12], figures[12:]
+    recorded = clip.timeline.positions[57]
+    hips = recorded - recorded[JOINT_INDEX["hip_center"]]
+    np.testing.assert_allclose(plain[-1][0], hips * [-1, 1, -1], atol=1e-9)
+    np.testing.assert_allclose(mirror[-1][0], hips[OPPOSITE] * [1, 1, -1], atol=1e-9)
+    assert {(view.azimuth, view.elevation) for _, view in figures} == {(25.0, 12.0)}
+
+
+def test_the_image_is_written_completely_or_not_at_all(clip_of, blob_puppet, tmp_path, monkeypatch):
+    monkeypatch.setattr(clip_sheet, "CHARACTER_SIZE", (50, 40))
+    monkeypatch.setattr(clip_sheet, "PERFORMER_SIZE", (20, 40))
+    clip = clip_of(blob_puppet)
+    clip_sheet.draw(clip, tmp_path / "a.png", "title")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size[0] >= 4 * 70
+        assert image.size[1] >= 3 * 40
+    with pytest.raises(OutputError):
+        clip_sheet.draw(clip, tmp_path / "no" / "a.png", "title")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]

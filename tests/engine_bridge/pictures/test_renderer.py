@@ -1,0 +1,215 @@
+import igl
+import numpy as np
+import pytest
+
+from engine_bridge.pictures.lighting import KEY, KEY_AZIMUTH, KEY_ELEVATION, SKY
+from engine_bridge.pictures.renderer import View, project, render
+
+FRONT = View(azimuth=0, elevation=0, center=(0, 0, 0), radius=1.5)
+TETRAHEDRON = (
+    np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
+    np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
+)
+
+
+def sphere(center=(0.0, 0.0, 0.0), radius=1.0):
+    """A UV sphere of 120 by 60 faces."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 120, endpoint=False), np.linspace(0, np.pi, 61), indexing="ij")
+    points = np.stack([np.sin(v) * np.cos(u), np.cos(v), np.sin(v) * np.sin(u)], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(120), np.arange(60), indexing="ij")
+    a, b, c, d = (61 * (k % 120) + m for k, m in ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)))
+    faces = np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([a, d, c], -1).reshape(-1, 3)])
+    return np.array(center) + radius * points, faces
+
+
+def square(center, half, z, color):
+    x, y = center
+    corners = [[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]]
+    return np.array(corners, float), np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)
+
+
+def together(*parts):
+    vertices, faces, colors = zip(*parts, strict=True)
+    starts = np.cumsum([0, *map(len, vertices)])[:-1]
+    return (
+        np.concatenate(vertices),
+        np.concatenate([f + s for f, s in zip(faces, starts, strict=True)]),
+        np.concatenate(colors),
+    )
+
+
+def linear(image):
+    encoded = image / 255
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def coverage(vertices, faces, view, size):
+    """Return the share of each pixel that a mesh covers: a black one darkens the background by it."""
+    black = render(vertices, faces, view, size, colors=np.zeros_like(vertices))
+    away = View(view.azimuth, view.elevation, (1000.0, 0.0, 0.0), view.radius)
+    return 1 - linear(black)[..., 1] / linear(render(vertices, faces, away, size))[..., 1]
+
+
+@pytest.mark.parametrize("angles", [(0, 0), (70, 35), (-130, 90), (10, -40)])
+def test_a_sphere_covers_its_area_around_the_centre_from_all_sides(angles):
+    center = (3.0, -1.0, 2.0)
+    covered = coverage(*sphere(center), View(*angles, center, radius=1.25), (240, 200))
+    scale = 200 / 2.5
+    assert covered.sum() == pytest.approx(np.pi * scale**2, rel=0.01)
+    y, x = np.indices(covered.shape) + 0.5
+    assert (covered * x).sum() / covered.sum() == pytest.approx(120, abs=0.2)
+    assert (covered * y).sum() / covered.sum() == pytest.approx(100, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "elevation", "left", "right"),
+    [(0, 0, "+z", "+z"), (45, 0, "+z", "+x"), (135, 0, "+x", "-z"), (-45, 0, "-x", "+z"), (0, 90, "+y", "+y")],
+)
+def test_each_side_of_a_cube_shows_where_the_camera_sees_it(azimuth, elevation, left, right):
+    paint = {"+x": (1, 0, 0), "-x": (0, 1, 1), "+y": (0, 1, 0), "-z": (1, 1, 0), "+z": (0, 0, 1), "-y": (1, 0, 1)}
+    sides = []
+    for side, color in paint.items():
+        axis, sign = "xyz".index(side[1]), 1.0 if side[0] == "+" else -1.0
+        corners = np.insert([[-1, -1], [1, -1], [1, 1], [-1, 1]], axis, sign, axis=1).astype(float)
+        sides.append((corners, np.array([[0, 1, 2], [0, 2, 3]]), np.tile(color, (4, 1)).astype(float)))
+    vertices, faces, colors = together(*sides)
+    image = render(vertices, faces, View(azimuth, elevation, (0, 0, 0), 2.0), (80, 80), colors)
+    for side, column in ((left, 30), (right, 50)):
+        np.testing.assert_array_equal(image[40, column] > 40, np.array(paint[side]) == 1)
+
+
+def test_up_is_up_and_the_characters_left_is_on_the_right_from_in_front():
+    mesh = together(square((1, 0), 0.2, 0, (1, 0, 0)), square((0, 1), 0.2, 0, (0, 1, 0)))
+    image = render(*mesh[:2], FRONT, (90, 90), mesh[2]).astype(int)
+    red, green = ((image[..., c] - image.sum(axis=2) + image[..., c] > 0).nonzero() for c in (0, 1))
+    # 30 pixels per unit: squares of 12 pixels around columns 75 and 45, rows 45 and 15.
+    assert [(a.min(), a.max()) for a in red] == [(39, 50), (69, 80)]
+    assert [(a.min(), a.max()) for a in green] == [(9, 20), (39, 50)]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_nearer_square_hides_the_farther_one(order):
+    near, far = square((0, 0), 0.5, 0.3, (1, 0, 0)), square((0, 0), 1, -0.3, (0, 1, 0))
+    vertices, faces, colors = together(*[(near, far)[i] for i in order])
+    image = render(vertices, faces, FRONT, (60, 60), colors)
+    assert image[30, 30, 0] > 100
+    assert image[30, 30, 1] == 0
+    assert image[30, 15, 1] > 100  # beside the near one
+    behind = render(vertices, faces, View(180, 0, (0, 0, 0), 1.5), (60, 60), colors)
+    assert behind[30, 30, 0] == 0
+    assert behind[30, 30, 1] > 100
+
+
+def test_either_winding_is_lit_alike():
+    vertices, faces = sphere()
+    np.testing.assert_array_equal(
+        render(vertices, faces, FRONT, (60, 60)), render(vertices, faces[:, ::-1], FRONT, (60, 60))
+    )
+
+
+def test_a_common_edge_through_pixel_centres_leaves_no_gap():
+    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
+    covered = coverage(vertices, faces, FRONT, (60, 60))
+    np.testing.assert_allclose(covered[10:50, 10:50], 1, atol=1e-9)
+    assert covered.sum() == pytest.approx(1600, abs=1e-6)
+
+
+def test_a_sphere_is_brighter_towards_the_key_light():
+    image = linear(render(*sphere(), FRONT, (120, 120)))[..., 1]
+    assert image[40, 40] > 1.5 * image[80, 80]  # upper left and lower right
+
+
+def test_a_sphere_casts_the_key_lights_shadow_on_the_floor():
+    view = View(0, 20, (0, 0, 0), 3.0, ground=-1.0)
+    image, bare = (linear(render(*sphere(), v, (120, 120))) for v in (view, View(0, 20, (0, 0, 0), 3.0)))
+    light = (image / bare)[..., 1]
+    # The shadow is an ellipse of 1 by 1 / sin e. At 0.8 behind its centre, the floor is in it and not hidden.
+    azimuth, elevation, tilt = np.radians([KEY_AZIMUTH, KEY_ELEVATION, 20])
+    away = 1 / np.tan(elevation) + 0.8
+    x, z = -away * np.sin(azimuth), -away * np.cos(azimuth)
+    column, row = int(60 + 20 * x), int(60 - 20 * (-np.cos(tilt) - z * np.sin(tilt)))
+    sky_alone = SKY[1] / (SKY[1] + KEY[1] * np.sin(elevation))
+    assert 0.5 * sky_alone < light[row, column] < sky_alone
+    assert light[row, 120 - column] > 0.9  # on the other side, towards the light
+    assert light[115, 5] > 0.98  # far away
+
+
+def test_colors_are_interpolated_between_vertices():
+    vertices, faces, _ = square((0, 0), 1, 0, (1, 1, 1))
+    colors = np.array([[0, 0.2, 0], [1, 0.2, 0], [1, 0.2, 0], [0, 0.2, 0]])
+    image = linear(render(vertices, faces, FRONT, (60, 60), colors))[30, 11:49]
+    share = image[:, 0] / image[:, 1] / (KEY[0] / KEY[1])
+    expected = (np.arange(11, 49) - 9.5) / 40 / 0.2
+    np.testing.assert_allclose(share, expected, rtol=0.05)
+
+
+def test_the_same_input_gives_the_same_image():
+    vertices, faces = sphere()
+    view = View.around(vertices)
+    np.testing.assert_array_equal(
+        render(vertices, faces, view, (64, 48)), render(vertices.copy(), faces.copy(), view, (64, 48))
+    )
+
+
+@pytest.mark.parametrize("angles", [(0, 0), (25, 12), (200, 60)])
+def test_a_view_around_a_clip_frames_every_pose_with_a_margin(angles):
+    vertices, faces = TETRAHEDRON
+    clip = np.stack([vertices, vertices + np.array([2, 0, 0]), vertices - np.array([0, 1.5, 0])])
+    view = View.around(clip, *angles)
+    assert view.ground == -1.5
+    covered = np.max(
+        [coverage(pose, faces, View(*angles, view.center, view.radius), (100, 100)) for pose in clip], axis=0
+    )
+    rows, columns = np.nonzero(covered > 1e-6)
+    extents = [(rows.min(), rows.max()), (columns.min(), columns.max())]
+    assert max(last - first for first, last in extents) == pytest.approx(100 / 1.12, abs=2)
+    for first, last in extents:
+        assert first + last == pytest.approx(99, abs=2)
+
+
+@pytest.mark.slow
+def test_a_scanned_figure_fills_the_image(real_data):
+    vertices, faces = igl.read_triangle_mesh(str(real_data / "mesh" / "armadillo.obj"))[:2]
+    view = View.around(vertices, azimuth=0)
+    covered = coverage(vertices, faces, View(0, view.elevation, view.center, view.radius), (160, 160))
+    rows, columns = np.nonzero(covered > 0.5)
+    assert max(np.ptp(rows), np.ptp(columns)) == pytest.approx(160 / 1.12, abs=3)
+
+
+def test_texture_seams_do_not_show():
+    """A sphere whose triangles share no vertices looks like one whose triangles do."""
+    vertices, faces = sphere()
+    view = View.around(vertices)
+    whole = render(vertices, faces, view, (90, 90))
+    np.testing.assert_array_equal(
+        render(vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3), view, (90, 90)), whole
+    )
+
+
+@pytest.mark.parametrize("kind", ["turned", "doubled", "doubled and turned"])
+def test_flipped_and_doubled_triangles_do_not_darken_a_surface(kind):
+    vertices, faces = sphere()
+    view = View.around(vertices)
+    whole = render(vertices, faces, view, (90, 90)).astype(int)
+    odd = {
+        "turned": np.where(np.arange(len(faces))[:, None] % 3 == 0, faces[:, ::-1], faces),
+        "doubled": np.concatenate([faces, faces]),
+        "doubled and turned": np.concatenate([faces, faces[:, ::-1]]),
+    }[kind]
+    assert np.abs(render(vertices, odd, view, (90, 90)).astype(int) - whole).max() <= 2
+
+
+def test_points_are_shown_where_project_says():
+    """A small bright square covers the pixels around its projected centre."""
+    vertices, faces, _ = square((0.3, -0.4), 0.02, 0.2, (1, 1, 1))
+    view = View(azimuth=20, elevation=10, center=(0, 0, 0), radius=1.2)
+    covered = coverage(vertices, faces, view, (160, 120))
+    x, y, _ = project(np.array([[0.3, -0.4, 0.2]]), view, (160, 120))[0]
+    rows, columns = np.nonzero(covered > 0.3)
+    assert (rows + 0.5).mean() == pytest.approx(y, abs=0.5)
+    assert (columns + 0.5).mean() == pytest.approx(x, abs=0.5)
+
+
+def test_a_point_behind_another_is_deeper():
+    depths = project(np.array([[0, 0, 1.0], [0, 0, -1.0]]), FRONT, (60, 60))[:, 2]
+    assert depths[1] - depths[0] == pytest.approx(2 * 60 / (2 * FRONT.radius))

@@ -1,0 +1,137 @@
+import numpy as np
+import pytest
+from PIL import ImageFont
+from puppetline.examples.performances import PERFORMANCES
+
+from capture.sensors.diagnosis import Problem, diagnose
+from capture.sensors.source_report import SourceReport
+from capture.skeleton import JOINT_INDEX, SkeletonFrame
+from capture.trackers.picture import Lens, Picture
+from engine_bridge.pictures import source_view
+from engine_bridge.pictures.source_view import INFERRED_COLOR, PANEL, PANEL_HEIGHT, PERFORMER_COLORS, draw, shaded
+
+GAP = 12
+LENS = Lens(320, 240, 262.5)
+POSE = PERFORMANCES["walk"]().positions[0]
+BLUE = PERFORMER_COLORS[0]
+USER = len(PERFORMER_COLORS)
+"""User number that has the first colour."""
+
+
+def report_of(confidence=1.0, picture=None, pose=POSE):
+    report = SourceReport("test:", False, picture=picture)
+    report.add(SkeletonFrame(0.0, USER, pose, np.full(20, 1, np.float32) * confidence))
+    return report
+
+
+def drawn(report, why=()):
+    return np.asarray(draw(report, why)).astype(int)
+
+
+def near(image, place, color):
+    """Return whether the pixel at (right, down) has about that colour."""
+    x, y = np.rint(place).astype(int)
+    return bool(np.abs(image[y, x] - color).max() < 40)
+
+
+def places_of(image, color):
+    """Return the (n, 2) pixels right and down that have that colour."""
+    return np.argwhere(np.abs(image - color).max(axis=2) < 8)[:, ::-1]
+
+
+@pytest.fixture
+def picture():
+    return Picture(0.0, LENS, np.full((240, 320, 3), (90, 40, 140), np.uint8), np.full((240, 320), 4000, np.uint16))
+
+
+def test_joints_are_drawn_where_the_lens_projects_them_on_colour_and_depth(picture):
+    confidence = np.ones(20)
+    confidence[JOINT_INDEX["knee_left"]] = 0.5
+    image = drawn(report_of(confidence, picture))
+    for panel in range(2):
+        corner = np.array([GAP + panel * (640 + GAP), GAP])
+        for name, index in JOINT_INDEX.items():
+            place = corner + 2 * LENS.project(POSE[index])
+            assert near(image, place, INFERRED_COLOR if name == "knee_left" else BLUE), name
+    background = [(90, 40, 140), shaded(picture.depth)[0, 0]]
+    for panel, color in enumerate(background):
+        left = GAP + panel * (640 + GAP)
+        np.testing.assert_array_equal(
+            image[GAP + 100 : GAP + PANEL_HEIGHT, left : left + 150], np.broadcast_to(color, (380, 150, 3))
+        )
+
+
+def test_lost_joints_are_not_drawn(picture):
+    confidence = np.ones(20)
+    confidence[[JOINT_INDEX[name] for name in ("wrist_left", "hand_left")]] = 0
+    image = drawn(report_of(confidence, picture))
+    shown = drawn(report_of(1, picture))
+    hand = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["hand_left"]])
+    assert near(shown, hand, BLUE)
+    assert near(image, hand, (90, 40, 140))
+
+
+def test_a_joint_behind_the_sensor_is_not_drawn(picture):
+    behind = POSE.copy()
+    behind[JOINT_INDEX["head"], 2] = -1
+    image = drawn(report_of(1, picture, behind))
+    neck = [GAP, GAP] + 2 * LENS.project(POSE[JOINT_INDEX["shoulder_center"]])
+    assert near(image, neck, BLUE)
+    assert not near(image, neck - [0, 15], BLUE)
+
+
+def test_without_an_image_performers_are_drawn_from_the_front_with_the_right_hand_on_the_left():
+    confidence = np.ones(20)
+    confidence[JOINT_INDEX["hand_right"]] = 0.5
+    image = drawn(report_of(confidence))
+    front = image[GAP : GAP + PANEL_HEIGHT, GAP : GAP + PANEL_HEIGHT]
+    body = places_of(front, BLUE)
+    hand = places_of(front, INFERRED_COLOR)
+    assert hand[:, 0].mean() < body[:, 0].mean()
+    assert hand[:, 1].mean() > body[:, 1].min()
+
+
+def test_from_above_the_distances_to_the_sensor_are_true():
+    image = drawn(report_of())
+    above = image[GAP : GAP + PANEL_HEIGHT, 2 * GAP + PANEL_HEIGHT : 2 * GAP + 2 * PANEL_HEIGHT]
+    # the view spans the sensor and the farthest joint
+    size = POSE[:, 2].max()
+    pixels = PANEL_HEIGHT / (1.3 * size)
+    across = PANEL_HEIGHT / 2 + (POSE[:, 0].max() + POSE[:, 0].min()) / 2 * pixels
+    sensor = np.array([across, PANEL_HEIGHT / 2 + size / 2 * pixels])
+    for index in (JOINT_INDEX["foot_left"], JOINT_INDEX["foot_right"], JOINT_INDEX["head"]):
+        place = sensor - POSE[index, [0, 2]] * pixels
+        assert near(above, place, BLUE)
+
+
+def test_a_report_without_performers_is_drawn_too():
+    image = drawn(SourceReport("osc:7110", True), [Problem("No packet received for 10 s.", "Start the sender.")])
+    assert image.shape[:2] > (PANEL_HEIGHT, 2 * PANEL_HEIGHT)
+    assert len(places_of(image[:PANEL_HEIGHT], PANEL)) > PANEL_HEIGHT * PANEL_HEIGHT
+    assert len(places_of(image[:PANEL_HEIGHT], BLUE)) == 0
+
+
+def test_problems_are_written_below_in_their_own_colour(picture):
+    black = Picture(0.0, LENS, picture.color * 0, picture.depth)
+    bad, good = report_of(1, black), report_of(1, picture)
+    assert len(places_of(drawn(bad, diagnose(bad))[PANEL_HEIGHT + GAP :], source_view.PROBLEM_COLOR)) > 0
+    words = drawn(good, diagnose(good))[PANEL_HEIGHT + GAP :]
+    assert len(places_of(words, source_view.PROBLEM_COLOR)) == 0
+    assert len(places_of(words, source_view.OK_COLOR)) > 0
+
+
+def test_nearer_depth_is_lighter_and_unknown_depth_is_violet():
+    depth = np.repeat(np.array([[1000, 2000, 3000, 4000]], np.uint16), 9, axis=0).repeat(9, axis=1)
+    grey = shaded(depth)[4, 4::9].astype(int)
+    assert (np.diff(grey[:, 0]) < 0).all()
+    assert (grey == grey[:, :1]).all()
+    np.testing.assert_array_equal(shaded(depth * 0), np.broadcast_to((52, 26, 66), (9, 36, 3)))
+
+
+def test_long_texts_are_broken_between_words():
+    text = " ".join(f"{'wide' * (n % 4 + 1)}{n}" for n in range(60))
+    lines = source_view._wrap(text, 15, 300)
+    assert " ".join(lines) == text
+    assert all(ImageFont.load_default(15).getlength(line) <= 300 for line in lines)
+    assert source_view._wrap("unbreakable" * 20, 15, 50) == ["unbreakable" * 20]
+    assert source_view._wrap("", 15, 50) == []

@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from engine_bridge.puppet.limb_proposal import limb_tables
+from engine_bridge.puppet.puppet import CharacterTable
+from solver.anatomy.limb_chain import LimbChain, Limbs
+
+from .test_proposal import ARM, LEG, PERSON
+
+
+def chains(**named):
+    points = {name.replace("_", " "): np.array(points, dtype=float) for name, points in named.items()}
+    return Limbs(tuple(LimbChain(name, each) for name, each in points.items()))
+
+
+UPRIGHT = {
+    "trunk": [(0, 1, 0), (0, 1.2, 0), (0, 1.4, 0)],
+    "head": [(0, 1.4, 0), (0, 1.7, 0)],
+    "left_arm": [(0.2, 1.4, 0), (0.5, 1.4, 0), (0.8, 1.4, 0), (0.9, 1.4, 0)],
+    "right_arm": [(-0.2, 1.4, 0), (-0.5, 1.4, 0), (-0.8, 1.4, 0), (-0.9, 1.4, 0)],
+    "left_leg": [(0.1, 1, 0), (0.1, 0.5, 0), (0.1, 0.1, 0), (0.1, 0, 0.2)],
+    "right_leg": [(-0.1, 1, 0), (-0.1, 0.5, 0), (-0.1, 0.1, 0), (-0.1, 0, 0.2)],
+}
+
+
+def test_a_persons_limbs_point_where_the_performers_do():
+    tables = {limb.name: limb for limb in limb_tables(chains(**UPRIGHT), CharacterTable(mesh="a"))}
+    assert {name: limb.follow for name, limb in tables.items()} == PERSON
+    assert tables["left arm"].driven_by == ARM
+    assert tables["left leg"].driven_by == LEG
+    assert tables["trunk"].driven_by == (("hip_center",), ("spine",), ("shoulder_center",))
+    assert tables["head"].driven_by == (("shoulder_center",), ("head",))
+    assert tables["right arm"].points == tuple(map(tuple, UPRIGHT["right_arm"]))
+    assert {limb.gain for limb in tables.values()} == {1.0}
+    assert {limb.parent for limb in tables.values()} == {None}
+
+
+@pytest.mark.parametrize(
+    ("changed", "turning"),
+    [
+        ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
+        ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
+        ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
+    ],
+    ids=["lying", "looking forward", "crouching"],
+)
+def test_what_is_built_otherwise_turns(changed, turning):
+    tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))
+    assert {limb.name for limb in tables if limb.follow == "turn"} == turning
+
+
+def test_arms_drive_front_legs_and_wings_and_the_head_drives_neck_and_tail():
+    limbs = chains(
+        trunk=[(0, 1, -1), (0, 1, 0), (0, 1, 1)],
+        neck=[(0, 1, 1), (0, 1.2, 1.2), (0, 1.4, 1.4)],
+        head=[(0, 1.4, 1.4), (0, 1.4, 1.8)],
+        left_front_leg=[(0.2, 1, 1), (0.2, 0.5, 1), (0.2, 0.1, 1), (0.2, 0, 1.1)],
+        left_hind_leg=[(0.2, 1, -1), (0.2, 0.5, -1), (0.2, 0.1, -1), (0.2, 0, -0.9)],
+        left_wing=[(0.2, 1.2, 0), (0.5, 1.5, 0), (0.8, 1.8, 0), (1, 2, 0)],
+        tail=[(0, 1, -1), (0, 1, -1.2), (0, 1, -1.4), (0, 1, -1.6)],
+    )
+    tables = {limb.name: limb for limb in limb_tables(limbs, CharacterTable(mesh="a"))}
+    assert {limb.follow for limb in tables.values()} == {"turn"}
+    assert tables["left front leg"].driven_by == tables["left wing"].driven_by == ARM
+    assert tables["left hind leg"].driven_by == LEG
+    gains = {name: limb.gain for name, limb in tables.items() if limb.gain != 1}
+    assert gains == {"neck": 0.5, "tail": -0.7, "left wing": 0.5}
+    assert {name: limb.parent for name, limb in tables.items() if limb.parent} == {"head": "neck"}
+    assert tables["neck"].driven_by == (("shoulder_center",), ("shoulder_center", "head"), ("head",))
+    assert tables["tail"].driven_by == (("hip_center",), ("shoulder_center",), ("shoulder_center", "head"), ("head",))
+
+
+def test_a_trunk_and_a_head_alone_are_no_limbs():
+    alone = chains(trunk=UPRIGHT["trunk"], head=UPRIGHT["head"])
+    assert limb_tables(alone, CharacterTable(mesh="a")) == []

@@ -16,7 +16,7 @@ from capture.sensors.diagnosis import STATUS_SECONDS, Problem, describe, diagnos
 from capture.sensors.source import SensorSource
 from capture.sensors.source_report import PerformerReport, SourceMonitor, observe
 from capture.source import Counts
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 from .reports import WALK, frame, report_of
@@ -34,7 +34,7 @@ def short_take():
     clip = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    return TakeSource.of_clips("replay:short.log", [clip])
+    return RecordingSource.of_clips("replay:short.log", [clip])
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from capture.sensors.diagnosis import STATUS_SECONDS, Problem, describe, diagnos
 from capture.sensors.source import SensorSource
 from capture.sensors.source_report import PerformerReport, SourceMonitor, observe
 from capture.source import Counts
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 from .reports import WALK, frame, report_of
@@ -34,7 +34,7 @@ def short_take():
     clip = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    return TakeSource.of_clips("replay:short.log", [clip])
+    return RecordingSource.of_clips("replay:short.log", [clip])
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_a_recording_that_ends_leaves_its_performers_and_its_error():
         report = observe(source, 60)
     assert {user: performer.frames for user, performer in report.performers.items()} == {1: 3}
     assert problems(report) == [report.failure]
-    assert "found that it has ended" in report.failure
+    assert "found the end of the recording" in report.failure
 
 
 def test_without_data_observing_ends_and_packets_that_are_not_understood_are_counted(osc):
@@ -226,7 +226,7 @@ def test_a_port_that_is_taken_is_opened_again_and_then_received_from(osc):
     def fail():
         raise failure
 
-    failure = SourceError("osc:7110", found="that the port is taken", expected="a free one", fix="Wait.")
+    failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
     played = Played()
     played.receive = fail
     sources = iter([played, osc])

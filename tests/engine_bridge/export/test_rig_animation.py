@@ -90,7 +90,7 @@ def build(glb, tmp_path):
         vertices = cloud(*places)
         faces = np.concatenate([FACES + 4 * index for index in range(len(places))])
         inverse = np.array([np.linalg.inv(world[name]).T.ravel() for name in nodes], np.float32)
-        glb.file.skins.append(glb_skin(skin_joints, glb.add(inverse, None)))
+        glb.file.skins.append(gltf.Skin(joints=skin_joints, inverseBindMatrices=glb.add(inverse, None)))
         own = np.repeat(np.arange(len(places)), 4)
         which = np.column_stack([own, (own + 1) % len(places), own * 0, own * 0]).astype(np.uint8)
         share = np.tile([1 - blend, blend, 0, 0], (len(own), 1)).astype(np.float32)
@@ -102,10 +102,6 @@ def build(glb, tmp_path):
         return load_character(glb.save(tmp_path / "rigged.glb"))
 
     return make
-
-
-def glb_skin(joints, inverse):
-    return gltf.Skin(joints=joints, inverseBindMatrices=inverse)
 
 
 def add_own_animation(glb, node):
@@ -252,7 +248,7 @@ def test_nodes_between_joints_and_children_listed_first_are_followed(glb, tmp_pa
     which = np.repeat([[0, 1, 0, 0], [1, 0, 0, 0]], 4, axis=0).astype(np.uint8)
     primitive.attributes.JOINTS_0 = glb.add(which)
     primitive.attributes.WEIGHTS_0 = glb.add(np.tile(np.float32([1, 0, 0, 0]), (8, 1)))
-    glb.file.skins.append(glb_skin([lower, upper], None))
+    glb.file.skins.append(gltf.Skin(joints=[lower, upper]))
     glb.node(glb.mesh(primitive), skin=0)
     character = load_character(glb.save(tmp_path / "between.glb"))
     motions = wild(limbs)
@@ -356,7 +352,7 @@ def test_two_skins_on_two_skeletons_at_one_place_move_together(glb, tmp_path):
         primitive.attributes.JOINTS_0 = glb.add(np.repeat([[0, 1, 0, 0]], 8, axis=0).astype(np.uint8))
         share = np.repeat([[1, 0, 0, 0], [0, 1, 0, 0]], 4, axis=0).astype(np.float32)
         primitive.attributes.WEIGHTS_0 = glb.add(share)
-        glb.file.skins.append(glb_skin([upper, lower], None))
+        glb.file.skins.append(gltf.Skin(joints=[upper, lower]))
         glb.node(glb.mesh(primitive), skin=len(glb.file.skins) - 1)
     character = load_character(glb.save(tmp_path / "twice.glb"))
     motions = wild([ARM])
@@ -412,7 +408,7 @@ def test_a_sheared_joint_is_refused(glb, tmp_path):
     primitive = glb.primitive(cloud((0.5, 0, 0), (1.5, 0, 0)), np.concatenate([FACES, FACES + 4]))
     primitive.attributes.JOINTS_0 = glb.add(np.zeros((8, 4), np.uint8))
     primitive.attributes.WEIGHTS_0 = glb.add(np.tile(np.float32([1, 0, 0, 0]), (8, 1)))
-    glb.file.skins.append(glb_skin([node], None))
+    glb.file.skins.append(gltf.Skin(joints=[node]))
     glb.node(glb.mesh(primitive), skin=0)
     character = load_character(glb.save(tmp_path / "sheared.glb"))
     with pytest.raises(MeshError, match=r"nodes\[0\]\.matrix: found a joint with a sheared matrix.* Use --as morph"):

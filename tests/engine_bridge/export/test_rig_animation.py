@@ -139,7 +139,7 @@ def wild(limbs, count=12, seed=3):
     return motions_of(limbs, [[Rotation.from_rotvec(rng.normal(size=3)) for _ in range(bones)] for _ in range(count)])
 
 
-def take_of(motions, root=None):
+def keyframes_of(motions, root=None):
     times = np.arange(len(motions), dtype=np.float32) / 30
     root = None if root is None else np.asarray(root, np.float32)
     return Keyframes("take", times, np.zeros((len(motions), 0), np.float32), root)
@@ -147,7 +147,7 @@ def take_of(motions, root=None):
 
 def animated(character, limbs, motions, root=None):
     bones = rig_bones(character, limbs)
-    return *animate_rig(character, take_of(motions, root), bones, motions.astype(np.float32)), bones
+    return *animate_rig(character, keyframes_of(motions, root), bones, motions.astype(np.float32)), bones
 
 
 def keys_of(document, animation=0):

@@ -51,7 +51,7 @@ def pack(content, binary=b""):
 
 @pytest.fixture
 def tetrahedron(glb, tmp_path):
-    """The smallest character there is, with a node, a colour and a material."""
+    """A minimal character with a node, a colour and a material."""
     rgba = np.full((4, 4), 128, np.uint8)
     glb.file.materials = [gltf.Material(pbrMetallicRoughness=gltf.PbrMetallicRoughness(baseColorFactor=[1, 0, 0, 1]))]
     mesh = glb.mesh(glb.primitive(CORNERS, SIDES, material=0, NORMAL=CORNERS + np.float32(1), COLOR_0=rgba))
@@ -136,7 +136,7 @@ def test_saving_to_a_folder_that_is_not_there_is_an_output_error(tmp_path):
 
 
 def refused(path):
-    """What is wrong with a character file, which must raise a MeshError and no other error."""
+    """The error for a character file, which must be a MeshError."""
     with pytest.raises(MeshError) as error:
         load_character(path)
     return error.value
@@ -340,7 +340,7 @@ def test_glb_of_another_version_is_refused(tetrahedron):
 
 
 def sparse(base, rows, values, count=5):
-    """A file of one accessor, some of whose values stand elsewhere."""
+    """A file with one sparse accessor."""
     raw = base.tobytes() + rows.tobytes() + values.tobytes()
     starts = np.cumsum([0, base.nbytes, rows.nbytes]).tolist()
     accessor = {"componentType": 5126, "count": count, "type": "VEC3"} | ({"bufferView": 0} if base.size else {})

@@ -1,7 +1,7 @@
 /* Positions and normals of one frame with AVX2 intrinsics: the yardstick for solver/model/kernels.py.
 
    A vertex stands between two isolines of each of 8 fields. Between isolines k and k + 1 the transform that it takes is
-   a straight line in its ladder coordinate, base_k + coordinate * step_k. Each is kept by columns, four numbers a column
+   a straight line in its isoline coordinate, base_k + coordinate * step_k. Each is kept by columns, four numbers a column
    with a zero at the end, so that a transform is two registers and applies to a point in two multiply-adds: what comes
    out is a register whose halves are to be added, which is done for eight vertices at once. */
 

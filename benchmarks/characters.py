@@ -1,9 +1,9 @@
-"""Give every character file a puppet, move it by one recorded clip, and print a row of what came of it.
+"""Propose a puppet file for every character file, play a recording on it, and print a row of a table.
 
 python -m benchmarks.characters LOG OUTPUT FILE_OR_FOLDER [FILE_OR_FOLDER …]
 
-Folders are searched. OUTPUT is a folder for the puppets, the animated characters and a contact sheet of all: the rest
-pose and four moments of each.
+Folders are searched. OUTPUT is a folder for the puppet files, the animated characters and a contact sheet of all
+characters: the rest pose and four frames of each.
 """
 
 import json
@@ -30,8 +30,8 @@ from solver.model.binding import Binding
 from solver.motion.deformer import to_file_units
 
 VALIDATOR = Path(__file__).parents[1] / "tests" / "peers" / "validate.mjs"
-MOMENTS = 4
-TILE_SIZE = (200, 200)
+SHEET_FRAMES = 4
+TILE_PIXELS = (200, 200)
 HEADER = """| character | vertices | parts | repaired | pre-computation, s | limbs / handles | targets \
 | largest error | stretch p99 | parts apart, worst | validator before → after |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
@@ -50,9 +50,11 @@ def main() -> None:
             row = f"refused: found {error.found}; expected {error.expected}" + " |" * 9
         else:
             tiles += pictures
-            labels += [file.stem, *[""] * MOMENTS]
+            labels += [file.stem, *[""] * SHEET_FRAMES]
         print(f"| {file.name} | {row} |", flush=True)
-    contact_sheet(tiles, labels, 1 + MOMENTS, output / "characters.png", f"{len(labels) // (1 + MOMENTS)} characters")
+    contact_sheet(
+        tiles, labels, 1 + SHEET_FRAMES, output / "characters.png", f"{len(labels) // (1 + SHEET_FRAMES)} characters"
+    )
 
 
 def _characters(folder: Path) -> list[Path]:
@@ -81,13 +83,13 @@ def _play(file: Path, log: Path, output: Path) -> tuple[str, list[np.ndarray]]:
         f"{found.error:.2g}",
         f"{found.stretch_p99:.3f}",
         "–" if found.parts_apart is None else f"{found.parts_apart:.2g}",
-        f"{_faults(file)} → {_faults(Path(found.output))}",
+        f"{_validator_counts(file)} → {_validator_counts(Path(found.output))}",
     ]
-    return " | ".join(map(str, columns)), _pictures(clip)
+    return " | ".join(map(str, columns)), _tiles(clip)
 
 
-def _faults(path: Path) -> str:
-    """Return the validator's errors and warnings; a dash for what is no glTF."""
+def _validator_counts(path: Path) -> str:
+    """Return the numbers of the validator's errors and warnings, or a dash if the file is no glTF."""
     node = shutil.which("node")
     if node is None or path.suffix.lower() not in (".glb", ".gltf"):
         return "–"
@@ -96,15 +98,15 @@ def _faults(path: Path) -> str:
     return f"{report['errors']}/{report['warnings']}"
 
 
-def _pictures(clip: Clip) -> list[np.ndarray]:
-    """Draw the rest pose, and the moments evenly spaced over the clip."""
+def _tiles(clip: Clip) -> list[np.ndarray]:
+    """Draw the rest pose, and `SHEET_FRAMES` frames evenly spaced over the clip."""
     rig = clip.rig
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    chosen = np.linspace(0, len(clip.frames) - 1, MOMENTS + 1).astype(int)[1:]
+    chosen = np.linspace(0, len(clip.frames) - 1, SHEET_FRAMES + 1).astype(int)[1:]
     solved = np.array([binding.vertices(to_file_units(clip.frames[index], rig.model)) for index in chosen])
     poses = np.concatenate([rig.character.vertices[None], solved[:, rig.mesh.of_render]]) @ rig.puppet.character.basis.T
     view = View.around(poses)
-    return [render(pose, rig.character.triangles, view, TILE_SIZE, rig.character.colors) for pose in poses]
+    return [render(pose, rig.character.triangles, view, TILE_PIXELS, rig.character.colors) for pose in poses]
 
 
 if __name__ == "__main__":

@@ -12,14 +12,14 @@ NAMES = {"hip_center": "waist", "spine": "torso", "shoulder_center": "neck", "he
     for joint in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
     for side in ("left", "right")
 }
-"""What OSCeleton calls our joints."""
+"""OSCeleton's names of the joints."""
 
-APART = 101
-"""Frames by which one performer is ahead of the next, so that they do not all do the same."""
+OFFSET_FRAMES = 101
+"""Frames by which each performer is ahead of the previous one, so that their poses differ."""
 
 
 def datagram(frame: SkeletonFrame, user: int) -> bytes:
-    """Return a frame as a bundle; what the sensor has lost is not in it."""
+    """Return a frame as a bundle without lost joints."""
     return bundle(
         *(
             encode("/joint", NAMES[joint], user, *(float(1000 * value) for value in position))
@@ -30,15 +30,18 @@ def datagram(frame: SkeletonFrame, user: int) -> bytes:
 
 
 def lost(user: int) -> bytes:
-    """Return what OSCeleton sends when a performer has gone."""
+    """Return the message that OSCeleton sends when a performer leaves."""
     return encode("/lost_user", user)
 
 
 def bodies(users: int) -> list[list[bytes]]:
-    """Return all example performances, one after the other: for each frame a datagram of each user from 1 on."""
+    """Return all example performances in turn: for each frame, one datagram for each of the users 1 to `users`."""
     frames = [frame for make in PERFORMANCES.values() for frame in make().frames() if (frame.confidence > LOST).any()]
     of_user = [
-        [datagram(frame, user) for frame in islice(cycle(frames), user * APART, user * APART + len(frames))]
+        [
+            datagram(frame, user)
+            for frame in islice(cycle(frames), user * OFFSET_FRAMES, user * OFFSET_FRAMES + len(frames))
+        ]
         for user in range(1, users + 1)
     ]
     return [list(together) for together in zip(*of_user, strict=True)]

@@ -1,21 +1,21 @@
-"""How well characters do what performers do, against the file's own rig and the raw recording.
+"""How closely characters follow performers, compared with the file's own rig and the raw recording.
 
 python -m benchmarks.fidelity --data FOLDER [--sheets FOLDER] [--characters …] [--recordings …] [--limbs none rig shape]
 
-prints the table of docs/limbs.md: for each rigged humanoid and recording, with handles and no limbs, with the rig read,
-and with it taken away. In all, the rig says which vertices to measure. Where it is read, its linear blend skinning by
-the same motions is the reference.
+prints the table of docs/limbs.md: for each rigged humanoid and recording, with handles only, with limbs from the rig,
+and with limbs from the shape. The rig always determines which vertices are measured. If the limbs are from the rig, its
+linear blend skinning by the same motions is the reference.
 
 - Directions: the rotation that fits the vertices of a bone best (those that the rig gives to it alone, or most if it
   gives none) turns the bone's rest direction; its angle to the direction from joint to joint in the recording, which
-  may be turned as a whole by one rotation of at most 12°.
+  may be rotated as a whole by at most 12°.
 - Noise of the log: angles of the recording's own limbs to those of the median of three frames.
-- Hands together: share of the frames in which the performer's hands are near each other. The character's are drawn
-  together then, and its arms point elsewhere.
-- Edges: lengths as shares of those at rest, 1st and 99th percentile, beside those of skinning.
-- Distance: of vertices from where skinning has them, in % of the diagonal.
-- Feet: while a foot of the performer stands, how far the character's sole is from its mean place there, and above or
-  below the floor; 95th percentiles in % of the height.
+- Hands together: share of the frames in which the performer's hands are near each other. The character's hands are
+  then drawn together, so its arms point elsewhere.
+- Edges: lengths relative to the rest pose, 1st and 99th percentile, for the character and for skinning.
+- Distance: of vertices from their positions by skinning, in % of the diagonal.
+- Feet: distance of the character's sole from its mean position while a foot of the performer stands, and its height
+  above or below the floor; 95th percentiles in % of the height.
 """
 
 import argparse
@@ -41,7 +41,7 @@ from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.rig_bones import rig_bones
 from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.model.batch import BatchBinding
-from solver.motion.arms import APART
+from solver.motion.arms import APART_ARM_LENGTHS
 from solver.motion.limbs import TRUNK, Limb, bones_of, parents_first
 
 CHARACTERS = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
@@ -53,39 +53,39 @@ RECORDINGS = (
     "utd_mhad_mat/a22_s1_t1_skeleton.mat",
     "kinect_v2_laban_csv/Ges02_balancinghands.csv",
 )
-KINDS = ("none", "rig", "shape")
-"""Where the limbs of a character come from: it has handles only, from the file's rig, from the shape."""
+LIMB_SOURCES = ("none", "rig", "shape")
+"""Sources of a character's limbs: no limbs but handles, the file's rig, the shape."""
 SETTINGS = Settings()
-MOMENTS = 120
-"""Frames of each recording that are measured."""
-TILT = 12.0
-"""Degrees by which a recording may be turned as a whole."""
+MEASURED_FRAMES = 120
+"""Number of frames of each recording that are measured."""
+MAX_TILT_DEGREES = 12.0
+"""Largest rotation of a whole recording."""
 SHOWN = {"upper arms": ("arm", 0), "forearms": ("arm", 1), "thighs": ("leg", 0), "shins": ("leg", 1)}
 JOINTS = {"arm": ("shoulder", "elbow", "wrist", "hand"), "leg": ("hip", "knee", "ankle", "foot")}
-STANDING = 0.15
-"""Metres a second; a slower foot near its lowest stands."""
-LOW = 0.05
-"""Metres above a foot's lowest that are near it."""
-LONG_ENOUGH = 10
-"""Frames that a foot stands at least."""
-WHOLLY = 0.95
-"""Weight from which a vertex counts as one that its bone alone moves."""
+MAX_STANDING_SPEED = 0.15
+"""Largest speed of a standing foot, in metres per second."""
+MAX_STANDING_HEIGHT = 0.05
+"""Largest height of a standing foot above its lowest position, in metres."""
+MIN_STANDING_FRAMES = 10
+"""Smallest number of frames that a foot stands."""
+SINGLE_BONE_WEIGHT = 0.95
+"""Weight above which a vertex counts as moved by one bone alone."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the file's own rig says about a character.
+    """What the file's own rig determines about a character.
 
     Attributes
     ----------
     bones : dict
-        (limb, number of the bone) to the rest direction, and the vertices that follow it alone.
+        (limb, number of the bone) to its rest direction, and the vertices that follow this bone alone.
     which, share : (N, k)
-        Rig joints that each vertex follows, and how much.
+        Rig joints that each vertex follows, and their weights.
     owner : (joints,) tuple of (limb, number)
         The bone to which each rig joint belongs.
     soles : dict
-        Side to the lowest vertices of the foot.
+        Side to the lowest vertices of its foot.
     """
 
     bones: dict[tuple[str, int], tuple[NDArray[np.float64], NDArray[np.int64]]]
@@ -96,7 +96,7 @@ class Truth:
 
 
 def read_rig(character: Character) -> Truth:
-    """Sort a skeleton's joints, and the vertices that follow them, by bones."""
+    """Assign a skeleton's joints, and the vertices that follow them, to bones."""
     found = rig_limbs(character)
     assert found is not None
     limbs = [
@@ -112,7 +112,7 @@ def read_rig(character: Character) -> Truth:
     owner = np.array([number[bone] for bone in owners])[which]
     shares = np.array([(share * (owner == index)).sum(axis=1) for index in range(len(names))])
     of_bone = {bone: np.flatnonzero(shares.argmax(axis=0) == index) for bone, index in number.items()}
-    whole = {bone: np.flatnonzero(shares[index] > WHOLLY) for bone, index in number.items()}
+    whole = {bone: np.flatnonzero(shares[index] > SINGLE_BONE_WEIGHT) for bone, index in number.items()}
     bones = {
         bone: (tails[bone] - heads[bone], whole[bone] if len(whole[bone]) >= 4 else of_bone[bone]) for bone in names
     }
@@ -135,10 +135,10 @@ class Measured:
 
 
 def play(rig: Rig, timeline: Timeline, soles: dict[str, NDArray[np.int64]]) -> Measured:
-    """Perform a recording; keep some frames whole, and the soles' middle in all."""
+    """Play a recording; keep the vertices of some frames, and the centres of the soles in all frames."""
     performance = Performance(rig.puppet, rig.mesh, rig.model, resting_pose(timeline, SETTINGS))
     count = len(timeline.positions)
-    chosen = np.unique(np.linspace(0, count - 1, min(MOMENTS, count)).astype(int))
+    chosen = np.unique(np.linspace(0, count - 1, min(MEASURED_FRAMES, count)).astype(int))
     binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
     of_soles = {side: binding.only(numbers) for side, numbers in soles.items()}
     kept, motions, feet = [], [], {side: [] for side in soles}
@@ -167,8 +167,8 @@ def directions(
     return found
 
 
-def wanted(timeline: Timeline, frames: NDArray[np.int64]) -> dict[tuple[str, int], NDArray[np.float64]]:
-    """Return the performer's directions (F, 3) from joint to joint, character axes."""
+def performer_directions(timeline: Timeline, frames: NDArray[np.int64]) -> dict[tuple[str, int], NDArray[np.float64]]:
+    """Return the directions (F, 3) of the performer's bones, from joint to joint, in character axes."""
     joints = to_character_axes(timeline.positions[frames])
     found = {}
     for side in ("left", "right"):
@@ -182,13 +182,13 @@ def wanted(timeline: Timeline, frames: NDArray[np.int64]) -> dict[tuple[str, int
 def angles(
     found: dict[tuple[str, int], NDArray[np.float64]], aims: dict[tuple[str, int], NDArray[np.float64]]
 ) -> dict[str, NDArray[np.float64]]:
-    """Return the angles in degrees by kind of bone, after one rotation of the recording."""
+    """Return the angles in degrees by kind of bone, after the best rotation of the whole recording."""
     bones = [bone for bone in aims if bone in found]
     there, here = np.concatenate([aims[bone] for bone in bones]), np.concatenate([found[bone] for bone in bones])
     known = np.isfinite(there).all(axis=1)
     tilt = Rotation.align_vectors(here[known], there[known])[0].as_rotvec()
     size = np.linalg.norm(tilt)
-    turn = Rotation.from_rotvec(tilt * min(1.0, np.radians(TILT) / max(size, 1e-12)))
+    turn = Rotation.from_rotvec(tilt * min(1.0, np.radians(MAX_TILT_DEGREES) / max(size, 1e-12)))
     result = {}
     for name, (limb, number) in SHOWN.items():
         chosen = [bone for bone in bones if bone[0].endswith(limb) and bone[1] == number]
@@ -201,7 +201,7 @@ def angles(
 
 
 def skinned(truth: Truth, rig: Rig, motions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where linear blend skinning has the vertices (F, N, 3), each rig joint moving as its bone does."""
+    """Return the vertices (F, N, 3) by linear blend skinning, in which each rig joint moves with its bone."""
     numbers = {}
     for limb in rig.puppet.limbs:
         for number in range(len(limb.points) - 1):
@@ -221,7 +221,7 @@ def skinned(truth: Truth, rig: Rig, motions: NDArray[np.float64]) -> NDArray[np.
 
 
 def stretch(rest: NDArray[np.float64], poses: NDArray[np.floating], edges: NDArray[np.int64]) -> str:
-    """Return the 1st and 99th percentile of edge lengths as shares of those at rest."""
+    """Return the 1st and 99th percentile of edge lengths relative to the rest pose."""
     at_rest = np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1)
     kept = at_rest > 1e-6 * at_rest.max()
     lengths = np.linalg.norm(poses[:, edges[kept, 0]] - poses[:, edges[kept, 1]], axis=-1)
@@ -234,9 +234,9 @@ def standing(timeline: Timeline, side: str) -> list[NDArray[np.int64]]:
     ankle = timeline.positions[:, JOINT_INDEX[f"ankle_{side}"]]
     smooth = np.array([np.median(ankle[max(0, k - 2) : k + 3], axis=0) for k in range(len(ankle))])
     speed = np.linalg.norm(np.gradient(smooth, 1 / timeline.fps, axis=0), axis=1)
-    still = (speed < STANDING) & (smooth[:, 1] < np.nanmin(smooth[:, 1]) + LOW)
+    still = (speed < MAX_STANDING_SPEED) & (smooth[:, 1] < np.nanmin(smooth[:, 1]) + MAX_STANDING_HEIGHT)
     runs = np.split(np.flatnonzero(still), np.flatnonzero(np.diff(np.flatnonzero(still)) > 1) + 1)
-    return [run for run in runs if len(run) >= LONG_ENOUGH]
+    return [run for run in runs if len(run) >= MIN_STANDING_FRAMES]
 
 
 def feet(timeline: Timeline, shown: Measured, rest: NDArray[np.float64], soles: dict[str, NDArray[np.int64]]) -> str:
@@ -259,21 +259,21 @@ def noise(timeline: Timeline) -> str:
     """Return the angles between the recording's own limbs and those of the median of three frames."""
     frames = np.arange(len(timeline.positions))
     around = timeline.positions[np.clip(frames + np.array([[-1], [0], [1]]), 0, frames[-1])]
-    calm = wanted(replace(timeline, positions=np.median(around, axis=0)), frames)
-    cosines = [np.einsum("fx,fx->f", way, calm[bone]) for bone, way in wanted(timeline, frames).items()]
+    calm = performer_directions(replace(timeline, positions=np.median(around, axis=0)), frames)
+    cosines = [np.einsum("fx,fx->f", way, calm[bone]) for bone, way in performer_directions(timeline, frames).items()]
     cosine = np.concatenate(cosines)
-    return both(np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1, 1))))
+    return median_and_p95(np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1, 1))))
 
 
-def together(timeline: Timeline) -> str:
-    """Return the share of frames in which the performer's hands are so near that the character's are drawn together."""
+def hands_together(timeline: Timeline) -> str:
+    """Return the percentage of frames in which the performer's hands are so near that the character's meet."""
     left, right = (timeline.positions[:, JOINT_INDEX[f"hand_{side}"]] for side in ("left", "right"))
     lengths = body.bone_lengths(resting_pose(timeline, SETTINGS))
     arm = np.mean([lengths[f"elbow_{side}"] + lengths[f"wrist_{side}"] for side in ("left", "right")])
-    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART * arm):.0f}"
+    return f"{100 * np.mean(np.linalg.norm(left - right, axis=1) < APART_ARM_LENGTHS * arm):.0f}"
 
 
-def both(values: NDArray[np.float64], digits: int = 1) -> str:
+def median_and_p95(values: NDArray[np.float64], digits: int = 1) -> str:
     return f"{np.median(values):.{digits}f} / {np.percentile(values, 95):.{digits}f}"
 
 
@@ -283,7 +283,7 @@ def main() -> None:
     parser.add_argument("--sheets", type=Path)
     parser.add_argument("--characters", nargs="*", default=CHARACTERS)
     parser.add_argument("--recordings", nargs="*", default=RECORDINGS)
-    parser.add_argument("--limbs", nargs="*", default=KINDS, choices=KINDS)
+    parser.add_argument("--limbs", nargs="*", default=LIMB_SOURCES, choices=LIMB_SOURCES)
     options = parser.parse_args()
     if options.sheets:
         options.sheets.mkdir(parents=True, exist_ok=True)
@@ -312,21 +312,23 @@ def main() -> None:
                     timeline, notes = load_timeline(options.data / "logs" / recording, SETTINGS)
                     sensor = recording.partition("/")[0]
                     shown = play(rig, timeline, truth.soles)
-                    found = angles(directions(truth, rest, shown.vertices), wanted(timeline, shown.frames))
+                    found = angles(
+                        directions(truth, rest, shown.vertices), performer_directions(timeline, shown.frames)
+                    )
                     totals.setdefault(kind, []).extend(found.values())
                     edges = rig.character.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
                     reference = ["–", "–"]
                     if kind == "rig":
                         own = skinned(truth, rig, shown.motions)
                         away.append(100 * np.linalg.norm(shown.vertices - own, axis=-1).ravel() / rig.mesh.diagonal)
-                        reference = [stretch(rest, own, edges), both(away[-1], 2)]
+                        reference = [stretch(rest, own, edges), median_and_p95(away[-1], 2)]
                     cells = [
                         name,
                         kind,
                         sensor,
-                        *(both(found[each]) for each in SHOWN),
+                        *(median_and_p95(found[each]) for each in SHOWN),
                         noise(timeline),
-                        together(timeline),
+                        hands_together(timeline),
                         stretch(rest, shown.vertices, edges),
                         *reference,
                         feet(timeline, shown, rest, truth.soles),
@@ -337,9 +339,9 @@ def main() -> None:
                         title = f"{name}, {sensor}, limbs from the {kind}"
                         sheet.draw(clip, options.sheets / f"{name}_{kind}_{sensor}.png", title)
     for kind, values in totals.items():
-        print(f"\nAll limbs, limbs from the {kind}: {both(np.concatenate(values))}°")
+        print(f"\nAll limbs, limbs from the {kind}: {median_and_p95(np.concatenate(values))}°")
     if away:
-        print(f"\nDistance to skinning: {both(np.concatenate(away), 3)} %")
+        print(f"\nDistance to skinning: {median_and_p95(np.concatenate(away), 3)} %")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What is to be reached, and what was measured."""
+"""Goals, and the measurements that they are compared with."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.processes import MODULE
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench import in_process, number
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import in_process, number
 
-LONG, SHORT = bench.CONVERTED, 180
-"""Frames of two logs whose conversion is compared."""
+LONG, SHORT = benchmark.CONVERTED_FRAMES, 180
+"""Numbers of frames of two recordings whose conversion is compared."""
 
 
 @dataclass(frozen=True)
 class Goal:
-    """A row of the table: a value that shall be at most, or at least, the limit; None where it cannot be measured."""
+    """A row of the table: a value that should be at most the limit, or at least if `least`; None if not measurable."""
 
     what: str
     value: float | None
@@ -25,7 +25,7 @@ class Goal:
     least: bool = False
 
     def line(self) -> str:
-        """Return it as a row of a Markdown table."""
+        """Return the goal as a row of a Markdown table."""
         goal = f"{'≥' if self.least else '≤'} {_plain(self.limit, f'{self.limit:g}')} {self.unit}".rstrip()
         if self.value is None:
             return f"| {self.what} | {goal} | – | |"
@@ -36,41 +36,41 @@ class Goal:
 
 
 def _plain(value: float, text: str) -> str:
-    """Return the text for a measure, and a count as it is."""
+    """Return the text of a measurement, or an integer with all digits."""
     return f"{value:,}" if isinstance(value, int) else text
 
 
 def table(folder: Path, character: dict[str, Any], points: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the goals with what was measured, line by line, and below them all figures of the run.
+    """Yield the goals and their measurements as lines of text, then all values of the run.
 
     Parameters
     ----------
     folder : Path
-        As `bench.prepare` laid it out.
+        Folder from `benchmark.prepare`.
     character : dict
-        What that returned.
+        Result of `benchmark.prepare`.
     points : list
-        What `scaling.measured` returned.
+        Result of `scaling.measured`.
     """
-    report = bench.measure(folder, character, bench.FRAMES, bench.ROUNDS)
-    beside = in_process(folder, "yardstick", module=MODULE)
-    bench.write_log(folder, islice(bench.performance(), SHORT))
+    report = benchmark.measure(folder, character, benchmark.TIMED_FRAMES, benchmark.PROCESSES)
+    avx2 = in_process(folder, "yardstick", module=MODULE)
+    benchmark.write_log(folder, islice(benchmark.performance(), SHORT))
     short = in_process(folder, "convert")
-    bench.write_log(folder, islice(bench.performance(), LONG))
+    benchmark.write_log(folder, islice(benchmark.performance(), LONG))
 
-    text = bench.describe(report).splitlines()
+    text = benchmark.describe(report).splitlines()
     yield from (*text[:2], "", "| what | goal | measured | |", "| --- | --- | --- | --- |")
-    yield from (goal.line() for goal in _goals(report, beside, short["peak_mb"], points))
-    yield from ("", "Every figure of the run, as `puppetline bench` prints them:", "", "```text", *text[3:])
-    if "avx2_ms" in beside:
-        yield f"{'avx2_ms':20}{number(beside['avx2_ms']):>8} ms   positions and normals of a frame by a loop in C"
+    yield from (goal.line() for goal in _goals(report, avx2, short["peak_mb"], points))
+    yield from ("", "These are all values of the run, as `puppetline bench` prints them:", "", "```text", *text[3:])
+    if "avx2_ms" in avx2:
+        yield f"{'avx2_ms':20}{number(avx2['avx2_ms']):>8} ms   positions and normals of a frame by a loop in C"
     else:
-        yield f"no loop in C to compare with: {beside['missing']}"
+        yield f"no comparison with a loop in C: {avx2['missing']}"
     yield "```"
 
 
 def _goals(
-    report: bench.Report, beside: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
+    report: benchmark.Report, avx2: dict[str, Any], short_mb: float | None, points: list[dict[str, Any]]
 ) -> list[Goal]:
     figures, ratios = report.figures, report.ratios
     solve = [point["solve_ms"] for point in points]
@@ -85,7 +85,7 @@ def _goals(
             15,
             "%",
         ),
-        Goal("positions and normals / the same by AVX2 in C", _quotient(beside, "vertices_ms", "avx2_ms"), 2, "×"),
+        Goal("positions and normals / the same by AVX2 in C", _quotient(avx2, "vertices_ms", "avx2_ms"), 2, "×"),
         Goal("… the most expensive vertex at any size / the cheapest (linear)", max(each) / min(each), 2, "×"),
         Goal("ARAP iteration / controls", ratios["arap_to_solve"], 100, "×", least=True),
         Goal("ARAP iteration / frame", ratios["arap_to_frame"], 25, "×", least=True),

@@ -1,8 +1,8 @@
-"""Time what characters cost a game in Godot, by controls: ``python -m benchmarks.godot [--data FOLDER]``.
+"""Time that characters cost a game in Godot by controls: ``python -m benchmarks.godot [--data FOLDER]``.
 
-The real service plays each character by a recording of its own; Godot (of the environment variable GODOT, or of PATH)
-runs without a display and follows them with one Puppet3D each, 60 frames a second. Timed is what the node does in a
-frame, and beside it reading the connection, which all nodes of a service share. What the graphics card does is not.
+The real service plays a recording on each character. Godot (from the environment variable GODOT, or on PATH) runs
+without a display and shows each character with one Puppet3D, at 60 frames per second. The script of the node is timed,
+and the reading of the connection, which all nodes of a service share. The work of the graphics card is not timed.
 """
 
 import argparse
@@ -21,37 +21,37 @@ from typing import Any
 
 import numpy as np
 
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench import number
-from engine_bridge.cli.bench_process import CHARACTER, LOG
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import number
+from engine_bridge.cli.benchmark_process import CHARACTER, LOG
 from engine_bridge.performance.rig import load_rig
 
 ADDON = Path(__file__).parents[1] / "integrations" / "godot" / "addons" / "puppetline"
 SCRIPT = Path(__file__).with_suffix(".gd")
-CROWDS = (1, 4, 16)
-GOAL = 0.3
-"""Milliseconds of script a frame and character."""
+CHARACTER_COUNTS = (1, 4, 16)
+GOAL_MS = 0.3
+"""Largest time of the script per frame and character, in milliseconds."""
 PROJECT = 'config_version=5\n[application]\nconfig/name="Benchmark"\n'
-TRANSFORM = 48
-"""Bytes."""
+TRANSFORM_BYTES = 48
+"""Size of an affine transform, in bytes."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
+    parser.add_argument("--data", type=Path, help="a folder that contains armadillo.obj")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
     godot = shutil.which(os.environ.get("GODOT", "godot"))
     if godot is None:
-        parser.error("Godot is not here: put `godot` on PATH, or its path into GODOT")
-    with tempfile.TemporaryDirectory() as place, bench.own_cache(Path(place)):
+        parser.error("Godot was not found: put godot on PATH, or its path in GODOT")
+    with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
         folder = Path(place)
-        character = bench.prepare(folder, mesh, 900)
-        load_rig(folder / CHARACTER)  # so that all processes find it
+        character = benchmark.prepare(folder, mesh, 900)
+        load_rig(folder / CHARACTER)  # so that all processes find it in the cache
         project = _make_project(godot, folder / "project")
-        found = {count: _measure(godot, project, folder, count) for count in CROWDS}
+        found = {count: _measure(godot, project, folder, count) for count in CHARACTER_COUNTS}
         model = load_rig(folder / CHARACTER).model
-        upload = TRANSFORM * len(model.rest_controls) // 4
+        upload = TRANSFORM_BYTES * len(model.rest_controls) // 4
     version = subprocess.run([godot, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     load = os.getloadavg()[0]
     print(f"{character['name']}: {character['vertices']:,} vertices; Godot {version}; load {load:.1f} after\n")
@@ -80,7 +80,7 @@ def _measure(godot: str, project: Path, folder: Path, count: int) -> dict[str, A
 
 @contextmanager
 def _serving(folder: Path, names: list[str]) -> Iterator[int]:
-    """Run the service until it is not needed any more; yield its port."""
+    """Run the service until the block ends; yield its port."""
     played = [part for name in names for part in ("--puppet", folder / f"{name}.toml")]
     sources = [part for _ in names for part in ("--source", f"replay:{folder / LOG}?loop")]
     command = [sys.executable, "-m", "puppetline", "serve", *played, *sources, "--port", "0", "--no-announce"]
@@ -105,18 +105,18 @@ def _port(service: subprocess.Popen[bytes], log: Path) -> int:
 
 def _table(found: dict[int, dict[str, Any]], upload: int) -> Iterator[str]:
     yield (
-        "| characters | script, ms a frame and character: median | mean | 99th percentile | goal | reading, mean | "
-        "uploaded, bytes a frame that came | frames a second that came |"
+        "| characters | script, ms per frame and character: median | mean | 99th percentile | goal | reading, mean | "
+        "bytes uploaded per frame received | frames received per second |"
     )
     yield "| --- | --- | --- | --- | --- | --- | --- | --- |"
     for count, each in found.items():
         script, reading = (1e-3 * np.array(each[name]) for name in ("processing_us", "receiving_us"))
         middle = float(np.median(script))
         figures = (middle, float(script.mean()), float(np.percentile(script, 99)))
-        met = "met" if middle <= GOAL else f"missed, {number(middle / GOAL)} × the goal"
+        met = "met" if middle <= GOAL_MS else f"missed, {number(middle / GOAL_MS)} × the goal"
         measured = " | ".join(map(number, figures))
         rest = f"{number(float(reading.mean()))} | {upload:,} | {each['frames_a_second']:.1f}"
-        yield f"| {count} | {measured} | ≤ {GOAL:g}: {met} | {rest} |"
+        yield f"| {count} | {measured} | ≤ {GOAL_MS:g}: {met} | {rest} |"
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Compare surface operators on real meshes, and on broken copies of them, over a recorded clip.
+"""Compare surface operators on real meshes, and on broken copies of them, over a recording.
 
 python -m benchmarks.laplacians LOG FILE_OR_FOLDER [FILE_OR_FOLDER …]
 
-Cells hold a value for each operator: cotangents of edges that are made a trifle longer where there are needles, then
-libigl's intrinsic Delaunay cotangents, then both together, then the tufted cover that the solver has. A dash stands
-where an operator gives no positive definite system, or needs more than a few gigabytes.
+Cells contain a value for each operator: cotangents with mollified edge lengths, libigl's intrinsic Delaunay cotangents,
+both together, and the tufted cover that the solver uses. A dash means that the system of an operator is not positive
+definite, or that it needs more than `MAX_MEMORY_BYTES`.
 """
 
 import resource
@@ -38,26 +38,25 @@ from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh, weld
 
 Operator = Callable[[SolverMesh], tuple[csr_matrix, np.ndarray]]
-"""As `fields.laplacian`."""
+"""A function like `fields.laplacian`."""
 
 HEADER = """| mesh | vertices | seconds | narrowest field | handles missed by | stretch p99 | from the whole mesh |
 | --- | --- | --- | --- | --- | --- | --- |"""
 
-BREAKABLE = 5000
-"""Vertices of the largest mesh of which broken copies are made."""
+MAX_BROKEN_VERTICES = 5000
+"""Number of vertices of the largest mesh that is also measured in broken copies."""
 
-MOST_MEMORY = 4 << 30
-"""Bytes after which an operator is given up."""
+MAX_MEMORY_BYTES = 4 << 30
+"""Memory above which an operator fails, in bytes."""
 
-COMPARED = 30
-"""Every so many frames a broken copy is compared with the whole mesh."""
+COMPARISON_FRAMES = 30
+"""Number of frames between two comparisons of a broken copy with the whole mesh."""
 
-BROKEN = 0.03
-"""Share of the faces or vertices that a broken copy has broken."""
+BROKEN_SHARE = 0.03
+"""Share of the faces or vertices that are broken in a broken copy."""
 
-
-LEAST_SLACK = 1e-4
-"""By how much, in mean edge lengths, two sides of a triangle are made longer than the third."""
+MOLLIFICATION = 1e-4
+"""Least excess of two sides of a triangle over the third after mollification, in mean edge lengths."""
 
 tufted_cover = fields.laplacian
 
@@ -78,7 +77,7 @@ def mollified_delaunay(mesh: SolverMesh) -> tuple[csr_matrix, np.ndarray]:
 def _mollified_lengths(mesh: SolverMesh) -> np.ndarray:
     lengths = igl.edge_lengths(mesh.vertices, mesh.faces)
     slack = lengths.sum(axis=1) - 2 * lengths.max(axis=1)
-    return lengths + max(0.0, LEAST_SLACK * lengths.mean() - slack.min())
+    return lengths + max(0.0, MOLLIFICATION * lengths.mean() - slack.min())
 
 
 def _areas(mesh: SolverMesh) -> np.ndarray:
@@ -90,9 +89,9 @@ OPERATORS: list[Operator] = [mollified, intrinsic_delaunay, mollified_delaunay, 
 
 
 def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Break a mesh in the ways that files are broken, each way in a copy of its own."""
+    """Yield copies of a mesh, each broken in one of the ways in which files are broken."""
     rng = np.random.default_rng(0)
-    some = rng.random(len(faces)) < BROKEN
+    some = rng.random(len(faces)) < BROKEN_SHARE
     a, b, c = faces[some].T
     new = len(vertices) + np.arange(len(a))
     middle = (vertices[a] + vertices[b]) / 2
@@ -120,16 +119,16 @@ def broken(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, np.nd
 
 
 def narrowest(mesh: SolverMesh, operator: Operator) -> float:
-    """Return the least share of the surface that any of the 8 fields covers: near 0 where one is a spike."""
+    """Return the smallest share of the surface that any of the 8 fields covers; near 0 if a field is a spike."""
     L, mass = operator(mesh)
-    modes = fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
+    modes = fields.propagation_fields(fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, 8)
     return float(((mass @ modes**2) ** 2 / (mass @ modes**4)).min() / mass.sum())
 
 
 def measure(
     mesh: SolverMesh, puppet: Puppet, log: Path, operator: Operator, whole: np.ndarray | None
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return a cell for each column, and some frames; `whole` are those of the mesh before it was broken."""
+    """Return a cell for each column, and some frames; `whole` are the frames of the unbroken mesh."""
     fields.laplacian = operator
     start = time.process_time()
     model = build(mesh)
@@ -153,7 +152,7 @@ def measure(
         pose = performance.step(SkeletonFrame(time_, 0, positions, confidence))
         frames.append(binding.vertices(to_file_units(pose.R, model)))
         stretch.add(frames[-1][:, :, None])
-    shown = np.array([mesh.vertices, *frames[::COMPARED]])
+    shown = np.array([mesh.vertices, *frames[::COMPARISON_FRAMES]])
     cells = (
         f"{seconds:.2f}",
         f"{narrowest(mesh, operator):.2f}",
@@ -164,13 +163,13 @@ def measure(
 
 
 def _apart(whole: np.ndarray, broken: np.ndarray) -> float:
-    """Return the 99th percentile of the distances between what stood at one place at rest, the first frame."""
+    """Return the 99th percentile of the distances between vertices that are nearest in the first frame, at rest."""
     same = cKDTree(broken[0]).query(whole[0])[1]
     return float(np.percentile(np.linalg.norm(whole[1:] - broken[1:, same], axis=2), 99))
 
 
 def _measured(*arguments: Any) -> tuple[tuple[str, ...], np.ndarray | None]:
-    """Return what `measure` does, or dashes where the operator fails."""
+    """Return the result of `measure`, or dashes if the operator fails."""
     try:
         return measure(*arguments)
     except (np.linalg.LinAlgError, MemoryError):
@@ -181,7 +180,7 @@ def _measured(*arguments: Any) -> tuple[tuple[str, ...], np.ndarray | None]:
 
 def main() -> None:
     log, *places = map(Path, sys.argv[1:])
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
     print(HEADER)
     found = {file for place in places for file in (place.rglob("*") if place.is_dir() else [place])}
     for file in sorted(file for file in found if file.suffix.lower() in CHARACTER_FILES):
@@ -194,7 +193,7 @@ def main() -> None:
         except PuppetlineError as error:
             print(f"| {file.name} | refused: {error.found} | | | | |", flush=True)
             continue
-        breakable = mesh.parts == 1 and len(mesh.vertices) <= BREAKABLE
+        breakable = mesh.parts == 1 and len(mesh.vertices) <= MAX_BROKEN_VERTICES
         copies = broken(character.vertices, character.triangles) if breakable else []
         whole: list[np.ndarray | None] = [None] * len(OPERATORS)
         for title, copy in [(file.stem, mesh), *((f"… with {name}", weld(v, f)) for name, v, f in copies)]:

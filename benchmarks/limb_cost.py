@@ -1,8 +1,8 @@
-"""What limbs cost: a frame's controls and the pre-computation, beside an ARAP iteration of the same run.
+"""Cost of limbs: controls of a frame and pre-computation, compared with an ARAP iteration in the same run.
 
 python -m benchmarks.limb_cost MESH LOG
 
-MESH is a puppet file's mesh without a skin, such as the Armadillo; the limbs are those that `puppetline new` proposes.
+MESH is a mesh without a skin, such as the Armadillo. Its limbs are those that `puppetline new` proposes.
 """
 
 import argparse
@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.bench_process import Work, arap_iteration, interleaved
+from engine_bridge.cli.benchmark_process import Work, arap_iteration, interleaved
 from engine_bridge.performance.clip import load_timeline, resting_pose
 from engine_bridge.performance.performance import Performance
 from engine_bridge.performance.rig import load_rig
@@ -23,7 +23,7 @@ from engine_bridge.puppet.proposal import new_puppet
 from solver.model.reduced_model import build
 
 ROUNDS = 12
-"""Times that each is measured, in turn with the others."""
+"""Number of rounds in which the functions are timed in turn."""
 
 
 def main() -> None:

@@ -1,14 +1,14 @@
-"""Joints found from the shape, beside those of the rig that is taken out of the file.
+"""Joints that are found from the shape, compared with those of the file's rig.
 
     python -m benchmarks.limb_finding FOLDER [--poses N]
 
-FOLDER holds the rigged characters. Each row is a character as its file shows it, or the same character in N random
-poses (`posed`, 10 if left out): its own skin moved by random turns of its limbs. `human` and `biped` are made by code,
-which says where their joints are. Columns are distances in percent of body height: the larger one of both sides, or the
-95th percentile over the poses. A limb that is not found counts as 100. Axes are those of the file: which way a
-character stands is not measured here.
+FOLDER contains the rigged characters. Each row is a character in the pose of its file, or in N random poses (`posed`,
+by default 10) in which its own skin follows random rotations of its limbs. `human` and `biped` are made by code that
+defines their joints. Columns are distances in percent of body height: the larger one of both sides, or the 95th
+percentile over the poses. A limb that is not found counts as 100. Axes are those of the file; detection of the
+orientation is not measured.
 
-The people as made helped to choose the constants of `solver.anatomy.limb_finding`.
+The people in the pose of their files were used to choose the constants of `solver.anatomy.limb_finding`.
 """
 
 import argparse
@@ -16,14 +16,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from engine_bridge.export.rig_bones import rig_bones
 from numpy.typing import NDArray
 from puppetline.examples.characters import biped, human
 from scipy.spatial.transform import Rotation
 
-from benchmarks.fidelity import vertex_influences
 from engine_bridge.character.character import Character, load_character
-from engine_bridge.puppet.rig_limbs import rig_limbs
+from engine_bridge.puppet.rig_bones import rig_bones
+from engine_bridge.puppet.rig_limbs import rig_limbs, vertex_influences
 from solver.anatomy.limb_finding import find_limbs
 from solver.motion.limbs import TRUNK, Bones, Limb, bones_of, parents_first
 from solver.surface.mesh import SolverMesh, weld
@@ -40,10 +39,10 @@ Truth = dict[str, NDArray[np.float64]]
 
 
 def random_turn(name: str, number: int, way: NDArray[np.float64], rng: np.random.Generator) -> Rotation:
-    """Return how a bone of a limb turns against the one that it hangs on.
+    """Return the random rotation of a bone relative to its parent.
 
-    Upper arms point anywhere from 60° below to 45° above the horizon, 15° to the back to 60° to the front; elbows bend
-    to the front by up to 80°. Legs swing by 25°, spread by 15°, and knees bend by 40°; both upper bones of four legs
+    Upper arms point from 60° below to 45° above the horizon, and from 15° backwards to 60° forwards. Elbows bend
+    forwards by up to 80°. Legs swing by 25°, spread by 15°, and knees bend by 40°; both upper bones of four legs
     swing by 15°. Heads and tails turn by 20°.
     """
     side = 1.0 if name.startswith("left") else -1.0
@@ -70,7 +69,7 @@ def turn(axis: NDArray[np.float64], degrees: float) -> Rotation:
 
 
 def random_motions(names: list[tuple[str, int]], bones: Bones, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Return how bones move (b, 4, 3), for row vectors [x 1]."""
+    """Return the motions of bones (b, 4, 3), for row vectors [x 1]."""
     turns: list[Rotation] = []
     moved = np.zeros((len(names), 4, 3))
     for bone, (name, number) in enumerate(names):
@@ -84,7 +83,7 @@ def random_motions(names: list[tuple[str, int]], bones: Bones, rng: np.random.Ge
 
 
 def posed(character: Character, count: int) -> Iterator[tuple[SolverMesh, Truth]]:
-    """Yield a character in random poses, the same ones every time: its mesh, moved by its skin, and its joints."""
+    """Yield the mesh and the joints of a character in random poses, which are the same every time."""
     rig, mesh, rng = rig_limbs(character), character.solver_mesh(), np.random.default_rng(1)
     assert rig is not None
     parents = {TRUNK: None, "head": "neck" if "neck" in rig.points else TRUNK}
@@ -126,7 +125,7 @@ def examples() -> Iterator[tuple[str, SolverMesh, Truth]]:
 
 
 def errors(mesh: SolverMesh, truth: Truth) -> dict[str, list[float]]:
-    """Return distances of the joints found from the true ones, by joint, in percent of body height."""
+    """Return the distances of the found joints from the true ones, by joint, in percent of body height."""
     found = find_limbs(mesh, np.eye(3)).points
     height = float(np.ptp(mesh.vertices[:, 1]))
     result: dict[str, list[float]] = {name: [] for name in JOINTS}
@@ -142,7 +141,7 @@ def errors(mesh: SolverMesh, truth: Truth) -> dict[str, list[float]]:
 
 
 def row(title: str, measured: list[dict[str, list[float]]]) -> list[float]:
-    """Print a row of the table; return all distances."""
+    """Print a row of the table, and return all its distances."""
     cells = []
     for name in JOINTS:
         values = [away for one in measured for away in one[name]]

@@ -20,8 +20,8 @@ from typing import Any
 
 from benchmarks import live_numbers, live_soak
 from benchmarks.goals import Goal
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench_process import CHARACTER, WARM_UP
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark_process import CHARACTER, WARM_UP
 
 PARTS = ("latency", "people", "crowd", "recovery", "soak")
 
@@ -54,7 +54,7 @@ def measure(
     Parameters
     ----------
     folder : Path
-        As `bench.prepare` laid it out.
+        As `benchmark.prepare` laid it out.
     character : dict
         What that returned.
     plan : Plan
@@ -77,7 +77,7 @@ def measure(
     found: dict[str, Any] = {"load": {}}
     if keep is not None and keep.exists():
         found = json.loads(keep.read_text(encoding="utf-8"))
-    found |= {"character": character, "machine": bench.machine()}
+    found |= {"character": character, "machine": benchmark.machine()}
     todo: dict[str, Callable[[], Any]] = {
         "latency": lambda: {
             f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))
@@ -192,10 +192,10 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, metavar="FILE", help="add to the figures of an earlier run")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as folder, bench.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
         subject = Path(folder) / "subject"
         subject.mkdir()
-        character = bench.prepare(subject, mesh, 60)
+        character = benchmark.prepare(subject, mesh, 60)
         found = measure(
             subject,
             character,

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from benchmarks import players
 from engine_bridge.character.document import Document
-from engine_bridge.cli import bench, demo
+from engine_bridge.cli import benchmark, examples
 from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 from engine_bridge.puppet import puppet_file
@@ -40,7 +40,7 @@ def main() -> None:
     blender = players.commands()["Blender"]
     if blender is None:
         parser.error("Blender is not here: call make peers")
-    with tempfile.TemporaryDirectory() as place, bench.own_cache(Path(place)):
+    with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
         folder, version = Path(place), None
         for character, log, puppet in [*_examples(folder), *(_real(folder, options.data) if options.data else ())]:
             output = folder / "out.glb"
@@ -61,8 +61,8 @@ def main() -> None:
 
 
 def _examples(folder: Path) -> Iterator[tuple[str, Path, Path]]:
-    for name in demo.CASTING:
-        yield name, *demo.prepare(name, folder)
+    for name in examples.MOTIONS:
+        yield name, *examples.prepare(name, folder)
 
 
 def _real(folder: Path, data: Path) -> Iterator[tuple[str, Path, Path]]:

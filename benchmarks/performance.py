@@ -18,7 +18,7 @@ from puppetline.examples.performances import PERFORMANCES
 
 from benchmarks import goals, live, plots, scaling, table1
 from benchmarks.processes import MODULE
-from engine_bridge.cli import bench
+from engine_bridge.cli import benchmark
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "performance.md"
 IMAGES = DOCUMENT.with_name("images")
@@ -47,10 +47,10 @@ def main() -> None:
     options = parser.parse_args()
     todo = options.only.split(",")
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
-    with tempfile.TemporaryDirectory() as folder, bench.own_cache(Path(folder)):
+    with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):
         scratch, subject = Path(folder), Path(folder) / "subject"
         subject.mkdir()
-        character = bench.prepare(subject, mesh, bench.CONVERTED)
+        character = benchmark.prepare(subject, mesh, benchmark.CONVERTED_FRAMES)
         tables = {}
         if "goals" in todo:
             say("Cost against vertices")
@@ -63,8 +63,8 @@ def main() -> None:
             tables["table1"] = list(table1.table(scratch))
         if "convergence" in todo:
             say("Convergence")
-            bench.write_log(subject, PERFORMANCES["kung_fu"]().frames())
-            plots.convergence(bench.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
+            benchmark.write_log(subject, PERFORMANCES["kung_fu"]().frames())
+            plots.convergence(benchmark.in_process(subject, "convergence", module=MODULE), IMAGES / "convergence.svg")
         if LIVE in todo and options.live is None:
             say("The live service")
             tables[LIVE] = list(live.table(live.measure(subject, character, live.Plan(), live.PARTS, say)))

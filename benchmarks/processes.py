@@ -1,4 +1,4 @@
-"""The measurements of `benchmarks.performance`, each in a process of its own as in `engine_bridge.cli.bench`."""
+"""The measurements of `benchmarks.performance`, each in a process of its own as in `engine_bridge.cli.benchmark`."""
 
 import time
 from collections.abc import Iterator
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.avx2 import Avx2Blend, MissingError
-from engine_bridge.cli import bench_process
-from engine_bridge.cli.bench_process import (
+from engine_bridge.cli import benchmark_process
+from engine_bridge.cli.benchmark_process import (
     CHARACTER,
     LOG,
     Playing,
@@ -23,11 +23,11 @@ from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.puppet.puppet import SolverTable
 from solver.model.binding import Binding
 from solver.model.reduced_model import build
-from solver.model.rotations import SAMPLED_TRIANGLES, RotationMode
+from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
 
 MODULE = "benchmarks.processes"
-"""What `engine_bridge.cli.bench.in_process` starts."""
+"""What `engine_bridge.cli.benchmark.in_process` starts."""
 
 LARGEST_ARAP = 260_000
 """Vertices of the largest mesh on which a full-resolution ARAP is bearable."""
@@ -83,11 +83,11 @@ def point(folder: Path) -> dict[str, float]:
 
 def table1_row(folder: Path) -> dict[str, Any]:
     """Measure what a row of the paper's Table 1 has: both rotation updates, one iteration a frame."""
-    bench_process.warm_up(folder)
+    benchmark_process.warm_up(folder)
     rig = load_rig(folder / CHARACTER)
     handles = rig.puppet.handle_positions
     found: dict[str, Any] = {"vertices": len(rig.mesh.of_render), "handles": len(handles)}
-    found["n_tri"] = SAMPLED_TRIANGLES * len(rig.model.rest_controls) // 4
+    found["n_tri"] = TRIANGLES_PER_ISOLINE * len(rig.model.rest_controls) // 4
     start = time.perf_counter()
     again = load_rig(folder / CHARACTER)
     Deformer(again.model, again.mesh, handles)
@@ -172,7 +172,7 @@ def medians(times: dict[str, NDArray[np.float64]]) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    bench_process.main(
+    benchmark_process.main(
         {
             "yardstick": yardstick,
             "point": point,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import Character, load_character, make_character
-from engine_bridge.cli.bench import in_process
-from engine_bridge.cli.bench_process import CHARACTER, LOG, WARM_UP
+from engine_bridge.cli.benchmark import in_process
+from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
 from engine_bridge.puppet import puppet_file
 
 SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)

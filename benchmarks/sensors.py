@@ -29,15 +29,15 @@ from benchmarks.goals import Goal
 from benchmarks.live_peers import serving
 from benchmarks.rendered_body import HEIGHT, KINECT, LENS, NAMES, Body, Studio
 from benchmarks.smoothing import PRESETS
-from capture.fusion.people import People
+from capture.fusion.performers import Performers
 from capture.pose import Pose
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
-from capture.smoothing import FRAME_RATE, JointFilter, Smoothing
+from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
 from capture.trackers.mediapipe import MediaPipePose
 from capture.trackers.picture import Person, Picture
 from capture.trackers.placing import Placing
-from engine_bridge.cli import demo
+from engine_bridge.cli import examples
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.performance.rig import load_rig
@@ -71,7 +71,7 @@ def main() -> None:
     found["errors"] = list(_show(_error_lines(errors(body, walk[WAVE]))))
     found["filters"] = list(_show(_filter_lines(unrest(body, walk[0]))))
     with tempfile.TemporaryDirectory() as folder:
-        puppet = demo.prepare("human", Path(folder))[1]
+        puppet = examples.prepare("human", Path(folder))[1]
         goals = [*fusion(), *added(puppet, body, walk), _pace(puppet, body, walk[WAVE])]
     print("| what | goal | measured | |\n| --- | --- | --- | --- |")
     for goal in goals:
@@ -85,7 +85,7 @@ def errors(body: Body, poses: Floats) -> Iterator[dict[str, Any]]:
     """Yield how far off joints are, with depth and without, where the performer stands."""
     for distance, angle in PLACES:
         studio = Studio(body, distance, angle, seed=1)
-        shots = [studio.shoot(k / FRAME_RATE, pose) for k, pose in enumerate(poses)]
+        shots = [studio.shoot(k / FRAMES_PER_SECOND, pose) for k, pose in enumerate(poses)]
         true = np.stack([shot.joints for shot in shots])
         pixels = LENS.project(true)
         shown = ((pixels >= 0) & (pixels < [LENS.width, LENS.height])).all(axis=2)
@@ -120,8 +120,8 @@ def tracked(pictures: list[Picture], depth: bool) -> Floats:
 def unrest(body: Body, rest: Floats) -> Iterator[dict[str, Any]]:
     """Yield jitter and lag, with depth and without, as tracked and behind each filter."""
     studio = Studio(body, 2.5, 0.0, seed=2)
-    poses = [*[rest] * STILL, *(_swung(rest, k / FRAME_RATE) for k in range(SWINGS))]
-    shots = [studio.shoot(k / FRAME_RATE, pose) for k, pose in enumerate(poses)]
+    poses = [*[rest] * STILL, *(_swung(rest, k / FRAMES_PER_SECOND) for k in range(SWINGS))]
+    shots = [studio.shoot(k / FRAMES_PER_SECOND, pose) for k, pose in enumerate(poses)]
     true = np.array([shot.joints[NAMES.index("wrist_right"), 0] for shot in shots])
     kinds = {"depth": True, "height": False}
     found = {kind: tracked([shot.picture for shot in shots], depth) for kind, depth in kinds.items()}
@@ -150,7 +150,7 @@ def _jitter(positions: Floats) -> float:
 
 def _lag(true: Floats, seen: Floats) -> float:
     """Return the milliseconds by which a motion has to be delayed to be most like what was seen, after a second."""
-    times = np.arange(len(true)) / FRAME_RATE
+    times = np.arange(len(true)) / FRAMES_PER_SECOND
     later = np.arange(0.0, 0.4, 0.001)
     after = times >= 1.0
     likeness = [np.corrcoef(np.interp(times - delay, times, true)[after], seen[after])[0, 1] for delay in later]
@@ -167,7 +167,7 @@ def _filters() -> Iterator[tuple[str, Callable[[Floats], Floats]]]:
 def _behind(smoothing: Smoothing) -> Callable[[Floats], Floats]:
     def smooth(positions: Floats) -> Floats:
         joint_filter, sure = JointFilter(smoothing), np.ones(20, np.float32)
-        return np.stack([joint_filter.step(k / FRAME_RATE, frame, sure) for k, frame in enumerate(positions)])
+        return np.stack([joint_filter.step(k / FRAMES_PER_SECOND, frame, sure) for k, frame in enumerate(positions)])
 
     return smooth
 
@@ -178,15 +178,15 @@ def one_euro(positions: Floats) -> Floats:
     Parameters
     ----------
     positions : (T, ...) float64
-        Metres, `FRAME_RATE` times a second.
+        Metres, `FRAMES_PER_SECOND` times a second.
     """
 
     def share(frequency: Any) -> Any:
-        return 1 / (1 + FRAME_RATE / (2 * np.pi * frequency))
+        return 1 / (1 + FRAMES_PER_SECOND / (2 * np.pi * frequency))
 
     smooth, speed = [positions[0]], np.zeros_like(positions[0])
     for before, now in pairwise(positions):
-        speed = speed + share(CUTOFF) * ((now - before) * FRAME_RATE - speed)
+        speed = speed + share(CUTOFF) * ((now - before) * FRAMES_PER_SECOND - speed)
         smooth.append(smooth[-1] + share(CUTOFF + BETA * np.abs(speed)) * (now - smooth[-1]))
     return np.stack(smooth)
 
@@ -203,8 +203,8 @@ def fusion() -> Iterator[Goal]:
             [(time, k, SkeletonFrame(time, 1, pose.apply(joints), sure)) for time, joints, sure in _rows(clip)]
             for k, (pose, clip) in enumerate(zip(poses, clips, strict=True))
         ]
-        people = People()
-        seen = [people.see(k, frame) for _, k, frame in merge(*streams, key=lambda each: each[:2])]
+        performers = Performers()
+        seen = [performers.observe(k, frame) for _, k, frame in merge(*streams, key=lambda each: each[:2])]
         frames = [frame for frame in seen if frame is not None]
         both.append(_turn_error(turn, np.array([f.time for f in frames]), np.stack([f.positions for f in frames])))
         told = [VirtualSensor(pose, seed=seed + k, swaps=False).record(turn) for k, pose in enumerate(poses)]

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINTS
-from capture.smoothing import FRAME_RATE, JointFilter, Smoothing
+from capture.smoothing import FRAMES_PER_SECOND, JointFilter, Smoothing
 
 PRESETS = {
     "default": Smoothing(alpha=0.5, gamma=0.5, prediction=0.5, jitter_radius=0.05, max_deviation=0.04),
@@ -21,7 +21,7 @@ NOISE = 0.005  # metres, standard deviation in each axis
 def run(smoothing: Smoothing, positions: NDArray[np.float64]) -> NDArray[np.float64]:
     joint_filter = JointFilter(smoothing)
     confidence = np.ones(len(JOINTS), dtype=np.float32)
-    return np.array([joint_filter.step(k / FRAME_RATE, frame, confidence) for k, frame in enumerate(positions)])
+    return np.array([joint_filter.step(k / FRAMES_PER_SECOND, frame, confidence) for k, frame in enumerate(positions)])
 
 
 def along_x(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -31,13 +31,13 @@ def along_x(x: NDArray[np.float64]) -> NDArray[np.float64]:
 def main() -> None:
     frame = np.arange(FRAMES)
     step = along_x(np.where(frame < 10, 0.0, STEP))
-    ramp = along_x(np.maximum(frame - 10, 0) * SPEED / FRAME_RATE)
+    ramp = along_x(np.maximum(frame - 10, 0) * SPEED / FRAMES_PER_SECOND)
     noise = np.random.default_rng(0).normal(scale=NOISE, size=(FRAMES, len(JOINTS), 3))
     print("| preset | 90 % of a 0.3 m step, ms | overshoot, mm | lag at 1 m/s, ms | noise left of 5 mm, mm |")
     print("| --- | --- | --- | --- | --- |")
     for name, smoothing in PRESETS.items():
         after_step = run(smoothing, step)[10:, 0, 0]
-        settled = np.argmax(after_step >= 0.9 * STEP) / FRAME_RATE
+        settled = np.argmax(after_step >= 0.9 * STEP) / FRAMES_PER_SECOND
         lag = (ramp - run(smoothing, ramp))[-1, 0, 0] / SPEED
         left = run(smoothing, noise)[30:].std()
         overshoot = after_step.max() - STEP

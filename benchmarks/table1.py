@@ -9,9 +9,9 @@ from puppetline.examples.characters import CHARACTERS
 
 from benchmarks.processes import MODULE
 from engine_bridge.character.character import make_character
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench import in_process, number
-from engine_bridge.cli.bench_process import CHARACTER
+from engine_bridge.cli import benchmark
+from engine_bridge.cli.benchmark import in_process, number
+from engine_bridge.cli.benchmark_process import CHARACTER
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.puppet import HandleTable
 
@@ -75,7 +75,7 @@ def _stage(folder: Path, name: str, handles: int) -> None:
     made = CHARACTERS[name]()
     folder.mkdir()
     make_character(name, made.vertices, made.faces).document.save(folder / f"{name}.glb")
-    bench.prepare(folder, folder / f"{name}.glb", FRAMES)
+    benchmark.prepare(folder, folder / f"{name}.glb", FRAMES)
     proposed = puppet_file.load(folder / CHARACTER)
     own = tuple(
         HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)

@@ -1,5 +1,6 @@
-"""One hot function at a time: pytest benchmarks --benchmark-only."""
+"""Times of single functions: pytest benchmarks --benchmark-only. Each test also checks the result."""
 
+from copy import deepcopy
 from itertools import count
 from pathlib import Path
 
@@ -10,10 +11,11 @@ from puppetline.examples.performances import PERFORMANCES
 
 from capture.smoothing import JointFilter, Smoothing
 from engine_bridge.character.character import make_character
-from engine_bridge.cli import bench
-from engine_bridge.cli.bench_process import CHARACTER, LOG, Playing
+from engine_bridge.character.drawn_normals import drawn_normals
+from engine_bridge.cli.benchmark import own_cache, prepare
+from engine_bridge.cli.benchmark_process import CHARACTER, LOG, Playing
 from engine_bridge.performance.rig import load_rig
-from solver.model import lanes
+from solver.model import matrix_blocks
 from solver.model.polar import nearest_rotations
 from solver.motion.deformer import to_file_units
 
@@ -22,12 +24,12 @@ FRAMES = 300
 
 @pytest.fixture(scope="module")
 def playing(tmp_path_factory: pytest.TempPathFactory) -> Playing:
-    """A dinosaur of 14,000 vertices, some way into the performance."""
+    """Return a dinosaur with 14,000 vertices in the middle of its motion."""
     folder: Path = tmp_path_factory.mktemp("bench")
     made = CHARACTERS["dinosaur"]()
     make_character("dinosaur", made.vertices, made.faces).document.save(folder / "dinosaur.glb")
-    bench.prepare(folder, folder / "dinosaur.glb", FRAMES)
-    with bench.own_cache(folder):
+    prepare(folder, folder / "dinosaur.glb", FRAMES)
+    with own_cache(folder):
         played = Playing(load_rig(folder / CHARACTER), folder / LOG)
     for _ in range(FRAMES // 2):
         played.controls()
@@ -41,37 +43,68 @@ def targets(playing: Playing) -> np.ndarray:
 
 
 def test_joint_filter(benchmark):
-    frames = iter(PERFORMANCES["kung_fu"]().frames())
-    first = next(frames)
+    """A pose that does not change is the filter's output."""
+    pose = next(iter(PERFORMANCES["kung_fu"]().frames()))
     joints, ticks = JointFilter(Smoothing()), count()
-    joints.step(next(ticks) / 30, first.positions, first.confidence)
-    benchmark(lambda: joints.step(next(ticks) / 30, first.positions, first.confidence))
+    smoothed = benchmark(lambda: joints.step(next(ticks) / 30, pose.positions, pose.confidence))
+    np.testing.assert_allclose(smoothed, pose.positions, atol=1e-12)
 
 
 def test_input_and_retargeting(benchmark, playing, monkeypatch):
-    still = playing.performance.step(playing.frame()).R
-    monkeypatch.setattr(playing.performance.deformer, "solve", lambda *_: still)
-    benchmark(lambda: playing.performance.step(playing.frame()))
+    """The deformer receives what retargeting returns for the same frames."""
+    deformer, frames, received = playing.performance.deformer, [], []
+    retargeting = deepcopy(playing.performance.retargeting)
+    monkeypatch.setattr(deformer, "solve", lambda targets, *_: received.append(targets.copy()))
+
+    def step():
+        frames.append(playing.frame())
+        playing.performance.step(frames[-1])
+
+    benchmark(step)
+    np.testing.assert_array_equal(received, [retargeting.step(frame).targets for frame in frames])
 
 
 def test_nearest_rotations(benchmark):
+    """They are those of the singular value decomposition."""
     S = np.eye(3) + 0.3 * np.random.default_rng(0).normal(size=(80, 3, 3))
-    packed = lanes.pack(S.reshape(-1, 3), lanes.of_matrices(len(S)))
-    benchmark(nearest_rotations, packed, np.empty_like(packed))
+    places = matrix_blocks.matrix_row_places(len(S))
+    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), places)
+    rotations = np.empty_like(packed)
+    benchmark(nearest_rotations, packed, rotations)
+    U, _, Vt = np.linalg.svd(S)
+    U[:, :, 2] *= np.linalg.det(U @ Vt)[:, None]
+    np.testing.assert_allclose(matrix_blocks.unpack_rows(rotations, places).reshape(-1, 3, 3), U @ Vt, atol=1e-9)
 
 
 def test_solve(benchmark, playing, targets):
-    benchmark(playing.performance.deformer.solve, targets)
+    """After many iterations, the handles are at their targets."""
+    R = benchmark(playing.performance.deformer.solve, targets)
+    model, handles = playing.rig.model, playing.performance.deformer.handles
+    reached = model.rows(playing.rig.mesh, handles) @ R * model.diagonal + model.center
+    np.testing.assert_allclose(reached, targets, atol=1e-3 * model.diagonal)
 
 
 def test_to_file_units(benchmark, playing, targets):
+    """A point that a transform of model units moves goes to the same place in the file's coordinates."""
+    model = playing.rig.model
     R = playing.performance.deformer.solve(targets)
-    benchmark(to_file_units, R, playing.rig.model)
+    controls = benchmark(to_file_units, R, model)
+    point = np.array([0.1, 0.2, 0.3])
+    moved = (np.append(point, 1.0) @ R.reshape(-1, 4, 3)) * model.diagonal + model.center
+    there = controls @ np.append(point * model.diagonal + model.center, 1.0)
+    np.testing.assert_allclose(there, moved, atol=1e-5 * model.diagonal)
 
 
 def test_vertices(benchmark, playing):
-    benchmark(playing.binding.vertices, playing.controls().copy())
+    """They are the same whether normals are computed or not."""
+    controls = playing.controls().copy()
+    vertices = benchmark(playing.binding.vertices, controls)
+    np.testing.assert_allclose(vertices, playing.vertices(controls)[0], atol=1e-6 * playing.rig.model.diagonal)
 
 
 def test_vertices_and_normals(benchmark, playing):
-    benchmark(playing.vertices, playing.controls().copy())
+    """At rest they are the file's."""
+    model = playing.rig.model
+    vertices, normals = benchmark(playing.vertices, to_file_units(model.rest_controls, model))
+    np.testing.assert_allclose(vertices, playing.rig.character.vertices, atol=1e-5 * model.diagonal)
+    np.testing.assert_allclose(normals, drawn_normals(playing.rig.character), atol=1e-4)

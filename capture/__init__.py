@@ -1,1 +1,1 @@
-"""Skeletons in: sensors, network senders and recorded logs. Knows no mesh and no engine."""
+"""Skeleton input from sensors, network senders and recordings. Independent of meshes and engines."""

@@ -1,11 +1,11 @@
-"""How large a performer is: bone lengths, reach of each joint, height."""
+"""Size of a performer: bone lengths, reach of each joint, height; and the rest pose."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.skeleton import JOINT_INDEX, JOINTS, LOST, PARENTS
+from capture.skeleton import JOINT_INDEX, JOINTS, LIMBS, LOST, PARENTS
 
-TYPICAL_BONES: dict[str, float] = {
+TYPICAL_BONE_METRES: dict[str, float] = {
     "spine": 0.069,
     "shoulder_center": 0.339,
     "head": 0.202,
@@ -18,38 +18,27 @@ TYPICAL_BONES: dict[str, float] = {
     "ankle": 0.378,
     "foot": 0.091,
 }
-"""Metres from each joint to its parent: mean over the 15,860 frames of UTKinect-Action3D."""
+"""Distance of each joint from its parent: mean over the 15,860 frames of UTKinect-Action3D."""
 
 LIMB_ROOTS = ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
-"""Joints at which arms and legs begin: what hangs on them swings about them."""
+"""Joints at which arms and legs begin."""
 
-TRUNK = ("spine", "shoulder_center", "head")
-"""From the hips up."""
+TRUNK = LIMBS["trunk"][1:]
+"""Joints of the trunk above the hips."""
 
-LIMBS: dict[str, tuple[str, ...]] = {
-    "trunk": ("hip_center", *TRUNK),
-    **{
-        f"{side} arm": tuple(f"{bone}_{side}" for bone in ("shoulder", "elbow", "wrist", "hand"))
-        for side in ("left", "right")
-    },
-    **{
-        f"{side} leg": tuple(f"{bone}_{side}" for bone in ("hip", "knee", "ankle", "foot"))
-        for side in ("left", "right")
-    },
-}
-"""Joints that move together; each joint belongs to one limb."""
-
-HEAD_TOP, ANKLE_HEIGHT = 0.11, 0.09
-"""Metres from the head joint to the top of the head, and from the sole to the ankle."""
+HEAD_TOP_METRES, ANKLE_HEIGHT_METRES = 0.11, 0.09
+"""Distances from the head joint to the top of the head, and from the sole to the ankle."""
 
 
-def typical(joint: str) -> float:
-    """Return the typical length of the bone between a joint and its parent, metres."""
-    return TYPICAL_BONES[joint.removesuffix("_left").removesuffix("_right")]
+def typical_bone_length(joint: str) -> float:
+    """Return the typical length in metres of the bone between a joint and its parent."""
+    return TYPICAL_BONE_METRES[joint.removesuffix("_left").removesuffix("_right")]
 
 
 def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
-    """Measure each joint's distance to its parent; where one of them is unknown, scale the typical body to the rest.
+    """Measure the distance of each joint from its parent.
+
+    If one of the two joints is unknown, the length is that of a typical body, scaled to the known bones.
 
     Parameters
     ----------
@@ -59,22 +48,27 @@ def bone_lengths(pose: NDArray[np.float64]) -> dict[str, float]:
     Returns
     -------
     dict
-        From the joint's name to metres, for the 19 bones.
+        Metres of the 19 bones, by the joint's name.
     """
     measured = {
         joint: float(np.linalg.norm(pose[JOINT_INDEX[joint]] - pose[JOINT_INDEX[parent]]))
         for joint, parent in PARENTS.items()
     }
     known = [joint for joint, length in measured.items() if np.isfinite(length)]
-    size = sum(measured[joint] for joint in known) / sum(typical(joint) for joint in known) if known else 1.0
-    return {joint: length if np.isfinite(length) else size * typical(joint) for joint, length in measured.items()}
+    size = (
+        sum(measured[joint] for joint in known) / sum(typical_bone_length(joint) for joint in known) if known else 1.0
+    )
+    return {
+        joint: length if np.isfinite(length) else size * typical_bone_length(joint)
+        for joint, length in measured.items()
+    }
 
 
 def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far each joint can be from where its limb begins: the bones between them, laid straight.
+    """Return the maximum distance of each joint from the root of its limb: the length of the bones between them.
 
-    Arms begin at the shoulders and legs at the hips. The joints of the trunk, where limbs begin, are carried by
-    leaning and crouching and reach as far as the trunk is long, hips to head.
+    Arms begin at the shoulders and legs at the hips. The reach of the joints of the trunk, which move by leaning and
+    crouching, is the length of the trunk from hips to head.
 
     Parameters
     ----------
@@ -89,7 +83,7 @@ def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     bones = bone_lengths(pose)
     trunk = sum(bones[joint] for joint in TRUNK)
     lengths = np.full(len(JOINTS), trunk)
-    for joint, parent in PARENTS.items():  # parents stand before their children
+    for joint, parent in PARENTS.items():  # parents precede their children
         if joint not in (*TRUNK, *LIMB_ROOTS):
             before = 0.0 if parent in LIMB_ROOTS else lengths[JOINT_INDEX[parent]]
             lengths[JOINT_INDEX[joint]] = before + bones[joint]
@@ -97,16 +91,18 @@ def reach(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def height(pose: NDArray[np.float64]) -> float:
-    """Return a performer's height standing upright, metres, from the bones of the legs, the trunk and the head."""
+    """Return the height in metres of a performer standing upright, from the bones of legs, trunk and head."""
     bones = bone_lengths(pose)
     legs = np.mean([bones[f"{bone}_{side}"] for bone in ("knee", "ankle") for side in ("left", "right")]) * 2
-    return float(legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP + ANKLE_HEIGHT)
+    return float(
+        legs + bones["spine"] + bones["shoulder_center"] + bones["head"] + HEAD_TOP_METRES + ANKLE_HEIGHT_METRES
+    )
 
 
 def resting_pose(
     positions: NDArray[np.float64], confidence: NDArray[np.float32], first: int, count: int
 ) -> NDArray[np.float64]:
-    """Return the pose at one moment of a take: each joint's median over a few frames.
+    """Return the pose at one time of a recording: each joint's median over a few frames.
 
     Parameters
     ----------
@@ -114,12 +110,12 @@ def resting_pose(
         Metres.
     confidence : (T, 20) float32
     first, count : int
-        The frames to look at. A joint that is lost in all of them is taken from the nearest ones in which it is known.
+        The frames to use. For a joint that is lost in all of them, the nearest frames in which it is known are used.
 
     Returns
     -------
     (20, 3) float64
-        NaN for joints that are never known.
+        NaN for joints that are lost in all frames.
     """
     pose = np.full((len(JOINTS), 3), np.nan)
     for joint in range(len(JOINTS)):

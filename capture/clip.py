@@ -1,4 +1,4 @@
-"""One performer's recorded frames, as every log reader returns them."""
+"""The recorded frames of one performer, which every format reader returns."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,19 +17,19 @@ class SkeletonClip:
     Attributes
     ----------
     format : str
-        Name of the log format it was read from.
+        Name of the recording's format.
     user : int
-        The sensor's number for the performer; 0 where the format has none.
+        User number; 0 if the format has none.
     times : (T,) float64
-        Seconds, strictly increasing, not necessarily evenly spaced. The first need not be 0.
+        Seconds, strictly increasing, not necessarily at regular intervals or from 0.
     positions : (T, 20, 3) float64
-        Metres, sensor frame (see `capture.skeleton`), NaN where a joint is lost.
+        Metres, sensor coordinates (see `capture.skeleton`), NaN for lost joints.
     confidence : (T, 20) float32
         1 tracked, 0.5 inferred, 0 lost.
     notes : tuple of str
-        What the reader had to assume or leave out, a sentence each, for the user to read.
+        Sentences for the user about the reader's assumptions and skipped data.
     orientations : (T, 20, 4) float64, optional
-        How the bones are turned (`capture.orientations`), NaN where that is not known.
+        Orientations of the bones (`capture.orientations`), NaN if unknown.
     """
 
     format: str
@@ -41,7 +41,7 @@ class SkeletonClip:
     orientations: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        """Check what every later step relies on; a failure here is a reader's fault, not the user's."""
+        """Check the conditions on which all later steps rely; a failure is a bug of the reader."""
         count = len(self.times)
         if self.positions.shape != (count, len(JOINTS), 3) or self.confidence.shape != (count, len(JOINTS)):
             raise ValueError(f"positions {self.positions.shape}, confidence {self.confidence.shape} for {count} frames")
@@ -50,15 +50,16 @@ class SkeletonClip:
         if np.any(np.diff(self.times) <= 0):
             raise ValueError("times must increase strictly")
         if not np.array_equal(np.isnan(self.positions).any(axis=2), self.confidence == LOST):
-            raise ValueError("a joint is lost exactly where its position is NaN")
+            raise ValueError("a joint must be lost exactly if its position is NaN")
 
     @property
     def tracked_frames(self) -> int:
-        """Frames in which at least one joint is known."""
+        """Number of frames in which at least one joint is known."""
         return int(np.count_nonzero((self.confidence > LOST).any(axis=1)))
 
     def frames(self) -> Iterator[SkeletonFrame]:
-        """Go through the frames one by one, as a live source would give them."""
-        turns = repeat(None) if self.orientations is None else self.orientations
-        for time, positions, confidence, turn in zip(self.times, self.positions, self.confidence, turns, strict=False):
-            yield SkeletonFrame(float(time), self.user, positions, confidence, turn)
+        """Yield the frames one by one, like a live source."""
+        orientations = repeat(None) if self.orientations is None else self.orientations
+        frames = zip(self.times, self.positions, self.confidence, orientations, strict=False)
+        for time, positions, confidence, orientation in frames:
+            yield SkeletonFrame(float(time), self.user, positions, confidence, orientation)

@@ -1,7 +1,7 @@
-"""What a live source gives: frames, and what happens between them.
+"""Events of a source: frames, and the events between them.
 
-All times are seconds on the clock of the source that gives them, and never go back. Of a live source that clock is
-`time.monotonic`, of a replayed take it is the take's own, so that a take gives the very same events again.
+All times are seconds on the clock of the source and never decrease. The clock of a live source is `time.monotonic`. A
+take has its own clock, so a replay yields exactly the recorded events.
 """
 
 from dataclasses import dataclass, field
@@ -12,13 +12,7 @@ from capture.skeleton import SkeletonFrame
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """The sender says that a performer has gone.
-
-    Attributes
-    ----------
-    time : float
-    user : int
-    """
+    """The sender reports that a performer has left."""
 
     time: float
     user: int
@@ -26,29 +20,24 @@ class Lost:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Time has passed and nothing came: what eases or waits goes on.
-
-    Attributes
-    ----------
-    time : float
-    """
+    """Time has passed without another event; easing and waiting continue."""
 
     time: float
 
 
 @dataclass(frozen=True, slots=True)
 class Cue:
-    """Something is to be done with performers or characters: somebody asks for it, or what was asked for is ready.
+    """A command for performers or characters, or the result of one that is now available.
 
     Attributes
     ----------
     time : float
     do : str
-        ``"calibrate"``, ``"mirror"``, ``"choose_user"``; ``"begin"`` to use a calibration from now on; ``"level"`` from
-        a sensor that sees the floor: tilt and roll in degrees, height in metres; ``"stage"`` at the beginning of a
-        take: who is there, who plays which character, and how they are calibrated.
+        ``"calibrate"``, ``"mirror"`` or ``"choose_user"``; ``"begin"`` to start using a calibration; ``"level"`` from a
+        sensor that detects the floor, with tilt and roll in degrees and height in metres; ``"stage"`` at the beginning
+        of a take, with the performers, their characters and their calibrations.
     arguments : dict
-        Of JSON's types.
+        Values of JSON types.
     """
 
     time: float
@@ -58,5 +47,5 @@ class Cue:
 
 Event = SkeletonFrame | Lost | Tick | Cue
 
-TICK = 1 / 30
-"""Seconds of silence after which a source gives a tick, and then another one."""
+TICK_SECONDS = 1 / 30
+"""Time without an event after which a source emits a tick; it repeats."""

@@ -1,4 +1,4 @@
-"""Optional libraries that sensors require: whether one that does not load is installed at all."""
+"""Errors for optional libraries that sensors require: a library that is missing, or one that cannot be loaded."""
 
 import ctypes.util
 
@@ -6,27 +6,17 @@ from puppetline.errors import SourceError
 
 
 class NotInstalledError(SourceError):
-    """A library that a source requires is not installed; one that is installed but does not load is a SourceError."""
+    """A library that a source requires is not installed. A library that cannot be loaded is a plain SourceError."""
 
 
 def import_error(module: str, error: Exception) -> type[SourceError]:
-    """Return the class of error for a Python module that `error` keeps from being imported.
+    """Return the class of error for an `error` that occurred while importing a top-level Python module.
 
-    Parameters
-    ----------
-    module : str
-        Name of the top-level module. The error may also be about a module that it imports.
-    error : Exception
+    The error may also concern another module that the module imports.
     """
     return NotInstalledError if isinstance(error, ModuleNotFoundError) and error.name == module else SourceError
 
 
 def load_error(library: str) -> type[SourceError]:
-    """Return the class of error for a shared library that does not load.
-
-    Parameters
-    ----------
-    library : str
-        Name without prefix and suffix, as `ctypes.util.find_library` expects it.
-    """
+    """Return the class of error for a shared library that cannot be loaded, named without prefix and suffix."""
     return NotInstalledError if ctypes.util.find_library(library) is None else SourceError

@@ -1,4 +1,4 @@
-"""Where one sensor stands as another one sees it, and the best rigid fit of points to points."""
+"""Pose of a sensor in the coordinates of another one, and the rigid fit of points to points."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,14 +11,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Takes positions from a sensor's own frame into the common one.
+    """Transform from a sensor's own coordinates to common coordinates.
 
     Attributes
     ----------
     rotation : (3, 3) float64
         Proper and orthogonal.
     position : (3,) float64
-        Of the sensor, metres, in the common frame.
+        Position of the sensor in common coordinates, metres.
     """
 
     rotation: Array
@@ -26,7 +26,7 @@ class Pose:
 
     @classmethod
     def of_degrees(cls, tilt: float, turn: float, roll: float, position: Array) -> Self:
-        """Make the pose of a sensor that is rolled, then tilted down, then turned to its own left.
+        """Return the pose of a sensor that is rolled, then tilted down, then turned to its own left.
 
         Parameters
         ----------
@@ -43,7 +43,7 @@ class Pose:
 
     @property
     def degrees(self) -> tuple[float, float, float]:
-        """Tilt, turn and roll as `of_degrees` takes them."""
+        """Tilt, turn and roll as in `of_degrees`."""
         r = self.rotation
         tilt = np.arcsin(np.clip(-r[1, 2], -1.0, 1.0))
         turn, roll = np.arctan2(r[0, 2], r[2, 2]), np.arctan2(r[1, 0], r[1, 1])
@@ -51,23 +51,23 @@ class Pose:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the sensor's own frame is the common one."""
+        """Whether the sensor's own coordinates are the common ones."""
         return np.array_equal(self.rotation, np.eye(3)) and not self.position.any()
 
     def apply(self, positions: Array) -> Array:
-        """Return positions (…, 3) of the sensor's frame in the common one."""
+        """Convert positions (…, 3) from the sensor's own coordinates to common coordinates."""
         return positions @ self.rotation.T + self.position
 
 
 def fit(points: Array, onto: Array, weights: Array) -> Pose:
-    """Return the pose that brings points nearest to others, without scaling (Kabsch).
+    """Return the pose that moves points nearest to others, without scaling (Kabsch).
 
     Parameters
     ----------
     points, onto : (n, 3) float64
         Finite.
     weights : (n,) float64
-        Not negative, and not all zero.
+        Not negative, with a positive sum.
     """
     share = (weights / weights.sum())[:, None]
     middle, target = (share * points).sum(axis=0), (share * onto).sum(axis=0)

@@ -1,7 +1,7 @@
-"""The project's own recording, a *take*: written as it happens, readable after a crash.
+"""Recording of takes, Puppetline's own format, which stays readable after a crash.
 
-JSON Lines in UTF-8. The first line is `HEADER`. Each further line is one of `capture.events`: what the source gave, or
-what was asked for in between. A stage's take begins with the cue ``stage``::
+A take is JSON Lines in UTF-8. The first line is `HEADER`. Each further line is an event of `capture.events`: an event
+of the source or a command. A stage's take begins with the cue ``stage``::
 
     {"t": 12.4, "do": "stage", "arguments": {…}}
     {"t": 12.5, "user": 1, "p": [[0.1, 0.92, 2.4], null, …], "c": [1.0, 0.0, …], "o": [[0.8, 0.0, 0.6, 0.0], null, …]}
@@ -9,12 +9,13 @@ what was asked for in between. A stage's take begins with the cue ``stage``::
     {"t": 12.7, "do": "calibrate", "arguments": {"character": "dog"}}
     {"t": 12.8, "lost": 1}
 
-t is in seconds, p in metres in the sensor frame of `capture.skeleton` rounded to 0.01 mm, c is the confidence; both are
-in the order of the header's joints and a lost joint is null with confidence 0. o is there where the source has
-orientations: quaternions of `capture.orientations`, null where unknown.
+t is the time in seconds. p are positions in metres in sensor coordinates, rounded to 0.01 mm, and c are confidences,
+both in the order of the header's joints; a lost joint is null with confidence 0. If the source has orientations, o are
+quaternions as in `capture.orientations`, null if unknown.
 
-A file is only ever appended to. A line is whole where it ends in ``}`` and a line feed; anything else was torn by a
-crash, and who goes on with such a file ends the torn line with `TORN`. The reader is `capture.formats.puppetline_log`.
+Data are only appended to a file. A line is complete if it ends in ``}`` and a line feed. Any other line is incomplete
+because of a crash; a program that continues such a file ends the line with `INCOMPLETE_LINE_END`. The reader is
+`capture.formats.puppetline_log`.
 """
 
 import json
@@ -33,42 +34,38 @@ from capture.skeleton import JOINTS, LOST, SkeletonFrame
 from puppetline.errors import OutputError
 
 VERSION = 2
-"""Version 1 had frames only."""
+"""Version of the format. Version 1 has only frames."""
 
 HEADER = json.dumps({"puppetline": "skeleton log", "version": VERSION, "joints": JOINTS}).encode() + b"\n"
 """The first line of a recording."""
 
-TORN = b"...\n"
-"""The end of a line that was torn: it keeps one that broke off at a ``}`` from passing for a whole one."""
+INCOMPLETE_LINE_END = b"...\n"
+"""End of an incomplete line, so that a line that was cut off after a ``}`` is not read as a complete one."""
 
 DECIMALS = 5
-"""Of a position in metres: 0.01 mm; of a quaternion: 0.001°."""
+"""Number of decimals of a position in metres (0.01 mm) and of a quaternion (0.001°)."""
 
-SYNC_INTERVAL = 1.0
-"""Seconds of performance that a power cut may cost; a crash of the program costs none."""
+SYNC_INTERVAL_SECONDS = 1.0
+"""Interval at which the file is synchronised with the disk. A power cut may lose this time; a crash loses nothing."""
 
 
 class Recorder:
-    """Appends events to a recording, new or begun earlier.
-
-    Parameters
-    ----------
-    path : Path
+    """A writer that appends events to a new or existing take.
 
     Raises
     ------
     OutputError
-        If the file cannot be opened, or is there already and no recording of this version.
+        The file cannot be opened, or exists and is not a take of this version.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            # Append mode without a buffer: what is written is with the system at once, whatever becomes of us.
+            # In append mode without a buffer, the system has all written data even if this process crashes.
             self._file = path.open("ab+", buffering=0)
         except OSError as error:
-            raise _cannot_write(path, error) from error
-        # A disk may take a tenth of a second to sync, for which no frame should wait.
+            raise _write_error(path, error) from error
+        # Synchronising with the disk may take 0.1 s, so another thread does it.
         self._syncer = ThreadPoolExecutor(1, "sync")
         self._syncing: Future[None] | None = None
         self._synced = time.monotonic()
@@ -92,17 +89,17 @@ class Recorder:
         Raises
         ------
         OutputError
-            If the system does not take it, say because the disk is full; the recording is closed then.
+            The event cannot be written, for example because the disk is full. The take is then closed.
         """
         self._append(encode(event))
         now = time.monotonic()
-        if now - self._synced >= SYNC_INTERVAL and (self._syncing is None or self._syncing.done()):
+        if now - self._synced >= SYNC_INTERVAL_SECONDS and (self._syncing is None or self._syncing.done()):
             self._check_sync()
             self._syncing = self._syncer.submit(os.fsync, self._file.fileno())
             self._synced = now
 
     def close(self) -> None:
-        """Leave the recording complete on the disk. Closing again does nothing."""
+        """Write everything to the disk and close the file. Closing again does nothing."""
         if self._file.closed:
             return
         with self._file:
@@ -111,22 +108,22 @@ class Recorder:
             try:
                 os.fsync(self._file.fileno())
             except OSError as error:
-                raise _cannot_write(self.path, error) from error
+                raise _write_error(self.path, error) from error
 
     def _missing_start(self) -> bytes:
-        """Return what must stand before the next line: the header, what a crash took of it, or a torn line's end."""
+        """Return the data to write before the next line: the rest of the header, or the end of an incomplete line."""
         self._file.seek(0)
         start = self._file.read(len(HEADER))
         if start == HEADER:
             self._file.seek(-1, os.SEEK_END)
-            return b"" if self._file.read(1) == b"\n" else TORN
+            return b"" if self._file.read(1) == b"\n" else INCOMPLETE_LINE_END
         if HEADER.startswith(start):
             return HEADER[len(start) :]
         raise OutputError(
             self.path,
-            found="a file that is not a recording of this version",
-            expected="a new name, or a recording to continue",
-            fix="Choose another name; the file was left as it is.",
+            found="a file that is not a take of this version",
+            expected="a new name, or a take to continue",
+            fix="Choose another name; the file is unchanged.",
         )
 
     def _append(self, data: bytes) -> None:
@@ -134,9 +131,9 @@ class Recorder:
             while data:
                 data = data[self._file.write(data) :]
         except OSError as error:
-            # Part of a line may be written. The next to open the file ends it; going on here would spoil a line.
+            # Part of a line may be written. The next recorder that opens the file ends the line.
             self._abandon()
-            raise _cannot_write(self.path, error) from error
+            raise _write_error(self.path, error) from error
 
     def _check_sync(self) -> None:
         try:
@@ -144,7 +141,7 @@ class Recorder:
                 self._syncing.result()
         except OSError as error:
             self._abandon()
-            raise _cannot_write(self.path, error) from error
+            raise _write_error(self.path, error) from error
 
     def _abandon(self) -> None:
         self._syncer.shutdown()
@@ -152,27 +149,27 @@ class Recorder:
 
 
 def as_recorded(frame: SkeletonFrame) -> SkeletonFrame:
-    """Return the frame that a reader of the take gives back, to the bit.
+    """Return the frame that a reader of the take returns, bit for bit.
 
-    What is performed live must be this, so that a replay performs the same.
+    The live service uses this frame, so that a replay has the same result.
     """
     rounded = np.round(frame.positions, DECIMALS)
     known = (frame.confidence > LOST) & np.isfinite(rounded).all(axis=1)
-    turns = None
+    orientations = None
     if frame.orientations is not None:
-        turns = np.round(frame.orientations, DECIMALS)
-        turns = np.where(np.isfinite(turns).all(axis=1, keepdims=True), turns, np.nan)
+        orientations = np.round(frame.orientations, DECIMALS)
+        orientations = np.where(np.isfinite(orientations).all(axis=1, keepdims=True), orientations, np.nan)
     return SkeletonFrame(
         float(frame.time),
         int(frame.user),
         np.where(known[:, None], rounded, np.nan),
         np.where(known, frame.confidence, np.float32(LOST)),
-        turns,
+        orientations,
     )
 
 
 def encode(event: Event) -> bytes:
-    """Return an event's line in a recording."""
+    """Return an event's line in a take."""
     match event:
         case Tick(time):
             return _line({"t": time, "tick": True})
@@ -185,12 +182,12 @@ def encode(event: Event) -> bytes:
     line = {
         "t": frame.time,
         "user": frame.user,
-        "p": [place if seen else None for place, seen in zip(frame.positions.tolist(), known, strict=True)],
-        # str gives the shortest number that reads back as the same float32.
+        "p": [position if seen else None for position, seen in zip(frame.positions.tolist(), known, strict=True)],
+        # str returns the shortest number that is read back as the same float32
         "c": [float(str(value)) for value in frame.confidence],
     }
     if frame.orientations is not None:
-        line["o"] = [None if math.isnan(turn[0]) else turn for turn in frame.orientations.tolist()]
+        line["o"] = [None if math.isnan(each[0]) else each for each in frame.orientations.tolist()]
     return _line(line)
 
 
@@ -198,10 +195,10 @@ def _line(value: dict[str, Any]) -> bytes:
     return json.dumps(value, allow_nan=False).encode() + b"\n"
 
 
-def _cannot_write(path: Path, error: OSError) -> OutputError:
+def _write_error(path: Path, error: OSError) -> OutputError:
     return OutputError(
         path,
-        found=error.strerror or str(error),
-        expected="a file that can be written",
-        fix="Choose another place, or make room or give permission there.",
+        found=f"a file that cannot be written ({error.strerror or error})",
+        expected="a writable file with enough disk space",
+        fix="Choose another path, free disk space, or change the permissions.",
     )

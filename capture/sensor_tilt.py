@@ -1,4 +1,4 @@
-"""A sensor that looks up or down, at some height: its skeletons turned upright and put on the floor."""
+"""Tilt and height of a sensor, and the conversion of its skeletons to upright coordinates from the floor."""
 
 import math
 from collections.abc import Mapping
@@ -8,37 +8,36 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT
-from capture.orientations import turned
+from capture.body import ANKLE_HEIGHT_METRES
+from capture.orientations import rotated
 from capture.pose import Pose
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-STRAIGHT = math.cos(math.radians(20))
-"""Thigh and shin, and legs and trunk, that enclose less than this are those of somebody who stands upright."""
+MIN_STRAIGHT_COSINE = math.cos(math.radians(20))
+"""Cosine of the largest angle between thigh and shin, and between legs and trunk, of a performer who stands upright."""
 
-DEAD_ZONE = 5.0
-"""Degrees. People do not stand straighter than this, so less is no tilt of the sensor."""
+MIN_TILT_DEGREES = 5.0
+"""Minimum tilt that is detected; performers do not stand straighter than this."""
 
-STEEPEST = 50.0
-"""Degrees of tilt beyond which a pose is taken for something else than standing."""
+MAX_TILT_DEGREES = 50.0
+"""Maximum tilt that is detected; with a larger one, the performer does not stand."""
 
-
-MOVED = 2.0, 0.06
-"""Degrees and metres by which a sensor that was moved stands otherwise; less is how it was measured."""
+MIN_TILT_CHANGE = 2.0, 0.06
+"""Minimum change, in degrees and metres, of a sensor that was moved; smaller changes are measurement errors."""
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
-    """How a sensor stands.
+class SensorTilt:
+    """Tilt, height and roll of a sensor.
 
     Attributes
     ----------
     tilt : float
-        Degrees that it looks down; negative where it looks up.
+        Degrees by which the sensor looks down; negative if it looks up.
     height : float
-        Metres above the floor, 0 where that is not known.
+        Metres above the floor, 0 if unknown.
     roll : float
-        Degrees that it leans, as of `capture.pose.Pose.of_degrees`.
+        Degrees about the viewing direction, as in `capture.pose.Pose.of_degrees`.
     """
 
     tilt: float = 0.0
@@ -47,19 +46,19 @@ class Level:
 
     @classmethod
     def of_json(cls, values: Mapping[str, Any]) -> Self:
-        """Make one of what a cue ``level`` or a memory says.
+        """Convert the arguments of a cue ``level`` or a saved state.
 
         Raises
         ------
         ValueError
-            It says something else.
+            A value is missing, not a number or not finite.
         """
         try:
             level = cls(**{each.name: float(values[each.name]) for each in fields(cls)})
         except (KeyError, TypeError, OverflowError) as error:
             raise ValueError(f"no tilt, height and roll: {error}") from error
         if not all(map(math.isfinite, astuple(level))):
-            raise ValueError("neither tilt, height nor roll can be endless")
+            raise ValueError("tilt, height and roll must be finite")
         return level
 
     def __str__(self) -> str:
@@ -67,39 +66,39 @@ class Level:
         leans = f", leans by {abs(self.roll):.0f}°" if abs(self.roll) >= 1 else ""
         return f"{self.height:.2f} m above the floor, {looks}{leans}"
 
-    def near(self, other: "Level", degrees: float, metres: float) -> bool:
-        """Tell whether another sensor stands about the same."""
-        turned = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
-        return turned <= degrees and abs(self.height - other.height) <= metres
+    def near(self, other: "SensorTilt", degrees: float, metres: float) -> bool:
+        """Return whether another tilt differs by at most these degrees and metres."""
+        angle = max(abs(self.tilt - other.tilt), abs(self.roll - other.roll))
+        return angle <= degrees and abs(self.height - other.height) <= metres
 
     def __call__(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (..., 3) positions with y straight up, from the floor where its height is known."""
-        return positions if self == Level() else self._pose.apply(positions)
+        """Return (..., 3) positions with y straight up, measured from the floor if the height is known."""
+        return positions if self == SensorTilt() else self._pose.apply(positions)
 
     def frame(self, frame: SkeletonFrame) -> SkeletonFrame:
-        """Return a frame with y straight up, and its bones turned with it."""
-        if self == Level():
+        """Return a frame whose positions and orientations have y straight up."""
+        if self == SensorTilt():
             return frame
-        turns = None if frame.orientations is None else turned(frame.orientations, self._pose.rotation)
-        return replace(frame, positions=self(frame.positions), orientations=turns)
+        orientations = None if frame.orientations is None else rotated(frame.orientations, self._pose.rotation)
+        return replace(frame, positions=self(frame.positions), orientations=orientations)
 
     @property
     def _pose(self) -> Pose:
         return Pose.of_degrees(self.tilt, 0.0, self.roll, np.array([0.0, self.height, 0.0]))
 
 
-def level_of(pose: NDArray[np.float64]) -> Level | None:
-    """Find out from somebody who stands upright how the sensor stands.
+def estimate_tilt(pose: NDArray[np.float64]) -> SensorTilt | None:
+    """Estimate the tilt and height of a sensor from a performer who stands upright.
 
     Parameters
     ----------
     pose : (20, 3) float64
-        Metres, sensor frame; NaN for unknown joints.
+        Metres, sensor coordinates; NaN for unknown joints.
 
     Returns
     -------
-    Level or None
-        None where legs or trunk are unknown or bent, so that nothing can be said.
+    SensorTilt or None
+        None if legs or trunk are unknown or bent.
     """
     joint = {name: pose[index] for name, index in JOINT_INDEX.items()}
     hips, top = joint["hip_center"], joint["shoulder_center"]
@@ -108,16 +107,16 @@ def level_of(pose: NDArray[np.float64]) -> Level | None:
         (joint[f"knee_{side}"] - joint[f"hip_{side}"], joint[f"ankle_{side}"] - joint[f"knee_{side}"])
         for side in ("left", "right")
     ]
-    if not all(_along(*bend) > STRAIGHT for bend in [*bends, (top - hips, hips - ankles)]):
+    if not all(_cosine(*bend) > MIN_STRAIGHT_COSINE for bend in [*bends, (top - hips, hips - ankles)]):
         return None
     _, up, forward = top - ankles
     tilt = math.degrees(math.atan2(-forward, up))
-    if abs(tilt) > STEEPEST:
+    if abs(tilt) > MAX_TILT_DEGREES:
         return None
-    upright = Level(tilt if abs(tilt) > DEAD_ZONE else 0.0)
-    return Level(upright.tilt, ANKLE_HEIGHT - float(upright(ankles)[1]))
+    upright = SensorTilt(tilt if abs(tilt) > MIN_TILT_DEGREES else 0.0)
+    return SensorTilt(upright.tilt, ANKLE_HEIGHT_METRES - float(upright(ankles)[1]))
 
 
-def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Return the cosine between two directions; NaN, which is above nothing, where one is unknown."""
+def _cosine(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the cosine of the angle between two vectors; NaN if one is unknown."""
     return float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))

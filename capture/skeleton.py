@@ -1,70 +1,47 @@
-"""The 20 Kinect joints, one frame of a performer, and the one axis convention.
+"""The 20 Kinect joints, a frame of one performer, and the coordinate systems.
 
-Sensor frame, used by everything in `capture`: right-handed, metres, origin at the sensor, y up, z away from the sensor,
-the performer's right side at +x when the performer faces the sensor. *Left* and *right* in a joint's name are the
-performer's own.
+Sensor coordinates, used in all of `capture`, are right-handed and in metres: the origin is at the sensor, y points up,
+z away from the sensor. The right side of a performer who faces the sensor is at +x. *Left* and *right* in a joint's
+name are the performer's.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-JOINTS: tuple[str, ...] = (
-    "hip_center",
-    "spine",
-    "shoulder_center",
-    "head",
-    "shoulder_left",
-    "elbow_left",
-    "wrist_left",
-    "hand_left",
-    "shoulder_right",
-    "elbow_right",
-    "wrist_right",
-    "hand_right",
-    "hip_left",
-    "knee_left",
-    "ankle_left",
-    "foot_left",
-    "hip_right",
-    "knee_right",
-    "ankle_right",
-    "foot_right",
-)
-"""Joint names in the order of the Kinect SDK v1, which is the order of every (20, …) array here."""
+LIMBS: dict[str, tuple[str, ...]] = {
+    "trunk": ("hip_center", "spine", "shoulder_center", "head"),
+    "left arm": ("shoulder_left", "elbow_left", "wrist_left", "hand_left"),
+    "right arm": ("shoulder_right", "elbow_right", "wrist_right", "hand_right"),
+    "left leg": ("hip_left", "knee_left", "ankle_left", "foot_left"),
+    "right leg": ("hip_right", "knee_right", "ankle_right", "foot_right"),
+}
+"""Joints of each limb, from its root to its tip."""
+
+JOINTS: tuple[str, ...] = tuple(joint for limb in LIMBS.values() for joint in limb)
+"""Joint names in the order of the Kinect SDK v1, which is the order of every (20, …) array."""
 
 JOINT_INDEX: dict[str, int] = {name: index for index, name in enumerate(JOINTS)}
 
+_LIMB_PARENTS = {"arm": "shoulder_center", "leg": "hip_center"}
 PARENTS: dict[str, str] = {
-    "spine": "hip_center",
-    "shoulder_center": "spine",
-    "head": "shoulder_center",
-    "shoulder_left": "shoulder_center",
-    "elbow_left": "shoulder_left",
-    "wrist_left": "elbow_left",
-    "hand_left": "wrist_left",
-    "shoulder_right": "shoulder_center",
-    "elbow_right": "shoulder_right",
-    "wrist_right": "elbow_right",
-    "hand_right": "wrist_right",
-    "hip_left": "hip_center",
-    "knee_left": "hip_left",
-    "ankle_left": "knee_left",
-    "foot_left": "ankle_left",
-    "hip_right": "hip_center",
-    "knee_right": "hip_right",
-    "ankle_right": "knee_right",
-    "foot_right": "ankle_right",
+    joint: parent
+    for limb, joints in LIMBS.items()
+    for parent, joint in pairwise(joints if limb == "trunk" else (_LIMB_PARENTS[limb.split()[1]], *joints))
 }
-"""Each joint's neighbour towards the hips; the 19 pairs are the skeleton's bones."""
+"""Neighbour of each joint towards the hips; the 19 pairs are the skeleton's bones."""
 
 TRACKED = 1.0
-"""Confidence of a joint that the sensor saw."""
+"""Confidence of a joint that the sensor sees."""
 INFERRED = 0.5
-"""Confidence of a joint that the sensor guessed."""
+"""Confidence of a joint whose position the sensor infers."""
 LOST = 0.0
-"""Confidence of a joint that is not known; its position is NaN in a log and the last known one after resampling."""
+"""Confidence of a lost joint. Its position is NaN in a recording, and the last known position after resampling."""
+
+MAX_DISTANCE_METRES = 1000.0
+"""Maximum distance of a joint from the origin along each axis; larger coordinates are errors of the sender."""
 
 
 def _swap_sides(name: str) -> str:
@@ -74,25 +51,25 @@ def _swap_sides(name: str) -> str:
 
 
 OPPOSITE: NDArray[np.intp] = np.array([JOINT_INDEX[_swap_sides(name)] for name in JOINTS])
-"""(20,) index of each joint's counterpart on the other side of the body."""
+"""Index (20,) of each joint's counterpart on the other side of the body."""
 
 
 @dataclass(frozen=True, slots=True)
 class SkeletonFrame:
-    """One performer at one moment.
+    """One performer at one time.
 
     Attributes
     ----------
     time : float
         Seconds.
     user : int
-        The sensor's number for the performer.
+        User number.
     positions : (20, 3) float64
-        Metres, sensor frame, in the order of `JOINTS`.
+        Metres, sensor coordinates, in the order of `JOINTS`.
     confidence : (20,) float32
-        `TRACKED`, `INFERRED` or `LOST`, or anything between.
+        `TRACKED`, `INFERRED`, `LOST`, or a value between them.
     orientations : (20, 4) float64, optional
-        How the bones are turned, where a log or sensor says so (`capture.orientations`).
+        Orientations of the bones (`capture.orientations`), if the recording or sensor has them.
     """
 
     time: float
@@ -103,12 +80,12 @@ class SkeletonFrame:
 
 
 def mirrored(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the skeleton seen in a mirror: x negated, left and right swapped.
+    """Return the mirrored skeleton: x negated, left and right swapped.
 
     Parameters
     ----------
     positions : (..., 20, 3) float64
-        Metres, sensor frame.
+        Metres, sensor coordinates.
 
     Returns
     -------
@@ -118,16 +95,16 @@ def mirrored(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def to_character_axes(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn sensor coordinates into those of a glTF character that faces +z: (−x, y, −z).
+    """Convert sensor coordinates to those of a glTF character that faces +z: (−x, y, −z).
 
     Parameters
     ----------
     positions : (..., 3) float64
-        Sensor frame.
+        Sensor coordinates.
 
     Returns
     -------
     (..., 3) float64
-        Right-handed, y up, the performer's right side at −x as a character's that faces +z.
+        Right-handed, y up; the performer's right side is at −x, like that of a character that faces +z.
     """
     return positions * np.array([-1.0, 1.0, -1.0])

@@ -1,43 +1,43 @@
-"""The joint position double exponential filter: the paper's Eq. 4, on a sensor's real clock.
+"""The double exponential filter of joint positions: the paper's Eq. 4, at the times of a sensor's frames.
 
-Holt's method smooths a measurement p with the previous *smoothed* value p̃ and a trend b, both a frame old::
+Holt's method smooths a measurement p with the smoothed value p̃ and the trend b of the previous frame::
 
     p̃ₜ = β pₜ + (1 − β)(p̃ₜ₋₁ + bₜ₋₁)        p̃₁ = p₁
     bₜ = γ (p̃ₜ − p̃ₜ₋₁) + (1 − γ) bₜ₋₁        b₁ = p₁ − p₀
 
-It counts frames, but sensors drop frames and run at different rates. So the recursion is solved over a segment between
-two measurements, n frames of 1/30 s long. With the slope v = (pₜ − pₜ₋₁)/n and the errors e = p̃ − p and u = b − v,
-one frame along the segment is linear::
+The equation counts frames, but sensors drop frames and have different rates. The recursion is therefore solved over the
+segment between two measurements, whose length is n frames of 1/30 s. Let v = (pₜ − pₜ₋₁)/n be the slope, and e = p̃ − p
+and u = b − v the errors. One frame along the segment is then linear, and the whole segment is Aⁿ for any real n > 0::
 
     (e, u)ₜ = A (e, u)ₜ₋₁,    A = [[1 − β, 1 − β], [−γβ, 1 − γβ]]
 
-and the whole segment is Aⁿ, for any real n > 0. At n = 1 this is Eq. 4 itself, and since AᵐAⁿ = Aᵐ⁺ⁿ, measurements
-that lie on the same straight segments give the same output at 15, 30 and 60 Hz.
+For n = 1 this is Eq. 4. Since AᵐAⁿ = Aᵐ⁺ⁿ, measurements on the same straight segments have the same output at 15, 30
+and 60 Hz.
 
-From the Kinect SDK's joint filter come three further controls, which look at each measurement by itself: a measurement
-within the jitter radius of the last smoothed position is drawn towards it, the output runs ahead along the trend
-(prediction), and it stays within the maximum deviation of the measurement. Both radii double for inferred joints. The
-SDK starts differently (trend 0, then the mean of two measurements); the start here is Eq. 4's.
+Three further controls are those of the Kinect SDK's joint filter, applied to each measurement. A measurement within the
+jitter radius of the last smoothed position is moved towards it. The output is extrapolated along the trend
+(prediction). It stays within the maximum deviation from the measurement. Both radii are doubled for inferred joints.
+The SDK starts differently (trend 0, then the mean of two measurements); this filter starts as Eq. 4 does.
 """
 
 import cmath
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import INFERRED, JOINTS, LOST
+from puppetline.compiled import compiled
 from puppetline.errors import PuppetlineError, at
 
-FRAME_RATE = 30.0
-"""Frames a second that `Smoothing` is meant for, the Kinect's own."""
+FRAMES_PER_SECOND = 30.0
+"""Frame rate to which the values of `Smoothing` refer: the Kinect's."""
 
 
 @dataclass(frozen=True, slots=True)
 class Smoothing:
-    """What a user may set.
+    """Settings of the filter.
 
     Attributes
     ----------
@@ -45,18 +45,18 @@ class Smoothing:
         β of Eq. 4, the weight of a new measurement, in (0, 1]; 1 does not smooth. The Kinect SDK's *Smoothing* is
         1 − alpha.
     gamma : float
-        γ of Eq. 4, how fast the trend follows, in [0, 1]. The SDK's *Correction*.
+        γ of Eq. 4, the weight of a new trend, in [0, 1]. The SDK's *Correction*.
     jitter_radius : float
-        Metres; 0 turns it off.
+        Metres; 0 disables it.
     max_deviation : float
-        Metres; infinity turns it off.
+        Metres; infinity disables it.
     prediction : float
-        Frames of 1/30 s that the output runs ahead.
+        Number of frames of 1/30 s by which the output is extrapolated.
 
     Raises
     ------
     PuppetlineError
-        If a value is outside its range.
+        A value is out of range.
     """
 
     alpha: float = 0.6
@@ -79,72 +79,68 @@ class Smoothing:
                     at("smoothing", field=name),
                     found=str(getattr(self, name)),
                     expected=expected,
-                    fix=f"Leave {name} out to get {default}.",
+                    fix=f"Omit {name} to use {default}.",
                 )
 
 
 class JointFilter:
-    """Smooths one performer's joints, each by itself.
-
-    Parameters
-    ----------
-    smoothing : Smoothing
-    """
+    """A filter of one performer's joints, which are independent of each other."""
 
     def __init__(self, smoothing: Smoothing) -> None:
         self.smoothing = smoothing
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything seen so far."""
-        # NaN marks what a joint does not have yet, and spreads by itself: all of it before the first measurement and
-        # after a loss, the trend alone after one measurement.
+        """Reset the filter to its state before the first frame."""
+        # NaN marks missing state and propagates: all of a joint's state before the first measurement and after a loss,
+        # only the trend after one measurement.
         self._time = math.nan
         self._measured, self._smoothed, self._trend, self._output = np.full((4, len(JOINTS), 3), np.nan)
 
     def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Take one frame and return its smoothed positions.
+        """Filter one frame and return its smoothed positions.
 
         Parameters
         ----------
         time : float
-            Seconds, later than the last frame's.
+            Seconds, after the last frame's time.
         positions : (20, 3) float64
-            Metres. NaN is a lost joint.
+            Metres; NaN for a lost joint.
         confidence : (20,) float32
-            `LOST` is a lost joint whatever its position; up to `INFERRED` the radii double.
+            `LOST` is a lost joint with any position; up to `INFERRED`, the radii are doubled.
 
         Returns
         -------
         (20, 3) float64
-            A lost joint stays at its last output and starts afresh when it returns; NaN before it was first seen.
+            A lost joint keeps its last output, and its filter restarts when it returns. It is NaN before its first
+            measurement.
 
         Raises
         ------
         ValueError
-            If time does not increase.
+            The time does not increase.
         """
         if time <= self._time:
             raise ValueError(f"frame at {time} s after one at {self._time} s")
-        frames = 1.0 if math.isnan(self._time) else FRAME_RATE * (time - self._time)
+        frames = 1.0 if math.isnan(self._time) else FRAMES_PER_SECOND * (time - self._time)
         self._time = time
 
         decay = _decay(self.smoothing.alpha, self.smoothing.gamma, frames)
-        knobs = self.smoothing.jitter_radius, self.smoothing.max_deviation, self.smoothing.prediction
+        settings = self.smoothing.jitter_radius, self.smoothing.max_deviation, self.smoothing.prediction
         state = self._measured, self._smoothed, self._trend, self._output
-        _take(positions, confidence, frames, decay, knobs, state)
+        _filter(positions, confidence, frames, decay, settings, state)
         return self._output.copy()
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _take(positions, confidence, frames, decay, knobs, state):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Take a frame: bring every joint's measurement, smoothed position, trend and output up to date."""
-    jitter_radius, max_deviation, prediction = knobs
+@compiled(error_model="numpy")
+def _filter(positions, confidence, frames, decay, settings, state):
+    """Update every joint's measurement, smoothed position, trend and output with a frame."""
+    jitter_radius, max_deviation, prediction = settings
     measured, smoothed, trend, output = state
     for j in range(len(positions)):
         known = confidence[j] > LOST and np.isfinite(positions[j]).all()
         widen = 1.0 if confidence[j] > INFERRED else 2.0
-        # a measurement near the last smoothed position is drawn towards it, the nearer the more
+        # a measurement near the last smoothed position is moved towards it, the more the nearer it is
         distance = _distance(positions[j], smoothed[j])
         near = distance < widen * jitter_radius
         share = distance / (widen * jitter_radius) if near else 1.0
@@ -155,41 +151,41 @@ def _take(positions, confidence, frames, decay, knobs, state):  # type: ignore[n
             velocity = (now - measured[j, axis]) / frames
             error = smoothed[j, axis] - measured[j, axis]
             trend_error = 0.0 if np.isnan(trend[j, axis]) else trend[j, axis] - velocity
-            moved = now + decay[0][0] * error + decay[0][1] * trend_error
+            filtered = now + decay[0][0] * error + decay[0][1] * trend_error
             measured[j, axis] = now
-            smoothed[j, axis] = now if np.isnan(moved) else moved
+            smoothed[j, axis] = now if np.isnan(filtered) else filtered
             trend[j, axis] = velocity + decay[1][0] * error + decay[1][1] * trend_error
             if known:
-                run_ahead = 0.0 if np.isnan(trend[j, axis]) else prediction * trend[j, axis]
-                output[j, axis] = smoothed[j, axis] + run_ahead
+                extrapolation = 0.0 if np.isnan(trend[j, axis]) else prediction * trend[j, axis]
+                output[j, axis] = smoothed[j, axis] + extrapolation
         if known:
             away = _distance(output[j], positions[j])
-            if away > widen * max_deviation:  # straight onto the sphere about the measurement
+            if away > widen * max_deviation:  # moved to the sphere around the measurement
                 for axis in range(3):
                     offset = output[j, axis] - positions[j, axis]
                     output[j, axis] = positions[j, axis] + widen * max_deviation / away * offset
 
 
-@numba.njit(cache=True, nogil=True)
-def _distance(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _distance(a, b):
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
-@numba.njit(cache=True, nogil=True)
-def _decay(alpha, gamma, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return Aⁿ as two rows, n = frames: what remains of the errors (e, u) after that many frames.
+@compiled
+def _decay(alpha, gamma, frames):
+    """Return the rows of Aⁿ for n = frames, which maps the errors (e, u) to those after that many frames.
 
     Cayley-Hamilton with the eigenvalues λ and μ of A: Aⁿ = μⁿ I + (λⁿ − μⁿ)/(λ − μ) (A − μ I). A has determinant
-    1 − β ≥ 0 and trace 2 − β − γβ ≥ 0, so no eigenvalue is a negative real and the power is real.
+    1 − β ≥ 0 and trace 2 − β − γβ ≥ 0, so no eigenvalue is a negative real number and the power is real.
     """
     if alpha == 1.0:
-        # p̃ is the measurement and e is 0: only the trend's column counts. (For γ = 1 the first would have no root.)
+        # p̃ is the measurement and e is 0, so only the trend's column counts; for γ = 1 the first has no root
         return (0.0, 0.0), (0.0, (1.0 - gamma) ** frames)
     determinant = 1.0 - alpha
     half_trace = (1.0 + determinant - gamma * alpha) / 2.0
     large = half_trace + cmath.sqrt(half_trace**2 - determinant + 0j)
     small = determinant / large
-    # The quotient by λ − μ is rewritten with x = log(μ/λ), so that nothing cancels where the eigenvalues (nearly) meet.
+    # the quotient by λ − μ is written with x = log(μ/λ), to avoid cancellation if the eigenvalues are nearly equal
     log_ratio = cmath.log(small / large)
     growth = _expm1(frames * log_ratio) / _expm1(log_ratio) if log_ratio != 0 else frames + 0j
     power, slope = small**frames, large ** (frames - 1.0) * growth
@@ -199,8 +195,8 @@ def _decay(alpha, gamma, frames):  # type: ignore[no-untyped-def]  # noqa: ANN00
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _expm1(z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _expm1(z):
     """Return exp(z) − 1 of a complex number, without cancellation near 0."""
     x, y = z.real, z.imag
     return complex(math.expm1(x) * math.cos(y) - 2.0 * math.sin(y / 2.0) ** 2, math.exp(x) * math.sin(y))

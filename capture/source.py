@@ -1,7 +1,7 @@
-"""Where live skeletons come from: the protocol that every source follows.
+"""The protocol that every source of skeletons implements.
 
-A source never blocks and has no thread that a caller knows of. Whoever runs it waits until its file descriptor can be
-read or its time is due, whichever is first, and then takes what has come::
+A source never blocks and requires no thread of its caller. The caller waits until the source's file descriptor is
+readable or its time is due, and then receives the events::
 
     while True:
         ready = select([source.fileno()], timeout=source.due() - time.monotonic())
@@ -14,24 +14,24 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from capture.events import TICK, Event, Tick
+from capture.events import TICK_SECONDS, Event, Tick
 
-LONGEST_WAIT = 1.0
-"""Seconds, so that a report goes on while nothing comes."""
+MAX_WAIT_SECONDS = 1.0
+"""Maximum time of one wait, so that the caller's reports continue without events."""
 
 
 @dataclass
 class Counts:
-    """What a source has seen so far.
+    """Counts of a source's input.
 
     Attributes
     ----------
     received : int
-        Packets, or lines of a file.
+        Packets, or events of a recording.
     dropped : int
-        Whole frames that a newer one of the same performer has overtaken before they were taken.
+        Complete frames that a newer frame of the same performer replaced before they were received.
     refused : Counter
-        Packets or messages that were not understood, by the reason in a few words. The reasons are a closed set.
+        Refused packets and messages by reason. The reasons are a closed set.
     """
 
     received: int = 0
@@ -39,22 +39,22 @@ class Counts:
     refused: Counter[str] = field(default_factory=Counter)
 
     def add(self, before: "Counts") -> None:
-        """Go on counting where a source of the same name has ended."""
+        """Add the counts of an earlier source with the same name."""
         self.received += before.received
         self.dropped += before.dropped
         self.refused.update(before.refused)
 
 
 class SkeletonSource(Protocol):
-    """Gives what performers do, frame by frame.
+    """A source of performers' frames.
 
     Attributes
     ----------
     name : str
-        The URI that opened it.
+        The URI.
     counts : Counts
     recorded : bool
-        Whether it is a recording, which ends and which nobody performs now.
+        Whether the source is a recording, which ends.
     """
 
     name: str
@@ -62,70 +62,70 @@ class SkeletonSource(Protocol):
     recorded: bool
 
     def fileno(self) -> int | None:
-        """Return what becomes readable when something has come; None where only time matters."""
+        """Return a file descriptor that becomes readable when an event arrives, or None if only `due` matters."""
 
     def due(self) -> float:
-        """Return when `receive` wants to be called though nothing has come: `time.monotonic`, infinity for never."""
+        """Return the time, of `time.monotonic`, at which to call `receive` without an arrival; infinity for never."""
 
     def now(self) -> float:
-        """Return the time on the clock of this source's events, seconds."""
+        """Return the time in seconds on the clock of this source's events."""
 
     def receive(self) -> list[Event]:
-        """Return what has come since the last call, oldest first, without waiting.
+        """Return the events since the last call, oldest first, without waiting.
 
-        Frames of one performer increase strictly in time. A live source keeps the latest frame of each performer and
-        drops what it has overtaken; a recording gives every frame. Where nothing came for `capture.events.TICK`, there
-        is a tick.
+        The times of a performer's frames increase strictly. A live source drops all but the newest frame of each
+        performer; a recording returns every frame. After `capture.events.TICK_SECONDS` without an event, there is a
+        tick.
 
         Raises
         ------
         SourceError
-            It can give no more: a recording has ended, a device is gone for good.
+            The source has ended: the recording is over, or the device is disconnected.
         """
 
     def close(self) -> None:
-        """Let go of sockets and files; closing again does nothing."""
+        """Close sockets and files; closing again does nothing."""
 
 
 def wait(source: SkeletonSource, deadline: float) -> None:
-    """Wait until something has come, or the source or the deadline is due, `time.monotonic`, or a second has passed."""
+    """Wait for an event, until the source or the deadline (of `time.monotonic`) is due, at most `MAX_WAIT_SECONDS`."""
     seconds = min(source.due(), deadline) - time.monotonic()
     descriptor = source.fileno()
     readable = [] if descriptor is None else [descriptor]
-    select.select(readable, [], [], min(max(seconds, 0.0), LONGEST_WAIT))
+    select.select(readable, [], [], min(max(seconds, 0.0), MAX_WAIT_SECONDS))
 
 
-class Silence:
-    """Stands in for a source that has ended or is gone: time passes, and nobody is there.
+class SilentSource:
+    """The replacement of a source that has ended or failed: time passes without a performer.
 
     Parameters
     ----------
     name : str
         The URI of the source.
     counts : Counts
-        Of the source, which stay as they are.
+        Counts of the source, which do not change.
     start : float
-        Seconds on the source's clock, which goes on.
+        Present time on the source's clock, which continues to run.
     """
 
     recorded = False
 
     def __init__(self, name: str, counts: Counts, start: float) -> None:
         self.name, self.counts = name, counts
-        self._ahead = start - time.monotonic()
+        self._offset = start - time.monotonic()
         self._last = start
 
     def fileno(self) -> int | None:
-        """Nothing is ever to be read."""
+        """Return None, because nothing arrives."""
         return None
 
     def due(self) -> float:
-        """Return when the next tick is due."""
-        return self._last + TICK - self._ahead
+        """Return the time of the next tick."""
+        return self._last + TICK_SECONDS - self._offset
 
     def now(self) -> float:
         """Return the time on the source's clock."""
-        return time.monotonic() + self._ahead
+        return time.monotonic() + self._offset
 
     def receive(self) -> list[Event]:
         """Return a tick if one is due."""
@@ -135,4 +135,4 @@ class Silence:
         return [Tick(self._last)]
 
     def close(self) -> None:
-        """Nothing is to be let go of."""
+        """Do nothing, because nothing is open."""

@@ -1,4 +1,4 @@
-"""From a clip as recorded to frames on an even clock, and which of several performers to take."""
+"""Resampling of a clip to a constant frame rate, and the choice of one of several performers."""
 
 import math
 from collections.abc import Sequence
@@ -7,35 +7,35 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from capture import orientations as turns
 from capture.clip import SkeletonClip
+from capture.orientations import interpolated
 from capture.skeleton import LOST, SkeletonFrame
 from puppetline.errors import SkeletonLogError, at
 
 MAX_FRAMES = 1_000_000
-"""Longest timeline, over nine hours at 30 frames a second: beyond it, a log's clock is wrong."""
+"""Maximum length of a timeline: nine hours at 30 frames per second. A longer recording has a wrong clock."""
 
-SAME_MOMENT = 1e-6
-"""Seconds. Less than sensors tell apart, and more than float64 rounds off a time since 1970."""
+TIME_TOLERANCE_SECONDS = 1e-6
+"""Maximum difference of equal times: below the resolution of sensors, above the rounding of times since 1970."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """One performer's frames on an even clock; frame k is at k / fps seconds.
+    """One performer's frames at a constant rate; frame k is at k / fps seconds.
 
     Attributes
     ----------
     fps : float
-        Frames a second.
+        Frames per second.
     positions : (T, 20, 3) float64
-        Metres, sensor frame. A lost joint stays where it was last seen, or will first be seen; one that is never seen
-        is NaN.
+        Metres, sensor coordinates. A lost joint has its last known position, or its first one before that. A joint that
+        is lost in all frames is NaN.
     confidence : (T, 20) float32
         1 tracked, 0.5 inferred, 0 lost.
     gaps : tuple of (float, float)
-        From and to which second nothing of the body was known for too long to bridge.
+        Start and end in seconds of the gaps, without any known joint, that are too long to interpolate.
     orientations : (T, 20, 4) float64, optional
-        How the bones are turned (`capture.orientations`), NaN where that is not known.
+        Orientations of the bones (`capture.orientations`), NaN if unknown.
     """
 
     fps: float
@@ -46,23 +46,23 @@ class Timeline:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """(T,) seconds, from 0."""
+        """Times (T,) of the frames in seconds, from 0."""
         return np.arange(len(self.positions)) / self.fps
 
     def frame(self, number: int) -> SkeletonFrame:
-        """Return one frame, of user 0, as a live source would give it."""
-        turns = None if self.orientations is None else self.orientations[number]
-        return SkeletonFrame(number / self.fps, 0, self.positions[number], self.confidence[number], turns)
+        """Return one frame, of user 0, like a live source."""
+        orientations = None if self.orientations is None else self.orientations[number]
+        return SkeletonFrame(number / self.fps, 0, self.positions[number], self.confidence[number], orientations)
 
     @property
     def held(self) -> int:
-        """How many positions, counted joint by joint and frame by frame, are held and not seen."""
+        """Number of positions, over all joints and frames, that are held because the joint is lost."""
         return int(np.count_nonzero((self.confidence == LOST) & np.isfinite(self.positions).all(axis=2)))
 
     def summary(self) -> str:
-        """Say in one line how long it is and what was held."""
+        """Return one line about the length, the held positions and the gaps."""
         count = len(self.positions)
-        text = f"{_count(count, 'frame')} at {self.fps:g} a second"
+        text = f"{_count(count, 'frame')} at {self.fps:g} per second"
         if self.held:
             text += f", {100 * self.held / self.confidence.size:.1f} % of the joint positions held while lost"
         if self.gaps:
@@ -72,25 +72,25 @@ class Timeline:
 
 
 def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Timeline:
-    """Put a clip on an even clock, from its first frame with a known joint to its last.
+    """Resample a clip to a constant rate, from its first frame with a known joint to its last.
 
     Each joint is interpolated linearly between neighbouring known samples that are at most `max_gap` apart, with the
-    lower of their two confidences. Over longer gaps it stays lost: held in place with confidence 0.
+    lower of their two confidences. In longer gaps it is lost: it keeps its position with confidence 0.
 
     Parameters
     ----------
     clip : SkeletonClip
     fps : float
-        Frames a second of the result.
+        Frames per second of the result.
     max_gap : float
         Seconds.
 
     Raises
     ------
     SkeletonLogError
-        If no joint is ever known, or the result would have more than `MAX_FRAMES` frames.
+        All joints are lost in every frame, or the result would have more than `MAX_FRAMES` frames.
     ValueError
-        If fps is not a positive number or max_gap is negative.
+        fps is not a positive number, or max_gap is negative.
     """
     if not (0 < fps < math.inf and max_gap >= 0):
         raise ValueError(f"fps {fps}, max_gap {max_gap}")
@@ -99,8 +99,8 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
         raise SkeletonLogError(
             _name(clip),
             found="no frame in which any joint is known",
-            expected="at least one",
-            fix="Take another performer or another log.",
+            expected="at least one tracked frame",
+            fix="Choose another performer or another recording.",
         )
     times = np.arange(_frame_count(clip, seen, fps)) / fps
     known_times = clip.times - seen[0]
@@ -114,40 +114,43 @@ def resample(clip: SkeletonClip, fps: float = 30.0, max_gap: float = 0.25) -> Ti
     if clip.orientations is not None:
         orientations = _resample_orientations(times, known_times, clip.orientations, max_gap)
     seen = seen - seen[0]
-    before_gap = np.flatnonzero(np.diff(seen) > max_gap + SAME_MOMENT)
+    before_gap = np.flatnonzero(np.diff(seen) > max_gap + TIME_TOLERANCE_SECONDS)
     gaps = tuple((float(seen[i]), float(seen[i + 1])) for i in before_gap)
     return Timeline(fps, positions, confidence, gaps, orientations)
 
 
 def choose(clips: Sequence[SkeletonClip], user: int | None = None) -> tuple[SkeletonClip, str]:
-    """Take one performer's clip: the given user's, or the one tracked in most frames.
+    """Choose one performer's clip: the given user's, or the one that is tracked in most frames.
 
     Returns
     -------
     clip : SkeletonClip
     note : str
-        A sentence that says which was taken and who else is there.
+        A sentence about the choice and the other performers.
 
     Raises
     ------
     SkeletonLogError
-        If there is no clip, or none of that user.
+        There is no clip, or none of that user.
     """
     if not clips:
         raise SkeletonLogError(
-            "the log", found="no performer", expected="at least one", fix="Record again with somebody in view."
+            "the recording",
+            found="no performer",
+            expected="at least one performer",
+            fix="Record again with a performer in view.",
         )
     wanted = [clip for clip in clips if user is None or clip.user == user]
     if not wanted:
         raise SkeletonLogError(
-            at(f"the {clips[0].format} log", field="user"),
+            at(f"the {clips[0].format} recording", field="user"),
             found=f"no user {user}",
             expected="one of " + ", ".join(_describe(clip) for clip in clips),
-            fix="Name one of these, or none to take the one that was tracked longest.",
+            fix="Use one of these numbers, or none to choose the performer who is tracked longest.",
         )
-    taken = max(wanted, key=lambda clip: clip.tracked_frames)
-    others = ", ".join(_describe(clip) for clip in clips if clip is not taken) or "nobody"
-    return taken, f"Took user {_describe(taken)}; also in the log: {others}."
+    chosen = max(wanted, key=lambda clip: clip.tracked_frames)
+    others = ", ".join(_describe(clip) for clip in clips if clip is not chosen) or "none"
+    return chosen, f"User {_describe(chosen)} was chosen; other performers: {others}."
 
 
 def _resample_joint(
@@ -163,14 +166,14 @@ def _resample_joint(
         return np.full((len(times), 3), np.nan), np.zeros(len(times), dtype=np.float32)
     sample_times, positions, confidence = sample_times[known], positions[known], confidence[known]
 
-    before = np.searchsorted(sample_times, times + SAME_MOMENT, side="right") - 1
+    before = np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1
     left = np.maximum(before, 0)
     right = np.minimum(left + 1, len(sample_times) - 1)
     elapsed = times - sample_times[left]
     span = sample_times[right] - sample_times[left]
-    on_sample = np.abs(elapsed) <= SAME_MOMENT
-    # From the last sample on there is nothing to the right (span 0), before the first nothing to the left.
-    between = ~on_sample & (before >= 0) & (span > 0) & (span <= max_gap + SAME_MOMENT)
+    on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
+    # there is no sample to the right of the last one (span 0) or to the left of the first one
+    between = ~on_sample & (before >= 0) & (span > 0) & (span <= max_gap + TIME_TOLERANCE_SECONDS)
 
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=between)[:, None]
     resampled = positions[left] + part * (positions[right] - positions[left])
@@ -181,38 +184,38 @@ def _resample_joint(
 def _resample_orientations(
     times: NDArray[np.float64], sample_times: NDArray[np.float64], samples: NDArray[np.float64], max_gap: float
 ) -> NDArray[np.float64]:
-    """Resample (S, 20, 4) orientations to (T, 20, 4): NaN where a neighbour in time is not known or too far away."""
-    left = np.maximum(np.searchsorted(sample_times, times + SAME_MOMENT, side="right") - 1, 0)
+    """Resample (S, 20, 4) orientations to (T, 20, 4), NaN if a neighbouring sample is unknown or too far away."""
+    left = np.maximum(np.searchsorted(sample_times, times + TIME_TOLERANCE_SECONDS, side="right") - 1, 0)
     right = np.minimum(left + 1, len(sample_times) - 1)
     elapsed, span = times - sample_times[left], sample_times[right] - sample_times[left]
-    on_sample = np.abs(elapsed) <= SAME_MOMENT
+    on_sample = np.abs(elapsed) <= TIME_TOLERANCE_SECONDS
     part = np.divide(elapsed, span, out=np.zeros_like(times), where=~on_sample & (span > 0))[:, None]
     found = [
-        turns.between(joint[left], np.where(part == 0, joint[left], joint[right]), part)
+        interpolated(joint[left], np.where(part == 0, joint[left], joint[right]), part)
         for joint in samples.swapaxes(0, 1)
     ]
     resampled = np.stack(found, axis=1)
-    resampled[~on_sample & (span > max_gap + SAME_MOMENT)] = np.nan
+    resampled[~on_sample & (span > max_gap + TIME_TOLERANCE_SECONDS)] = np.nan
     return resampled
 
 
 def _frame_count(clip: SkeletonClip, seen: NDArray[np.float64], fps: float) -> int:
     duration = float(seen[-1] - seen[0])
-    last = (duration + SAME_MOMENT) * fps
+    last = (duration + TIME_TOLERANCE_SECONDS) * fps
     if last >= MAX_FRAMES:
         widest = int(np.argmax(np.diff(seen)))
         raise SkeletonLogError(
             _name(clip),
-            found=f"{duration:g} s from the first to the last tracked frame, which is {last:.3g} frames at {fps:g} a "
+            found=f"{duration:g} s from the first to the last tracked frame, or {last:.3g} frames at {fps:g} per "
             f"second (the longest gap is {seen[widest + 1] - seen[widest]:g} s, after {seen[widest]:.10g} s)",
             expected=f"at most {MAX_FRAMES} frames",
-            fix="Mend the time or frame number after that gap, cut the log there, or ask for fewer frames a second.",
+            fix="Correct the time or frame number after that gap, delete the frames after it, or lower the frame rate.",
         )
     return math.floor(last) + 1
 
 
 def _name(clip: SkeletonClip) -> str:
-    return f"the {clip.format} log, user {clip.user}"
+    return f"the {clip.format} recording, user {clip.user}"
 
 
 def _describe(clip: SkeletonClip) -> str:

@@ -410,7 +410,7 @@ _SCORES: dict[str, Callable[[], _Score]] = {
 def clean(name: str) -> SkeletonClip:
     """Return a performance as it was done, before the sensor saw it.
 
-    Bone lengths (`capture.body.TYPICAL_BONES`) are constant, standing feet do not move and all motion is C².
+    Bone lengths (`capture.body.TYPICAL_BONE_METRES`) are constant, standing feet do not move and all motion is C².
 
     Parameters
     ----------

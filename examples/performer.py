@@ -1,8 +1,8 @@
 """The body of a performer made by code: constant bones, posed by a few parts that a score moves.
 
-The bones are those of `capture.body.TYPICAL_BONES`. A part's values are metres as (out, up, forward), *out* away from
-the middle of the body on either side, or degrees as (forward, right, turn): bending forward, leaning to the performer's
-right, turning to the right.
+The bones are those of `capture.body.TYPICAL_BONE_METRES`. A part's values are metres as (out, up, forward), *out* away
+from the middle of the body on either side, or degrees as (forward, right, turn): bending forward, leaning to the
+performer's right, turning to the right.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BPoly, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
-from capture.body import typical
+from capture.body import typical_bone_length
 from capture.skeleton import JOINTS
 
 Array = NDArray[np.float64]
@@ -102,7 +102,7 @@ def _turned(degrees: Array) -> Rotation:
 
 def _bone(direction: tuple[float, ...], joint: str) -> Array:
     """Return the bone to a joint, (out, up, forward)."""
-    return np.array(direction) / np.linalg.norm(direction) * typical(joint)
+    return np.array(direction) / np.linalg.norm(direction) * typical_bone_length(joint)
 
 
 def _bent(root: Array, end: Array, upper: float, lower: float, toward: Array) -> Array:
@@ -163,17 +163,19 @@ def posed(parts: Mapping[str, Array], distance: float) -> Array:
         out = np.array([sign, 1.0, -1.0])
 
         shoulder = joints["shoulder_center"] + chest.apply(_bone(SHOULDER, "shoulder") * out)
-        forearm = typical("wrist") + typical("hand")
-        wish = _within_reach(parts[f"hand_{side}"], typical("elbow") + forearm)
+        forearm = typical_bone_length("wrist") + typical_bone_length("hand")
+        wish = _within_reach(parts[f"hand_{side}"], typical_bone_length("elbow") + forearm)
         hand = shoulder + chest.apply(wish * out)
-        elbow = _bent(shoulder, hand, typical("elbow"), forearm, chest.apply(np.array(ELBOW) * out))
+        elbow = _bent(shoulder, hand, typical_bone_length("elbow"), forearm, chest.apply(np.array(ELBOW) * out))
         joints |= {f"shoulder_{side}": shoulder, f"elbow_{side}": elbow, f"hand_{side}": hand}
-        joints[f"wrist_{side}"] = elbow + (hand - elbow) * (typical("wrist") / forearm)
+        joints[f"wrist_{side}"] = elbow + (hand - elbow) * (typical_bone_length("wrist") / forearm)
 
         hip = joints["hip_center"] + pelvis.apply(_bone(HIP, "hip") * out)
         ankle = spot + (parts[f"ankle_{side}"] + np.array(ANKLE_REST)) * out
         hinge = pelvis.apply(np.array(KNEE_HINGE) * [1.0, 1.0, sign])
-        knee = _bent(hip, ankle, typical("knee"), typical("ankle"), np.cross(hinge, ankle - hip))
+        knee = _bent(
+            hip, ankle, typical_bone_length("knee"), typical_bone_length("ankle"), np.cross(hinge, ankle - hip)
+        )
         foot = ankle + _turned(parts[f"foot_{side}"]).apply(_bone(FOOT, "foot") * out)
         joints |= {f"hip_{side}": hip, f"knee_{side}": knee, f"ankle_{side}": ankle, f"foot_{side}": foot}
     return np.stack([joints[name] for name in JOINTS], axis=1)

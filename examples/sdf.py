@@ -10,8 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from puppetline.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class Shape:
         return np.flatnonzero(_nearer(points, self.low, self.high, reach))
 
 
-@njit(cache=True)
+@compiled
 def _nearer(points: Array, low: Array, high: Array, reach: Array) -> NDArray[np.bool_]:
     """Which points are in a box or less than `reach` away from it."""
     result = np.empty(len(points), np.bool_)
@@ -50,7 +51,7 @@ def _nearer(points: Array, low: Array, high: Array, reach: Array) -> NDArray[np.
     return result
 
 
-@njit(cache=True)
+@compiled
 def _round_cones(points: Array, a: Array, b: Array, radius_a: Array, radius_b: Array) -> Array:
     """Distance to the nearest of several round cones (see `round_cone`)."""
     axis = b - a

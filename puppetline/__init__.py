@@ -1,17 +1,17 @@
-"""Puppetline: a performer's skeleton moves any character mesh.
+"""Puppetline animates any character mesh with a performer's skeleton.
 
-The work is done by three packages beside this one: `capture` (skeletons in), `solver` (geometry) and `engine_bridge`
-(puppet files, glTF, command line). This package holds what all three share.
+Three other packages do the work: `capture` (skeleton input), `solver` (geometry) and `engine_bridge` (puppet files,
+glTF, live service, command line). This package contains what they share.
 """
 
 from typing import TYPE_CHECKING
 
 __version__: str
 
-if not TYPE_CHECKING:  # which would take any name for an attribute
+if not TYPE_CHECKING:  # otherwise type checkers would accept any attribute
 
     def __getattr__(name: str) -> str:
-        """Look the version up when it is asked for: that takes a third of the time until the help is there."""
+        """Look up the version when it is used, because that takes a third of the time that --help takes."""
         if name != "__version__":
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         from importlib.metadata import version

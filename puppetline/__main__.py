@@ -5,8 +5,8 @@ import sys
 
 
 def run() -> None:
-    """Start the command line; Ctrl-C while it is still being loaded ends quietly too."""
-    # all matrices here are small: threads that wait for each other, and for the engine beside, only cost time
+    """Run the command line; Ctrl-C prints no traceback, even while modules are loaded."""
+    # all matrices are small, so more threads only wait for each other and take time from the engine
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         from engine_bridge.cli.main import main
@@ -15,8 +15,8 @@ def run() -> None:
     except KeyboardInterrupt:
         sys.exit("puppetline: stopped")
     finally:
-        # Python ends as if killed where an interrupt has once fallen into an exec(), say of a dataclass; the next
-        # exec() makes it forget that
+        # After an interrupt inside an exec(), for example in a dataclass, Python would exit as if killed by a signal;
+        # another exec() prevents that
         exec("")  # noqa: S102
 
 

@@ -1,19 +1,19 @@
-"""The one family of errors that a user can cause and mend."""
+"""Errors that a user can cause and fix."""
 
 from pathlib import Path
 
 
 class PuppetlineError(Exception):
-    """Something a user gave does not fit; the message says how to mend it.
+    """Something that a user gave cannot be used; the message says how to fix it.
 
     Parameters
     ----------
     where : str or Path
-        File, with line or field where that is known (see `at`).
+        File, with line or field if known (see `at`).
     found, expected : str
-        What stands there and what should.
+        Noun phrases: what is there, and what should be.
     fix : str
-        The next thing to do, as a sentence.
+        What to do next, as a sentence.
     """
 
     def __init__(self, where: str | Path, *, found: str, expected: str, fix: str) -> None:
@@ -41,7 +41,7 @@ class SourceError(PuppetlineError):
 
 
 class ServiceError(PuppetlineError):
-    """The live service cannot start as it is set up, or cannot do what it is asked."""
+    """The live service cannot start with its settings, or cannot do what a client requests."""
 
 
 class OutputError(PuppetlineError):
@@ -49,12 +49,12 @@ class OutputError(PuppetlineError):
 
 
 def heading(where: str | Path) -> str:
-    """Begin what is said of a file or a source: ``take.csv:``, or ``openni:``, whose name ends with the colon."""
+    """Return a file or source with one colon: ``take.csv:``, or ``openni:``, whose name already ends with it."""
     return f"{str(where).removesuffix(':')}:"
 
 
 def at(path: str | Path, line: int | None = None, field: str | None = None) -> str:
-    """Name a place in a file: ``take.csv, line 7`` or ``dog.toml, handle[2].joint``."""
+    """Return the name of a place in a file: ``take.csv, line 7`` or ``dog.toml, handle[2].joint``."""
     parts = [str(path)]
     if line is not None:
         parts.append(f"line {line}")

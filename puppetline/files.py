@@ -1,4 +1,4 @@
-"""Files that are read whole, and results that are there whole or not at all."""
+"""Reading of whole files, and writing of results that are complete or absent."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -17,9 +17,9 @@ def read_whole(
     ----------
     path : Path
     expected, fix : str
-        What an error says should be there, and what to do.
+        Parts of the error's message.
     family : type
-        Of the error.
+        Class of the error.
 
     Raises
     ------
@@ -29,23 +29,26 @@ def read_whole(
     try:
         return path.read_bytes()
     except OSError as error:
-        raise family(path, found=f"that it cannot be read ({error.strerror})", expected=expected, fix=fix) from error
+        raise family(
+            path, found=f"a file that cannot be read ({error.strerror})", expected=expected, fix=fix
+        ) from error
 
 
 def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None:
-    """Find out before the work, not after it, whether a result can be written.
+    """Check before the work whether its result can be written.
 
     Parameters
     ----------
     path : Path
     ending : str
-        What the file's name must end in, as ``".glb"``.
+        Required end of the file's name, for example ``".glb"``.
     inputs : iterable of Path
         Files that the result must not replace.
 
     Raises
     ------
     OutputError
+        The file cannot be written, has another ending, or is one of the inputs.
     """
     try:
         if path.exists() and not path.is_file():
@@ -61,12 +64,10 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
                 path,
                 found=f"no folder {path.parent}",
                 expected="an existing folder",
-                fix="Choose another." if path.parent.exists() else f"Make it: mkdir -p {path.parent}",
+                fix="Choose another folder." if path.parent.exists() else f"Create it: mkdir -p {path.parent}",
             )
         if any(path.resolve() == other.resolve() for other in inputs):
-            raise OutputError(
-                path, found="a file that is read from", expected="another one", fix="Choose another name with -o."
-            )
+            raise OutputError(path, found="an input file", expected="another file", fix="Choose another name with -o.")
         beside = _beside(path)
         beside.touch()
         beside.unlink()
@@ -76,12 +77,12 @@ def check_writable(path: Path, ending: str, inputs: Iterable[Path] = ()) -> None
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a name beside `path` to write to, and rename it when the block has ended well.
+    """Yield a name in the folder of `path` to write to; rename it to `path` if the block succeeds.
 
     Raises
     ------
     OutputError
-        Whatever the operating system has against it: no room, no permission.
+        The operating system refuses, for example because of permissions or a full disk.
     """
     beside = _beside(path)
     try:
@@ -101,7 +102,7 @@ def _beside(path: Path) -> Path:
 def _refused(path: Path, error: OSError) -> OutputError:
     return OutputError(
         path,
-        found=f"that it cannot be written ({error.strerror})",
-        expected="a folder that you may write to, with room left",
-        fix="Choose another place with -o, or change the folder's permissions.",
+        found=f"a file that cannot be written ({error.strerror})",
+        expected="a folder with write permission and free space",
+        fix="Choose another folder with -o, or change the folder's permissions.",
     )

@@ -1,4 +1,4 @@
-"""Files in TOML, checked by pydantic, with errors in the words of the file."""
+"""TOML files that pydantic checks, with errors in terms of the file."""
 
 import difflib
 import tomllib
@@ -16,16 +16,16 @@ EXPECTED = {
     "model_type": "a table",
     "tuple_type": "a list",
     "too_short": "a list that is not empty",
-    "string_too_short": "a text that is not empty",
-    "string_type": "a text",
-    "int_type": "a whole number",
+    "string_too_short": "a string that is not empty",
+    "string_type": "a string",
+    "int_type": "an integer",
     "bool_type": "true or false, without quotes",
 }
-"""What pydantic's errors want, in TOML's words; the others speak for themselves."""
+"""What is expected after an error of pydantic, by its type, in TOML's terms; messages of other types are clear."""
 
 
 class Table(BaseModel):
-    """A table of a file: unknown keys are mistakes."""
+    """A table of a file; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -34,78 +34,59 @@ File = TypeVar("File", bound=Table)
 
 
 def mistake(*place: str | int, found: str, expected: str, fix: str) -> PydanticCustomError:
-    """Make an error that pydantic carries to `check`; the place is below that of the validator."""
+    """Return an error for a validator to raise; `place` is relative to the validated value."""
     return PydanticCustomError("mistake", "{fix}", {"place": place, "found": found, "expected": expected, "fix": fix})
 
 
 def read_text(path: Path, what: str, fix: str, family: type[PuppetlineError]) -> str:
-    """Read a TOML file, its line endings as they are.
+    """Read a TOML file without changing its line ends.
 
     Parameters
     ----------
     path : Path
     what : str
-        As ``"a puppet file"``.
+        What the file should be, for example ``"a puppet file"``.
     fix : str
-        What to do if there is none.
+        What to do if it does not exist.
     family : type
-        Of the errors.
+        Class of the errors.
 
     Raises
     ------
     PuppetlineError
-        Of that family.
+        Of that class.
     """
     try:
         return read_whole(path, what, family, fix).decode()
     except UnicodeDecodeError as error:
         raise family(
-            path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check which file was given."
+            path, found="bytes that are not text", expected="a TOML file in UTF-8", fix="Check the path."
         ) from error
 
 
 def parse(text: str, where: str | Path, family: type[PuppetlineError]) -> dict[str, Any]:
-    """Parse TOML.
-
-    Parameters
-    ----------
-    text : str
-    where : str or Path
-        What error messages call it.
-    family : type
-        Of the errors.
+    """Parse TOML; `where` names the text in errors of the class `family`.
 
     Raises
     ------
     PuppetlineError
-        Of that family, with the line of a syntax error.
+        A syntax error, with its line.
     """
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:  # the latter for thousands of nested brackets
+    except (tomllib.TOMLDecodeError, RecursionError) as error:  # RecursionError: thousands of nested brackets
         raise family(
-            where, found=f"a syntax error: {error}", expected="TOML", fix="Mend that line; text needs quotes."
+            where, found=f"a syntax error: {error}", expected="TOML", fix="Correct that line; strings require quotes."
         ) from error
 
 
 def check(model: type[File], values: dict[str, Any], where: str | Path, family: type[PuppetlineError]) -> File:
-    """Check the values of a file.
-
-    Parameters
-    ----------
-    model : type
-        What they should be.
-    values : dict
-        As parsed from TOML.
-    where : str or Path
-        What error messages call it.
-    family : type
-        Of the errors.
+    """Return the values of a file as a model; `where` names the file in errors of the class `family`.
 
     Raises
     ------
     PuppetlineError
-        Of that family, for the first thing that is wrong.
+        The first value that does not fit the model.
     """
     try:
         return model.model_validate(values)
@@ -120,18 +101,18 @@ def _explained(
     where: str | Path,
     family: type[PuppetlineError],
 ) -> PuppetlineError:
-    """Say the first of pydantic's errors in the words of the file."""
-    # an unknown table first: it is likely the one that is said to be missing
+    """Return the first of pydantic's errors in terms of the file."""
+    # an unknown table first, because it is probably the misspelled name of a missing one
     error = next((each for each in errors if each["type"] == "extra_forbidden"), errors[0])
     location = _location(error, values)
-    # a value that may be a name or a list of names has an error as each: the one inside the list says more
+    # a value that may be a name or a list of names has one error for each type; the one inside the list is specific
     inside = [each for each in errors if _location(each, values)[: len(location)] == location]
     error = max(inside, key=lambda each: len(_location(each, values)))
     location = _location(error, values)
     if error["type"] == "mistake":
-        told = error["ctx"]
-        location = [*location, *told["place"]]
-        found, expected, fix = told["found"], told["expected"], told["fix"]
+        context = error["ctx"]
+        location = [*location, *context["place"]]
+        found, expected, fix = context["found"], context["expected"], context["fix"]
     elif error["type"] == "extra_forbidden":
         known = list(_model_at(model, location[:-1]).model_fields)
         close = difflib.get_close_matches(str(location[-1]), known, 1)
@@ -141,17 +122,16 @@ def _explained(
         location = location[:-1]
         found, expected, fix = repr(error["input"]), "three numbers", "Write it like [0.1, 1.5, 0.2]."
     elif error["type"] == "missing":
-        found, expected, fix = "nothing", "a value", f"Add {_called(model, location)} there."
+        found, expected, fix = "nothing", "a value", f"Add {_missing_name(model, location)} there."
     else:
-        # a key that may be of several kinds has an error for each of them
-        same = [each for each in errors if _location(each, values) == location]
-        kinds = [_wanted(each) for each in same]
+        # a key that may have several types has an error for each of them
+        kinds = [_expected(each) for each in errors if _location(each, values) == location]
         found, expected, fix = f"{error['input']!r:.80}", " or ".join(kinds), "Change the value of that key."
     return family(at(where, field=_field_name(location, model, values)), found=found, expected=expected, fix=fix)
 
 
 def _location(error: ErrorDetails, values: dict[str, Any]) -> list[int | str]:
-    """Return the keys and indices of an error's place; pydantic adds a kind where a key may be of several."""
+    """Return the keys and indices of an error's place, without the types that pydantic adds for unions."""
     place: list[int | str] = []
     here: Any = values
     for step in error["loc"]:
@@ -177,8 +157,8 @@ def _table_in(annotation: Any) -> type[BaseModel] | None:
     return next(filter(None, map(_table_in, typing.get_args(annotation))), None)
 
 
-def _called(model: type[Table], location: list[int | str]) -> str:
-    """Call what is missing by its name: a key, a table or a list of tables."""
+def _missing_name(model: type[Table], location: list[int | str]) -> str:
+    """Return the name of what is missing: a key, a table or a list of tables."""
     name = str(location[-1])
     annotation = _model_at(model, location[:-1]).model_fields[name].annotation
     if _table_in(annotation) is None:
@@ -187,10 +167,10 @@ def _called(model: type[Table], location: list[int | str]) -> str:
     return f"a table [[{name}]]" if several else f"the table [{name}]"
 
 
-def _wanted(error: ErrorDetails) -> str:
+def _expected(error: ErrorDetails) -> str:
     if error["type"] == "too_long":
-        most = error["ctx"]["max_length"]
-        return "three numbers" if most == 3 else f"at most {most} of them"
+        maximum = error["ctx"]["max_length"]
+        return "three numbers" if maximum == 3 else f"at most {maximum} values"
     return EXPECTED.get(error["type"]) or _plain(error["msg"])
 
 
@@ -201,7 +181,7 @@ def _plain(message: str) -> str:
 
 
 def _field_name(location: list[Any], model: type[BaseModel], values: dict[str, Any]) -> str:
-    """Write a place as a user sees it: ``[[handle]] 2 'tail', joint``."""
+    """Return a place as it is written in the file: ``[[handle]] 2 'tail', joint``."""
     parts: list[str] = []
     here: Any = values
     for place, step in enumerate(location):
@@ -224,7 +204,7 @@ def _field_name(location: list[Any], model: type[BaseModel], values: dict[str, A
 
 
 def _inside(value: Any, step: int | str) -> Any:
-    """Return what is under a key or index; None where there is nothing."""
+    """Return the value of a key or index, or None if there is none."""
     try:
         return value[step]
     except (TypeError, KeyError, IndexError):

@@ -23,10 +23,10 @@ from numba.core.dispatcher import Dispatcher
 from puppetline.__main__ import run
 
 LOADED = (
-    "engine_bridge.cli.align",
+    "engine_bridge.cli.alignment",
     "engine_bridge.cli.inspection",
     "engine_bridge.cli.main",
-    "engine_bridge.cli.record",
+    "engine_bridge.cli.recording",
     "engine_bridge.client.listening",
     "engine_bridge.export.bake",
     "engine_bridge.export.convert",

@@ -26,8 +26,9 @@ PEERS = ROOT / "tests" / "peers"
 
 def _compile_anew_where_something_changed() -> None:
     """Keep compiled loops in a folder named by their sources: Numba looks at a function's own file alone."""
-    sources = sorted(path for room in ("capture", "solver", "engine_bridge") for path in (ROOT / room).rglob("*.py"))
-    compiled = [text for path in sources if b"numba" in (text := path.read_bytes())]
+    rooms = ("puppetline", "capture", "solver", "engine_bridge")
+    sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
+    compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
     own = ROOT / ".pytest_cache" / "compiled" / hashlib.sha256(b"".join(compiled)).hexdigest()[:16]
     for other in own.parent.glob("*"):
         if other != own:

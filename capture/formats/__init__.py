@@ -1,11 +1,11 @@
-"""Foreign skeleton logs: one module a format, found by content and not by a file's name.
+"""Readers of recordings in all supported formats, one module per format.
 
-A format module has two functions::
+The format is detected by content; the name of the file does not matter. A format module has two functions::
 
-    def matches(head: bytes) -> bool      # the file's first 64 KiB: is it this format?
-    def read(path: Path, options: ReadOptions) -> list[SkeletonClip]     # one clip a performer
+    def matches(head: bytes) -> bool      # whether the file that begins with these 64 KiB has this format
+    def read(path: Path, options: ReadOptions) -> list[SkeletonClip]     # one clip per performer
 
-`read` raises `SkeletonLogError` where the file does not fit, with the line number where the format has lines.
+`read` raises `SkeletonLogError` if the file violates the format. The error names the line if the format has lines.
 """
 
 from importlib import import_module
@@ -15,8 +15,9 @@ from types import ModuleType
 import numpy as np
 
 from capture.clip import SkeletonClip
+from capture.formats._files import opened
 from capture.formats.options import ReadOptions
-from capture.skeleton import JOINTS
+from capture.skeleton import JOINTS, MAX_DISTANCE_METRES
 from puppetline.errors import SkeletonLogError, at
 
 FORMATS: dict[str, str] = {
@@ -31,15 +32,12 @@ FORMATS: dict[str, str] = {
     "kinect_v2_csv": "Kinect v2 CSV, 101 columns",
     "utkinect": "UTKinect-Action3D, 61 columns",
     "kinect_v2_sparse": "Kinect v2 text with tracked joints only",
-    "msr_action3d": "MSR Action3D, 20 rows a frame",
+    "msr_action3d": "MSR Action3D, 20 rows per frame",
 }
-"""Module names, in the order in which they are asked, and what users call them."""
+"""Name of each format module and the format's name for users, in the order in which the modules are tried."""
 
-FARTHEST = 1000.0
-"""Metres from the origin beyond which a position is a fault of the log."""
-
-HEAD_SIZE = 65536
-"""Bytes from which a format is recognised."""
+HEAD_BYTES = 65536
+"""Length of the part of a file that `matches` receives."""
 
 
 def recognize(path: Path) -> ModuleType | None:
@@ -48,63 +46,44 @@ def recognize(path: Path) -> ModuleType | None:
     Raises
     ------
     SkeletonLogError
-        A file that cannot be opened.
+        The file cannot be read.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_SIZE)
-    except OSError as error:
-        raise SkeletonLogError(
-            path,
-            found=f"that it cannot be read ({error.strerror})",
-            expected="a skeleton log",
-            fix="Check the path and its permissions.",
-        ) from error
+    with opened(path) as file:
+        head = file.read(HEAD_BYTES)
     modules = (import_module(f"{__name__}.{name}") for name in FORMATS)
     return next((module for module in modules if module.matches(head)), None)
 
 
 def read_log(path: Path, options: ReadOptions | None = None) -> list[SkeletonClip]:
-    """Read a skeleton log of any known format.
-
-    Parameters
-    ----------
-    path : Path
-    options : ReadOptions, optional
-
-    Returns
-    -------
-    list of SkeletonClip
-        One for each performer.
+    """Read a recording in any supported format, one clip per performer.
 
     Raises
     ------
     SkeletonLogError
-        No known format, or a file that does not keep to its format.
+        The file has no supported format, violates its format, or has a position that no sensor measures.
     """
     module = recognize(path)
     if module is None:
         empty = path.stat().st_size == 0
         raise SkeletonLogError(
             path,
-            found="an empty file" if empty else "no skeleton log that is known here",
+            found="an empty file" if empty else "an unknown file format",
             expected="; ".join(FORMATS.values()),
-            fix="Record it again." if empty else "Check that this is the log, or export it to one of these formats.",
+            fix="Record again." if empty else "Check the path, or export the recording to one of these formats.",
         )
-    clips = module.read(path, options or ReadOptions())
+    clips: list[SkeletonClip] = module.read(path, options or ReadOptions())
     for clip in clips:
         _check_distances(path, clip)
     return clips
 
 
 def _check_distances(path: Path, clip: SkeletonClip) -> None:
-    """Refuse positions that are no performer's, whatever the format."""
-    far = np.argwhere(np.abs(clip.positions) > FARTHEST)
+    far = np.argwhere(np.abs(clip.positions) > MAX_DISTANCE_METRES)
     if len(far):
         frame, joint, axis = map(int, far[0])
         raise SkeletonLogError(
             at(path, field=f"frame {frame} (second {clip.times[frame]:g}), {JOINTS[joint]}"),
             found=f"{clip.positions[frame, joint, axis]:.4g} m",
-            expected=f"a place within {FARTHEST:g} m of the sensor",
-            fix="Mend or delete that frame; for BVH, say how many metres one unit is.",
+            expected=f"a position within {MAX_DISTANCE_METRES:g} m of the sensor",
+            fix="Correct or delete that frame; for BVH, set the metres per unit.",
         )

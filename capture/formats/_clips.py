@@ -1,5 +1,6 @@
-"""The last step of every log reader: arrays in, a checked clip out."""
+"""The last step of every format reader: checked clips from arrays or frames."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +8,12 @@ from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
 from capture.formats.options import ReadOptions
-from capture.orientations import checked
-from capture.skeleton import LOST, TRACKED
-from puppetline.errors import SkeletonLogError, at
+from capture.orientations import unit_or_unknown, unknown
+from capture.skeleton import LOST, TRACKED, SkeletonFrame
+from puppetline.errors import SkeletonLogError
 
 
-def clip_of(
+def build_clip(
     path: Path,
     log_format: str,
     times: NDArray[np.float64],
@@ -21,60 +22,76 @@ def clip_of(
     notes: tuple[str, ...] = (),
     orientations: NDArray[np.float64] | None = None,
 ) -> SkeletonClip:
-    """Make one performer's clip of a log's frames.
+    """Build one performer's clip from the frames of a recording.
 
-    Of frames whose time does not increase, the first is kept, and a note says how many others were left out. A joint of
-    confidence 0, or at exactly (0, 0, 0), which is the sensor itself and what recorders write for "none", is lost.
-
-    Parameters
-    ----------
-    path : Path
-        The log, for error messages.
-    log_format : str
-        The clip's `format`.
-    times : (T,) float64
-        Seconds, in the order of the file.
-    positions : (T, 20, 3) float64
-        Metres, sensor frame.
-    confidence : (T, 20) float32
-    notes : tuple of str
-    orientations : (T, 20, 4) float64, optional
-        As of `capture.orientations`; what is no unit quaternion, or of a joint that the sensor did not track, is
-        unknown.
-
-    Returns
-    -------
-    SkeletonClip
-        Of user 0.
+    The arrays are those of `SkeletonClip`, in the order of the file, and the clip has user 0. Frames whose times do not
+    increase are skipped, and a note counts them. A joint is lost if its confidence is 0 or its position is exactly
+    (0, 0, 0), which recorders write for a lost joint. A quaternion becomes NaN if its length is not 1 or if its joint
+    is not tracked.
 
     Raises
     ------
     SkeletonLogError
-        No joint is known in any frame.
+        All joints are lost in every frame.
     """
     keep = np.ones(len(times), dtype=bool)
     keep[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
-    if dropped := np.count_nonzero(~keep):
-        notes = (*notes, f"{dropped} of {len(times)} frames repeat or precede the time of an earlier one: left out.")
+    if skipped := np.count_nonzero(~keep):
+        notes = (*notes, f"Skipped {skipped} of {len(times)} frames that repeat or precede an earlier time.")
     times, positions, confidence = times[keep], positions[keep], confidence[keep]
     known = (confidence > LOST) & (positions != 0).any(axis=2)
     if not known.any():
-        raise SkeletonLogError(
-            at(path),
-            found=f"no tracked performer in any of {len(times)} frames",
-            expected="at least one tracked frame",
-            fix="Record again with the performer in the sensor's view.",
-        )
+        raise _no_performer(path, f"no tracked performer in any of {len(times)} frames")
     positions = np.where(known[..., None], positions, np.nan)
     confidence = np.where(known, confidence, LOST).astype(np.float32)
     if orientations is not None:
-        orientations = checked(orientations[keep])
+        orientations = unit_or_unknown(orientations[keep])
         orientations[confidence < TRACKED] = np.nan
     return SkeletonClip(log_format, 0, times, positions, confidence, notes, orientations)
 
 
+def clips_by_performer(
+    path: Path, log_format: str, frames: list[SkeletonFrame], notes: tuple[str, ...] = ()
+) -> list[SkeletonClip]:
+    """Build one clip per user number from the frames of a recording of several performers.
+
+    A performer's clip holds only the frames that show the performer, so it may start late and have gaps. A performer
+    of whom no joint is ever tracked has no clip. The clips are in the order in which the performers first appear.
+
+    Raises
+    ------
+    SkeletonLogError
+        All joints are lost in every frame.
+    """
+    performers: dict[int, list[SkeletonFrame]] = {}
+    for frame in frames:
+        performers.setdefault(frame.user, []).append(frame)
+    clips = []
+    for user, seen in performers.items():
+        times = np.array([frame.time for frame in seen])
+        positions = np.stack([frame.positions for frame in seen])
+        confidence = np.stack([frame.confidence for frame in seen])
+        turns = [unknown() if frame.orientations is None else frame.orientations for frame in seen]
+        orientations = np.stack(turns) if any(frame.orientations is not None for frame in seen) else None
+        if (confidence > LOST).any():
+            clip = build_clip(path, log_format, times, positions, confidence, notes, orientations)
+            clips.append(replace(clip, user=user))
+    if not clips:
+        raise _no_performer(path, "no frame with a tracked performer")
+    return clips
+
+
 def frame_rate(options: ReadOptions, default: float) -> tuple[float, tuple[str, ...]]:
-    """Return the frames a second of a log without a clock, and a note where they are assumed."""
+    """Return the frames per second of a recording without a clock, and a note if they are assumed."""
     if options.fps is not None:
         return options.fps, ()
-    return default, (f"The log has no clock: {default:g} frames a second assumed.",)
+    return default, (f"The recording has no clock; {default:g} frames per second are assumed.",)
+
+
+def _no_performer(path: Path, found: str) -> SkeletonLogError:
+    return SkeletonLogError(
+        path,
+        found=found,
+        expected="at least one tracked frame",
+        fix="Record again with the performer in the sensor's view.",
+    )

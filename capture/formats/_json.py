@@ -1,19 +1,21 @@
-"""JSON logs: loaded within bounds, each value checked where it is taken and named by its place in the document."""
+"""JSON recordings: bounded loading, and values that are checked when they are read and name their place in errors."""
 
 import json
 import re
 from pathlib import Path
 from typing import NoReturn
 
+from capture.formats._files import opened
 from puppetline.errors import SkeletonLogError, at
 
-MAX_BYTES = 256 * 2**20
-"""Half an hour of the wordiest log known; Python's objects take some ten times the file's size."""
-MAX_NUMBER = 1e9
-"""Beyond any coordinate or id that is not a string, and small enough that no arithmetic on it overflows."""
+MAX_FILE_BYTES = 256 * 2**20
+"""Maximum size of a file: half an hour of the most verbose format. Python's objects take ten times as much memory."""
 
-EXACT = 2.0**53
-"""Up to here every whole number is a float64."""
+MAX_NUMBER = 1e9
+"""Bound of the magnitude of a number: larger than any coordinate, small enough that calculations do not overflow."""
+
+MAX_EXACT_FLOAT = 2.0**53
+"""Bound of the floats that are read as integers: float64 represents every integer below it."""
 
 
 def load(path: Path) -> "Value":
@@ -22,26 +24,24 @@ def load(path: Path) -> "Value":
     Raises
     ------
     SkeletonLogError
-        The file cannot be opened, is too large, not UTF-8, not JSON, nested too deeply or holds NaN or Infinity.
+        The file cannot be read, is too large, not UTF-8, not JSON, nested too deeply, or has NaN or Infinity.
     """
-    try:
-        with path.open("rb") as file:
-            text = file.read(MAX_BYTES + 1)
-    except OSError as error:
+    with opened(path) as file:
+        text = file.read(MAX_FILE_BYTES + 1)
+    if len(text) > MAX_FILE_BYTES:
         raise SkeletonLogError(
-            path, found=f"“{error.strerror}”", expected="a readable file", fix="Check its path and permissions."
-        ) from error
-    if len(text) > MAX_BYTES:
-        raise SkeletonLogError(
-            path, found=f"more than {MAX_BYTES} bytes of JSON", expected="at most that", fix="Split the recording."
+            path,
+            found=f"more than {MAX_FILE_BYTES} bytes of JSON",
+            expected="a smaller recording",
+            fix="Split the recording.",
         )
 
     def refuse_constant(name: str) -> NoReturn:
         raise SkeletonLogError(
             path,
             found=f"the number {name}",
-            expected="finite numbers, as JSON has no others",
-            fix="Record the take again, or leave out the joints that are not known.",
+            expected="finite numbers, because JSON has no others",
+            fix="Record again, or omit the joints that are lost.",
         )
 
     try:
@@ -51,28 +51,28 @@ def load(path: Path) -> "Value":
             at(path, error.lineno),
             found=f"broken JSON at column {error.colno} ({error.msg})",
             expected="a complete JSON document",
-            fix="The file may be cut short or edited by hand; copy it again from where it was recorded.",
+            fix="The file may be incomplete or edited; copy it again from where it was recorded.",
         ) from error
-    except (ValueError, RecursionError) as error:  # not UTF-8, a number of thousands of digits, brackets without end
+    except (ValueError, RecursionError) as error:  # not UTF-8, a number of thousands of digits, too many brackets
         raise SkeletonLogError(
             path,
-            found=f"JSON that cannot be read ({error})",
+            found=f"JSON that cannot be parsed ({error})",
             expected="UTF-8 text with plain numbers and shallow nesting",
             fix="Copy the file again from where it was recorded.",
         ) from error
 
 
 class Value:
-    """A value of the document together with its place, so that a complaint can name it.
+    """A value of the document and its place, which errors name.
 
     Parameters
     ----------
     path : Path
         The file.
     data : object
-        What `json` made of the value.
+        The value as parsed by `json`.
     place : str
-        Where it stands, as ``frames[3].bodies[0]``.
+        Path of the value in the document, for example ``frames[3].bodies[0]``.
     """
 
     def __init__(self, path: Path, data: object, place: str = "") -> None:
@@ -88,7 +88,7 @@ class Value:
             self.refuse("an object {…}")
         place = f"{self.place}.{key}".lstrip(".")
         if key not in self.data:
-            raise self.error(f"no {key!r}", f"{place} to be there")
+            raise self.error(f"no {key!r}", f"a value for {place}")
         return Value(self.path, self.data[key], place)
 
     def items(self) -> list["Value"]:
@@ -98,7 +98,7 @@ class Value:
         return [Value(self.path, data, f"{self.place}[{index}]") for index, data in enumerate(self.data)]
 
     def number(self) -> float:
-        """Return a finite number; true and false are none."""
+        """Return a finite number; true and false are refused."""
         if type(self.data) not in (int, float) or not -MAX_NUMBER < self.data < MAX_NUMBER:  # type: ignore[operator]
             self.refuse("a number of ordinary size")
         return float(self.data)  # type: ignore[arg-type]
@@ -111,18 +111,17 @@ class Value:
         return [item.number() for item in items]
 
     def integer(self) -> int:
-        """Return a whole number from 0 to 2⁶³−1.
+        """Return an integer from 0 to 2⁶³−1.
 
-        It may be written with a fraction of zero, as 1.0, where a float64 is exact, or as a string, as ids of 64 bits
-        often are.
+        A float without a fraction is accepted below 2⁵³, and so is a string of digits, as recorders write 64-bit ids.
         """
         data = self.data
-        if isinstance(data, float) and data.is_integer() and abs(data) < EXACT:
+        if isinstance(data, float) and data.is_integer() and abs(data) < MAX_EXACT_FLOAT:
             data = int(data)
         if isinstance(data, str) and re.fullmatch("[0-9]{1,19}", data):
             data = int(data)
         if type(data) is not int or not 0 <= data < 2**63:
-            self.refuse("a whole number, 0 or more")
+            self.refuse("an integer, 0 or more")
         return data
 
     def error(self, found: str, expected: str) -> SkeletonLogError:
@@ -131,11 +130,11 @@ class Value:
             at(self.path, field=self.place or "the document's top level"),
             found=found,
             expected=expected,
-            fix="The file may be damaged or of another program's making; export it again.",
+            fix="The file may be damaged or written by another program; export it again.",
         )
 
     def refuse(self, expected: str) -> NoReturn:
-        """Raise the error for a value of the wrong kind."""
+        """Raise the error for a value of another kind."""
         if isinstance(self.data, dict | list):
             found = f"{'an object' if isinstance(self.data, dict) else 'a list'} of {len(self.data)}"
         else:

@@ -1,9 +1,10 @@
-"""Real numeric arrays out of MATLAB 5 files, by the file's published layout.
+"""A reader of real numeric arrays in MATLAB 5 files, after the published file layout.
 
-SciPy reads these files too, but a damaged one makes its compiled reader end the whole process; here it is an error.
+SciPy reads these files too, but a damaged file makes its compiled reader end the whole process. Here it is an error.
 
-A file is a header of 128 bytes and then elements: a tag of type and length, the content, padding to 8 bytes. An array
-is an element of the elements flags, dimensions, name and numbers, usually packed with zlib into an element of its own.
+A file has a header of 128 bytes, followed by elements: a tag with type and length, the content, and padding to 8 bytes.
+An array is an element that contains the elements flags, dimensions, name and numbers. Most programs compress it with
+zlib into another element.
 """
 
 import struct
@@ -16,47 +17,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 Order = Literal["<", ">"]
-"""Of bytes in a number, as `struct` and NumPy write it."""
+"""Byte order of numbers, in the notation of `struct` and NumPy."""
 
-HEADER = 128
-MATRIX, COMPRESSED = 14, 15
+HEADER_BYTES = 128
+ARRAY_TYPE, COMPRESSED_TYPE = 14, 15
 NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-"""NumPy's names for the types that numbers are stored as, which may be smaller than the array's own."""
+"""NumPy names of the types in which numbers are stored; a stored type may be smaller than the array's own type."""
 NUMBER_CLASSES = range(6, 16)
-"""double, single and the integers; a lower class is a cell, structure, object, text or sparse array."""
-COMPLEX = 0x800
-HEAD = 4096
-"""Bytes of an array's element within which flags, dimensions and name end, with room to spare."""
-MAX_BYTES = 64 * 2**20
-"""More than an hour of 20 joints; zlib would unpack a file of 64 KiB to as much."""
+"""Array classes of double, single and integers; lower classes are cells, structures, objects, text, sparse arrays."""
+COMPLEX_FLAG = 0x800
+MAX_ARRAY_HEAD_BYTES = 4096
+"""Number of bytes of an array's element that are decompressed to read its flags, dimensions and name."""
+MAX_ARRAY_BYTES = 64 * 2**20
+"""Maximum size of an array: more than an hour of 20 joints. A file of 64 KiB can decompress to as much."""
 
 
 class Mat5Error(Exception):
-    """The file is not, or no longer, a MATLAB 5 file; the message completes “a file in which …”."""
+    """The file is not a complete MATLAB 5 file; the message completes “a file in which …”."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """An array of the file, not yet read.
+    """An array of the file whose numbers are not read yet.
 
     Attributes
     ----------
     shape : tuple of int
-        As claimed.
+        Dimensions as the file states them, unchecked.
     is_real : bool
-        Whether it holds real numbers, and not text, cells or complex ones.
+        Whether the array holds real numbers, as opposed to text, cells or complex numbers.
     content : memoryview
-        Its element's content.
-    packed : bool
-        Whether that is packed.
+        Content of the array's element.
+    compressed : bool
+        Whether the content is compressed.
     order : "<" or ">"
-        Of bytes.
+        Byte order.
     """
 
     shape: tuple[int, ...]
     is_real: bool
     content: memoryview
-    packed: bool
+    compressed: bool
     order: Order
 
     def numbers(self) -> NDArray[np.float64]:
@@ -65,78 +66,75 @@ class Variable:
         Raises
         ------
         Mat5Error
-            It is larger than 64 MiB, or not all of it is there.
+            The array is larger than 64 MiB or incomplete.
         """
-        matrix = _unpacked(self.content, self.order, MAX_BYTES) if self.packed else self.content
-        *_, rest = _head(matrix, self.order)
-        kind, stored, _ = _element(rest, self.order)
+        array = _decompressed(self.content, self.order, MAX_ARRAY_BYTES) if self.compressed else self.content
+        *_, rest = _array_head(array, self.order)
+        kind, stored, _ = _split_element(rest, self.order)
         if kind not in NUMBER_TYPES or len(stored) != np.dtype(NUMBER_TYPES[kind]).itemsize * prod(self.shape):
-            raise Mat5Error(f"the numbers of an array of {' × '.join(map(str, self.shape))} are not all there")
+            raise Mat5Error(f"an array of {' × '.join(map(str, self.shape))} is incomplete")
         numbers = np.frombuffer(stored, np.dtype(NUMBER_TYPES[kind]).newbyteorder(self.order))
         return numbers.astype(np.float64).reshape(self.shape, order="F")
 
 
 def variables(data: bytes) -> dict[str, Variable]:
-    """List the arrays of a file.
-
-    Parameters
-    ----------
-    data : bytes
-        The whole file.
+    """Return the arrays in the bytes of a whole file, by name.
 
     Raises
     ------
     Mat5Error
+        The file is damaged, incomplete, or not a MATLAB 5 file.
     """
-    if data[126:HEADER] not in (b"IM", b"MI"):
+    if data[126:HEADER_BYTES] not in (b"IM", b"MI"):
         raise Mat5Error("the header is not MATLAB's")
-    order: Order = "<" if data[126:HEADER] == b"IM" else ">"
+    order: Order = "<" if data[126:HEADER_BYTES] == b"IM" else ">"
     found = {}
-    rest = memoryview(data)[HEADER:]
+    rest = memoryview(data)[HEADER_BYTES:]
     while rest:
-        kind, content, rest = _element(rest, order, padded=False)
-        if kind not in (MATRIX, COMPRESSED):
-            raise Mat5Error(f"an element of type {kind} stands in the place of an array")
-        packed = kind == COMPRESSED
-        flags, shape, name, _ = _head(_unpacked(content, order, HEAD) if packed else content, order)
-        is_real = flags & 0xFF in NUMBER_CLASSES and not flags & COMPLEX
-        found[name] = Variable(shape, is_real, content, packed, order)
+        kind, content, rest = _split_element(rest, order, padded=False)
+        if kind not in (ARRAY_TYPE, COMPRESSED_TYPE):
+            raise Mat5Error(f"an element of type {kind} is in the place of an array")
+        compressed = kind == COMPRESSED_TYPE
+        head = _decompressed(content, order, MAX_ARRAY_HEAD_BYTES) if compressed else content
+        flags, shape, name, _ = _array_head(head, order)
+        is_real = flags & 0xFF in NUMBER_CLASSES and not flags & COMPLEX_FLAG
+        found[name] = Variable(shape, is_real, content, compressed, order)
     return found
 
 
-def _element(data: memoryview, order: Order, *, padded: bool = True) -> tuple[int, memoryview, memoryview]:
-    """Split off the first element: its type, its content, and what follows."""
+def _split_element(data: memoryview, order: Order, *, padded: bool = True) -> tuple[int, memoryview, memoryview]:
+    """Return the type and content of the first element, and the bytes after it."""
     try:
         kind, length = struct.unpack_from(f"{order}II", data)
     except struct.error:
         raise Mat5Error("the data end within an element") from None
     start = 8
-    if kind >> 16:  # up to four bytes stand where the length would
+    if kind >> 16:  # a small element: up to four bytes of content replace the length
         kind, length, start = kind & 0xFFFF, kind >> 16, 4
         end = 8
     else:
         end = start + length
     if start + length > min(end, len(data)):
-        raise Mat5Error(f"an element of {length} bytes is cut short")
+        raise Mat5Error(f"an element of {length} bytes is incomplete")
     return kind, data[start : start + length], data[end + (-end % 8 if padded else 0) :]
 
 
-def _unpacked(content: memoryview, order: Order, limit: int) -> memoryview:
-    """Unpack up to `limit` bytes of a packed array and return what stands in its element."""
+def _decompressed(content: memoryview, order: Order, limit: int) -> memoryview:
+    """Decompress up to `limit` bytes of an array and return the content of its element."""
     try:
-        unpacked = zlib.decompressobj().decompress(content, limit)
+        data = zlib.decompressobj().decompress(content, limit)
     except zlib.error as error:
-        raise Mat5Error(f"packed data are damaged ({error})") from error
-    if len(unpacked) < 8 or struct.unpack_from(f"{order}I", unpacked)[0] != MATRIX:
-        raise Mat5Error("packed data are no array")
-    return memoryview(unpacked)[8:]
+        raise Mat5Error(f"compressed data are damaged ({error})") from error
+    if len(data) < 8 or struct.unpack_from(f"{order}I", data)[0] != ARRAY_TYPE:
+        raise Mat5Error("compressed data are not an array")
+    return memoryview(data)[8:]
 
 
-def _head(matrix: memoryview, order: Order) -> tuple[int, tuple[int, ...], str, memoryview]:
-    """Read the flags, dimensions and name of an array, and return what follows."""
-    _, flags, rest = _element(matrix, order)
-    _, dimensions, rest = _element(rest, order)
-    _, name, rest = _element(rest, order)
+def _array_head(array: memoryview, order: Order) -> tuple[int, tuple[int, ...], str, memoryview]:
+    """Return the flags, dimensions and name of an array, and the bytes after them."""
+    _, flags, rest = _split_element(array, order)
+    _, dimensions, rest = _split_element(rest, order)
+    _, name, rest = _split_element(rest, order)
     if len(flags) != 8 or len(dimensions) % 4:
         raise Mat5Error("the head of an array is damaged")
     shape = struct.unpack(f"{order}{len(dimensions) // 4}i", dimensions)

@@ -1,9 +1,9 @@
-"""Which joint of a BVH skeleton is which of the 20, by the names that programs give them.
+"""Mapping of the joints of a BVH skeleton to the 20 joints of `capture.skeleton`, by their names.
 
-Known are the skeletons of CMU, Biovision, Mixamo, MotionBuilder, MakeHuman, 3ds Max, Unreal and the Kinect SDK. A name
-is taken apart into a side and a part, so that ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg``
-are the same. The same part means different joints in different skeletons (``LeftShoulder`` is the collar bone where
-there is a ``LeftArm``, and ``LeftFoot`` the ankle where there is no ``LeftAnkle``); the order in the tables decides.
+Supported are the skeletons of CMU, Biovision, Mixamo, MotionBuilder, MakeHuman, 3ds Max, Unreal and the Kinect SDK. A
+name is split into a side and a part, so ``LeftUpLeg``, ``mixamorig:LeftUpLeg``, ``UpLeg_L`` and ``Bip01 L UpLeg`` are
+equal. One part means different joints in different skeletons: ``LeftShoulder`` is the collar bone if there is a
+``LeftArm``, and ``LeftFoot`` is the ankle if there is no ``LeftAnkle``. The order in the tables decides.
 """
 
 import re
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
 from puppetline.errors import SkeletonLogError
 
-SIDED = {
+SIDE_PARTS = {
     "shoulder": ("arm", "upperarm", "uparm", "shldr", "shoulder"),
     "elbow": ("forearm", "lowerarm", "loarm", "lowarm", "elbow"),
     "wrist": ("wrist", "hand"),
@@ -26,24 +26,25 @@ SIDED = {
     "ankle": ("ankle", "foot"),
     "foot": ("toebase", "toe", "toes", "toe0", "ball", "foot"),
 }
-"""Parts of a side for each of its joints, the one that decides first; a BVH joint is given once only."""
+"""Parts of each joint of a side, in order of priority. Each BVH joint is used once."""
 
-MIDDLE = {
+MIDDLE_PARTS = {
     "hip_center": ("spinebase", "hips", "pelvis", "hip", "root"),
     "spine": ("spinemid", "spine", "spine1", "spine01", "spine2", "abdomen", "chest", "torso", "lowerback"),
     "shoulder_center": ("spineshoulder", "lowerneck", "neck", "neck1", "neck01"),
     "head": ("head",),
 }
+"""Parts of each joint in the middle, in order of priority."""
 
 MIDPOINTS = {
     "hip_center": ("hip_left", "hip_right"),
     "shoulder_center": ("shoulder_left", "shoulder_right"),
     "spine": ("hip_center", "shoulder_center"),
 }
-"""What stands in for a joint that a skeleton does not have."""
+"""Pairs of joints whose midpoint replaces a joint that a skeleton lacks."""
 
 ENDS = {"hand_left": "wrist_left", "hand_right": "wrist_right", "foot_left": "ankle_left", "foot_right": "ankle_right"}
-"""Joints that may be where the bone of another one ends."""
+"""Joints that the end of another joint's bone replaces if a skeleton lacks them."""
 
 PREFIX = re.compile(r"^(.*:|mixamorig\d*_?|bip\d+[ _]?)", re.IGNORECASE)
 SIDES = (
@@ -52,18 +53,18 @@ SIDES = (
     re.compile(r"^(?P<part>.+)(?P<side>[lr])$"),
     re.compile(r"^(?P<side>[lr])(?P<part>.+)$"),
 )
-PARTS = {part for parts in SIDED.values() for part in parts}
+PARTS = {part for parts in SIDE_PARTS.values() for part in parts}
 
 Points = NDArray[np.float64]
 
 
-def key_of(name: str) -> str:
-    """Reduce a joint's name to its part, with ``_left`` or ``_right`` after it if it has a side.
+def normalised_name(name: str) -> str:
+    """Return the part in a joint's name, followed by ``_left`` or ``_right`` if it has a side.
 
-    >>> key_of("mixamorig:LeftUpLeg"), key_of("rThigh"), key_of("Hand_L"), key_of("Spine1")
-    ('upleg_left', 'thigh_right', 'hand_left', 'spine1')
+    >>> normalised_name("mixamorig:LeftUpLeg"), normalised_name("Hand_L"), normalised_name("Spine1")
+    ('upleg_left', 'hand_left', 'spine1')
     """
-    if name.startswith("__"):  # MakeHuman's spacers, which carry the name of the joint that they lead to
+    if name.startswith("__"):  # a spacer of MakeHuman, which has the name of the joint that follows it
         return ""
     plain = re.sub(r"[ _.\-]", "", PREFIX.sub("", name)).lower()
     for pattern in SIDES:
@@ -73,53 +74,53 @@ def key_of(name: str) -> str:
     return plain
 
 
-def kinect_points(
+def kinect_positions(
     path: Path, tree: Sequence[tuple[str, int]], positions: Sequence[Points]
 ) -> tuple[Points, dict[str, int], list[str]]:
-    """Pick the 20 joints out of a BVH skeleton.
+    """Select the 20 joints of a BVH skeleton.
 
-    Kinect's head is the middle of the head, while a BVH head joint is where the head turns on the neck: the point half
-    way to where its bone ends is taken.
+    The Kinect's head joint is the middle of the head, but a BVH head joint is at the top of the neck. The head is
+    therefore the midpoint of the BVH joint and the end of its bone.
 
     Parameters
     ----------
     path : Path
-        For the error.
+        The recording, for error messages.
     tree : sequence of (str, int)
         Name and parent of each node, parents first; end sites have no name.
     positions : sequence of (T, 3) float64
-        Of each node.
+        Positions of each node.
 
     Returns
     -------
     points : (T, 20, 3) float64
-        In the units of `positions`; NaN where a joint cannot be found.
+        Positions in the units of `positions`; NaN for lost joints.
     chosen : dict
-        Name of a joint to the node that it is.
+        Node of each joint that has one.
     notes : list of str
 
     Raises
     ------
     SkeletonLogError
-        A joint that a body cannot do without has none of the known names.
+        No joint has a supported name for a joint that a body requires.
     """
-    chosen = _choose([name for name, _ in tree], positions)
+    chosen = _choose_nodes([name for name, _ in tree], positions)
     needed = [name for name in JOINTS if name not in chosen and name not in MIDPOINTS and name not in ENDS]
     if needed:
         raise SkeletonLogError(
             path,
-            found=f"no joint named as {', '.join(needed)} among {', '.join(name for name, _ in tree if name)[:200]}",
-            expected="the names of a human skeleton, as LeftArm or lForeArm",
-            fix="Rename the joints as CMU, Mixamo or Biovision do, or retarget the motion to such a skeleton.",
+            found=f"no joint for {', '.join(needed)} among {', '.join(name for name, _ in tree if name)[:200]}",
+            expected="the names of a human skeleton, for example LeftArm or lForeArm",
+            fix="Use the joint names of CMU, Mixamo or Biovision, or retarget the motion to such a skeleton.",
         )
     ends = _ends(tree)
     notes = []
-    if _coincide(positions, chosen["hip_left"], chosen["hip_right"]):
+    hips_coincide = _coincide(positions, chosen["hip_left"], chosen["hip_right"])
+    if hips_coincide:
         chosen = {name: ends.get(node, node) for name, node in chosen.items()}
-        notes.append("Both hips are at one point: joints are taken where the bones of their names end.")
-        found = {name: positions[node] for name, node in chosen.items()}
-    else:
-        found = {name: positions[node] for name, node in chosen.items()}
+        notes.append("Both hips are at one point. Each joint is placed at the end of the bone with its name.")
+    found = {name: positions[node] for name, node in chosen.items()}
+    if not hips_coincide:
         found["head"] = (found["head"] + positions[ends.get(chosen["head"], chosen["head"])]) / 2
     for name, bone in ENDS.items():
         if name not in found and chosen[bone] in ends:
@@ -127,29 +128,28 @@ def kinect_points(
     for name, (one, other) in MIDPOINTS.items():
         if name not in found:
             found[name] = (found[one] + found[other]) / 2
-            notes.append(f"No joint for {name}: half way between {one} and {other}.")
-    lost = [name for name in JOINTS if name not in found]
-    notes += [f"No joint for {name}: lost." for name in lost]
+            notes.append(f"No joint for {name}. It is placed half way between {one} and {other}.")
+    notes += [f"No joint for {name}. It is lost." for name in JOINTS if name not in found]
     points = np.full((len(positions[0]), len(JOINTS), 3), np.nan)
     for name, point in found.items():
         points[:, JOINT_INDEX[name]] = point
     return points, chosen, notes
 
 
-def _choose(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]:
-    """Give each of the 20 joints the first node of its table that is still free."""
+def _choose_nodes(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]:
+    """Return for each of the 20 joints the first node in its table that no other joint uses."""
     nodes: dict[str, int] = {}
     for index, name in enumerate(names):
-        nodes.setdefault(key_of(name), index)
-    tables = dict(MIDDLE)
-    for part, parts in SIDED.items():
+        nodes.setdefault(normalised_name(name), index)
+    tables = dict(MIDDLE_PARTS)
+    for part, parts in SIDE_PARTS.items():
         for side in ("left", "right"):
             tables[f"{part}_{side}"] = tuple(f"{synonym}_{side}" for synonym in parts)
     chosen: dict[str, int] = {}
     for joint, keys in tables.items():
         free = [nodes[key] for key in keys if key in nodes and nodes[key] not in chosen.values()]
         if joint in ENDS or joint in MIDPOINTS:
-            # A bone without length is none: CMU has one between wrist and fingers, MakeHuman in the hips.
+            # Bones without length are skipped: CMU has one between wrist and fingers, MakeHuman in the hips.
             inner = chosen.get(PARENTS.get(joint, ""))
             free = [node for node in free if inner is None or not _coincide(positions, inner, node)]
         if free:
@@ -158,7 +158,7 @@ def _choose(names: Sequence[str], positions: Sequence[Points]) -> dict[str, int]
 
 
 def _ends(tree: Sequence[tuple[str, int]]) -> dict[int, int]:
-    """Return where each node's bone ends: its first child."""
+    """Return the end of each node's bone: the node's first child."""
     ends: dict[int, int] = {}
     for index, (_, parent) in enumerate(tree):
         ends.setdefault(parent, index)

@@ -1,16 +1,18 @@
-"""Joint orders of foreign skeletons, and how they become the project's 20 joints.
+"""Joint orders of other skeletons, and their conversion to the 20 joints of `capture.skeleton`.
 
-An order has one entry for each joint of the foreign skeleton: its name in `capture.skeleton`, or None where the 20
-joints have no such joint.
+An order has one entry per joint of the other skeleton: the joint's name in `capture.skeleton`, or None if none of the
+20 joints corresponds to it.
 """
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST
 
+Float = TypeVar("Float", np.float32, np.float64)
 JointOrder = Sequence[str | None]
 
 _ARM_LEG = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
@@ -25,7 +27,7 @@ K25: JointOrder = (
     *_RIGHT_LEG,
     *("shoulder_center", None, None, None, None),
 )
-"""Kinect v2. Its neck, hand tips and thumbs are not kept; K25[:21] is the order of logs without tips and thumbs."""
+"""Kinect v2. Its neck, hand tips and thumbs are skipped; K25[:21] is the order of files without tips and thumbs."""
 
 K32: JointOrder = (
     *("hip_center", "spine", None, "shoulder_center"),
@@ -35,7 +37,7 @@ K32: JointOrder = (
     *_RIGHT_LEG,
     *("head", None, None, None, None, None),
 )
-"""Azure Kinect. Its neck is where Kinect v1 has the shoulder centre; chest, clavicles, tips and face are not kept."""
+"""Azure Kinect. Its neck is where Kinect v1 has the shoulder centre; chest, clavicles, tips and face are skipped."""
 
 NITE15: JointOrder = (
     *("head", "shoulder_center"),
@@ -43,7 +45,7 @@ NITE15: JointOrder = (
     "spine",
     *("hip_left", "hip_right", "knee_left", "knee_right", "foot_left", "foot_right"),
 )
-"""OpenNI 2 with NiTE 2; its torso becomes the spine. Needs `synthesise_missing`."""
+"""OpenNI 2 with NiTE 2; its torso becomes the spine. Requires `synthesise_missing`."""
 
 CAD60: JointOrder = (
     *("head", "shoulder_center", "spine"),
@@ -51,7 +53,7 @@ CAD60: JointOrder = (
     *("hip_left", "knee_left", "hip_right", "knee_right"),
     *("hand_left", "hand_right", "foot_left", "foot_right"),
 )
-"""CAD-60: the joints of NiTE in an order of its own. Needs `synthesise_missing`."""
+"""CAD-60: the joints of NiTE in another order. Requires `synthesise_missing`."""
 
 MSR_ACTION3D: JointOrder = (
     *("shoulder_left", "shoulder_right", "shoulder_center", "spine", "hip_left", "hip_right", "hip_center"),
@@ -70,7 +72,7 @@ UTD_MHAD: JointOrder = (
 
 _MISSING: dict[str, dict[str, float]] = {
     "hip_center": {"hip_left": 0.5, "hip_right": 0.5},
-    # On the 20-joint recordings of UTKinect-Action3D the spine lies at 0.17 of the way from hip centre to shoulder
+    # In the 20-joint recordings of UTKinect-Action3D, the spine is at 0.17 of the way from hip centre to shoulder
     # centre, the wrist at 0.75 from elbow to hand and the ankle at 0.85 from knee to foot (medians).
     "spine": {"hip_center": 0.83, "shoulder_center": 0.17},
     "wrist_left": {"elbow_left": 0.25, "hand_left": 0.75},
@@ -78,60 +80,58 @@ _MISSING: dict[str, dict[str, float]] = {
     "ankle_left": {"knee_left": 0.15, "foot_left": 0.85},
     "ankle_right": {"knee_right": 0.15, "foot_right": 0.85},
 }
-"""What a 15-joint skeleton lacks, as a weighted mean of joints that it has or that stand higher in this table."""
+"""Joints that a 15-joint skeleton lacks, each with the weights of the joints that replace it."""
 
 
 def to_kinect20(
     order: JointOrder, positions: NDArray[np.float64], confidence: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Put foreign joints into the order of `capture.skeleton.JOINTS`, matched by name.
+    """Convert joints to the order of `capture.skeleton.JOINTS`.
 
     Parameters
     ----------
     order : sequence of (str or None)
-        The name of each foreign joint; J entries.
+        The J joints of the other skeleton.
     positions : (..., J, 3) float64
-        Metres, sensor frame; anything where the confidence is 0.
+        Metres, sensor coordinates; any value if the confidence is 0.
     confidence : (..., J) float32
 
     Returns
     -------
     positions : (..., 20, 3) float64
-        NaN where a joint is lost or has no counterpart in `order`.
+        NaN for joints that are lost or missing in `order`.
     confidence : (..., 20) float32
-        0 in the same places.
+        0 for the same joints.
     """
-    source = [index for index, name in enumerate(order) if name is not None]
-    target = [JOINT_INDEX[name] for name in order if name is not None]
-    ours = np.full((*positions.shape[:-2], len(JOINTS), 3), np.nan)
-    sure = np.full((*positions.shape[:-2], len(JOINTS)), LOST, dtype=np.float32)
-    ours[..., target, :] = positions[..., source, :]
-    sure[..., target] = confidence[..., source]
-    ours[sure == LOST] = np.nan
-    return ours, sure
+    reordered = _reordered(order, confidence[..., None], LOST)[..., 0]
+    return np.where(reordered[..., None] == LOST, np.nan, _reordered(order, positions, np.nan)), reordered
 
 
 def orientations_to_kinect20(order: JointOrder, orientations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Put orientations (..., J, 4) of foreign joints into the order of `capture.skeleton.JOINTS`, NaN for others."""
+    """Convert orientations (..., J, 4) to the order of `capture.skeleton.JOINTS`, with NaN for missing joints."""
+    return _reordered(order, orientations, np.nan)
+
+
+def _reordered(order: JointOrder, values: NDArray[Float], missing: float) -> NDArray[Float]:
     source = [index for index, name in enumerate(order) if name is not None]
     target = [JOINT_INDEX[name] for name in order if name is not None]
-    ours = np.full((*orientations.shape[:-2], len(JOINTS), 4), np.nan)
-    ours[..., target, :] = orientations[..., source, :]
-    return ours
+    reordered = np.full((*values.shape[:-2], len(JOINTS), values.shape[-1]), missing, dtype=values.dtype)
+    reordered[..., target, :] = values[..., source, :]
+    return reordered
 
 
 def synthesise_missing(
     positions: NDArray[np.float64], confidence: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Fill the joints that 15-joint skeletons lack: hip centre, spine, wrists and ankles.
+    """Add the joints that 15-joint skeletons lack: hip centre, spine, wrists and ankles.
 
-    A lost joint becomes a fixed weighted mean of its neighbours where all of them are known, and stays lost elsewhere.
-    Its confidence is that of the least certain neighbour, but never more than inferred.
+    A lost joint becomes a fixed weighted mean of its neighbours if none of them is lost. Its confidence is the lowest
+    of its neighbours, and at most inferred.
 
     Parameters
     ----------
     positions : (..., 20, 3) float64
-        In the order of `capture.skeleton.JOINTS`, NaN where lost.
+        NaN for lost joints.
     confidence : (..., 20) float32
 
     Returns

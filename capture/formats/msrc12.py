@@ -1,13 +1,13 @@
-"""MSRC-12 gestures: a line a frame, microseconds and 20 × (x y z flag) in metres between spaces.
+"""MSRC-12 gestures, one line per frame: microseconds and 20 × (x y z flag) in metres between spaces.
 
-Flag 1 is tracked and 0 inferred; a joint at 0 0 0 is lost, and while nobody is tracked all of them are.
+Flag 1 is tracked and 0 inferred. A joint at 0 0 0 is lost; without a performer, all joints are at 0 0 0.
 """
 
 from pathlib import Path
 
 from capture.clip import SkeletonClip
-from capture.formats._clips import clip_of
-from capture.formats._rows import RowLayout, confidence_of, head_lines, read_lines
+from capture.formats._clips import build_clip
+from capture.formats._rows import RowLayout, confidence_from_states, read_lines
 from capture.formats.options import ReadOptions
 from capture.skeleton import INFERRED, TRACKED
 
@@ -15,20 +15,20 @@ _ROW = RowLayout(81, "microseconds, then 20 × x y z flag")
 
 
 def matches(head: bytes) -> bool:
-    """Tell whether the first line has 81 numbers between white space."""
-    return any(map(_ROW.fits, head_lines(head, 1)))
+    """Return whether the first line has 81 numbers between white space."""
+    return _ROW.fits_first_line(head)
 
 
-def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - the format fixes everything
-    """Read a log.
+def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:  # noqa: ARG001 - the format has a clock and a unit
+    """Read the one performer.
 
     Raises
     ------
     SkeletonLogError
-        A line does not fit, or no frame is tracked.
+        A line violates the format, or no frame is tracked.
     """
-    lines, cut = _ROW.whole(read_lines(path))
+    lines, notes = _ROW.complete(read_lines(path))
     rows = _ROW.table(path, lines)
     joints = rows[:, 1:].reshape(-1, 20, 4)
-    confidence = confidence_of(path, lines, joints[..., 3], (INFERRED, TRACKED))
-    return [clip_of(path, "msrc12", rows[:, 0] / 1e6, joints[..., :3], confidence, cut)]
+    confidence = confidence_from_states(path, lines, joints[..., 3], (INFERRED, TRACKED))
+    return [build_clip(path, "msrc12", rows[:, 0] / 1e6, joints[..., :3], confidence, notes)]

@@ -1,4 +1,4 @@
-"""What a user may say about a log that the log does not say itself."""
+"""Options of the format readers, for facts that a recording does not state."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,16 +6,16 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
-    """Overrides for facts that some formats leave out; None means detect or use the format's own default.
+    """Facts that some formats omit. None means that the reader detects the fact or uses the format's default.
 
     Attributes
     ----------
     fps : float or None
-        Frames a second, for formats without a clock.
+        Frames per second, for formats without a clock.
     up : "y", "z" or None
         The axis that points up, for formats that do not fix it (BVH).
     unit : float or None
-        Metres in one unit of length, for formats that do not fix it (BVH).
+        Metres per unit of length, for formats that do not fix it (BVH).
     """
 
     fps: float | None = None

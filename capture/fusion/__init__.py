@@ -1,1 +1,1 @@
-"""Several sensors before the same performers: poses, clocks, and one skeleton out of many."""
+"""Fusion of several sensors that see the same performers: poses, clocks and fused skeletons."""

@@ -1,4 +1,4 @@
-"""Where a second sensor stands and how its clock goes, from a few seconds of a performance that both recorded."""
+"""Pose and clock of a second sensor, from a few seconds of motion that both sensors recorded."""
 
 from dataclasses import dataclass
 
@@ -6,49 +6,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.clip import SkeletonClip
-from capture.fusion.clocks import offsets, sampled
+from capture.fusion.clocks import clock_offsets, sampled
 from capture.pose import Pose, fit
 from capture.skeleton import LOST, OPPOSITE
 from puppetline.errors import SkeletonLogError
 
 Array = NDArray[np.float64]
 
-PEAKS = 5
-"""Shifts of the clock that are tried: whoever does the same thing twice matches themselves twice."""
-ROUGH = 8, 100
-"""Rounds and frames in which each of them is tried, from two sides."""
-FINE = 25, 400
-"""Rounds and frames of the best fit: frames are evenly chosen, and half a minute of them says all there is to say."""
+MAX_SHIFTS = 5
+"""Maximum number of clock shifts to try. A motion that is repeated correlates at several shifts."""
+COARSE_ROUNDS_AND_FRAMES = 8, 100
+"""Number of rounds and frames of the fit of each shift, with two initial poses."""
+FINE_ROUNDS_AND_FRAMES = 25, 400
+"""Number of rounds and frames of the final fit. The frames are evenly spaced; more frames do not improve the fit."""
 
-SHORTEST = 3.0
-"""Seconds for which both must have seen the performer."""
-LEAST_ALIKE = 0.2
-"""Correlation below which the two did not see the same performance, or nobody moved."""
-WORST = 0.12
-"""Metres, mean over the joints: trackers that look from two sides differ by a few centimetres."""
-CLEAR = 1.5
-"""By how much another way to fit must be worse: who only stands, straight and still, looks the same turned round."""
+MIN_COMMON_SECONDS = 3.0
+"""Minimum time for which both sensors must have seen the performer."""
+MIN_CORRELATION = 0.2
+"""Minimum correlation. With a lower one, the recordings show different motions or no motion."""
+MAX_RESIDUAL_METRES = 0.12
+"""Maximum mean distance over the joints. Trackers in two directions differ by a few centimetres."""
+MIN_RESIDUAL_RATIO = 1.5
+"""Minimum ratio of the residual of the opposite pose to that of the best pose. It is near 1 if the performer does not
+move enough to distinguish front and back."""
 
 _HALF_TURN = np.diag([-1.0, 1.0, -1.0])
-_STEP = 0.05  # seconds before and after a moment from which its velocity is taken
+_VELOCITY_STEP_SECONDS = 0.05  # before and after a time at which the velocity is measured
 
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """How a second recording fits the first.
+    """Fit of a second recording to the first.
 
     Attributes
     ----------
     pose : Pose
-        Of the second sensor in the first one's frame.
+        Pose of the second sensor in the coordinates of the first.
     clock : float
         Seconds by which the second clock is ahead of the first.
     residual : float
-        Metres, the mean distance between what the two say of a joint, by their confidence.
+        Mean distance in metres between a joint in the two recordings, weighted by confidence.
     seconds : float
-        For how long both saw the performer.
+        Time for which both sensors saw the performer.
     swapped : float
-        Share of the frames in which the two disagree about which side is left.
+        Share of the frames in which the recordings have left and right swapped.
     """
 
     pose: Pose
@@ -59,61 +60,61 @@ class Alignment:
 
 
 def align(first: SkeletonClip, other: SkeletonClip, where: str) -> Alignment:
-    """Fit the recording of one sensor to that of another one of the same performer.
+    """Fit one sensor's recording to another sensor's recording of the same performer.
 
-    Correlation gives the clock to a few milliseconds; then pose, clock, and which frames have left and right swapped
-    are fitted in turns, with less weight for joints that were guessed or are far off.
+    Correlation determines the clock to a few milliseconds. Pose, clock, and the frames with left and right swapped are
+    then fitted in turn. Joints that are inferred or far from the fit have lower weights.
 
     Parameters
     ----------
     first, other : SkeletonClip
     where : str
-        What errors call the two.
+        Name of the two recordings in errors.
 
     Raises
     ------
     SkeletonLogError
-        They have too little in common, or what they have does not fit.
+        The recordings have too little in common, or no pose fits.
     """
-    shifts = offsets(first, other, PEAKS)
+    shifts = clock_offsets(first, other, MAX_SHIFTS)
     alike = shifts[0][1] if shifts else 0.0
-    if alike < LEAST_ALIKE:
+    if alike < MIN_CORRELATION:
         raise SkeletonLogError(
             where,
-            found=f"motion that has little in common (correlation {alike:.2f})",
-            expected=f"two recordings of the same performance, made at the same time (at least {LEAST_ALIKE:g})",
-            fix="Record both again at once, and walk about with swinging arms for ten seconds.",
+            found=f"motions that have little in common (correlation {alike:.2f})",
+            expected=f"two recordings of the same motion, made at the same time (at least {MIN_CORRELATION:g})",
+            fix="Record both again at the same time, and walk around with swinging arms for ten seconds.",
         )
     fits = [
-        _fitted(first, other, each, reverse, ROUGH)
+        _initial_fit(first, other, each, reverse, COARSE_ROUNDS_AND_FRAMES)
         for each, _ in shifts
-        if _together(first, other, each) >= SHORTEST
+        if _common_seconds(first, other, each) >= MIN_COMMON_SECONDS
         for reverse in (False, True)
     ]
     if not fits:
         raise SkeletonLogError(
             where,
-            found=f"less than {SHORTEST:g} s in which both saw the performer",
+            found=f"less than {MIN_COMMON_SECONDS:g} s in which both sensors saw the performer",
             expected="ten seconds or more",
-            fix="Record again where both sensors see the whole body.",
+            fix="Record again in the area where both sensors see the whole body.",
         )
     nearest = min(fits, key=_residual)
-    best = _improved(first, other, nearest.pose, nearest.clock, FINE)
-    if best.residual > WORST:
+    best = _refined_fit(first, other, nearest.pose, nearest.clock, FINE_ROUNDS_AND_FRAMES)
+    if best.residual > MAX_RESIDUAL_METRES:
         raise SkeletonLogError(
             where,
-            found=f"that the joints are {100 * best.residual:.1f} cm apart (mean) however they are laid",
-            expected=f"at most {100 * WORST:.0f} cm",
-            fix="Record one performer alone, with both sensors unmirrored and in metres; then try again.",
+            found=f"a mean distance of {100 * best.residual:.1f} cm between the joints in the best fit",
+            expected=f"at most {100 * MAX_RESIDUAL_METRES:.0f} cm",
+            fix="Record one performer alone, with both sensors not mirrored and in metres.",
         )
-    rivals = [_residual(each) for each in fits if _turned(each.pose, best.pose)]
-    if rivals and min(rivals) < CLEAR * nearest.residual:
+    opposite = [_residual(each) for each in fits if _differ_by_a_turn(each.pose, best.pose)]
+    if opposite and min(opposite) < MIN_RESIDUAL_RATIO * nearest.residual:
         raise SkeletonLogError(
             where,
-            found=f"two poses of the second sensor, turned by 180°, that fit about as well "
-            f"({100 * nearest.residual:.1f} and {100 * min(rivals):.1f} cm)",
-            expected="a motion that tells front from back",
-            fix="Record again; walk towards one sensor and away, and lift a knee or reach forward.",
+            found=f"two opposite poses of the second sensor that fit similarly well "
+            f"({100 * nearest.residual:.1f} and {100 * min(opposite):.1f} cm)",
+            expected="a motion that distinguishes front and back",
+            fix="Record again. Walk towards one sensor and away from it, and lift a knee or reach forward.",
         )
     return best
 
@@ -122,25 +123,25 @@ def _residual(fitted: Alignment) -> float:
     return fitted.residual
 
 
-def _chosen(first: SkeletonClip, other: SkeletonClip, clock: float) -> NDArray[np.intp]:
-    """Return the frames of the first in which both know half of the joints."""
+def _common_frames(first: SkeletonClip, other: SkeletonClip, clock: float) -> NDArray[np.intp]:
+    """Return the frames of the first recording in which half of the joints are known in both."""
     _, trust = sampled(other, first.times + clock)
     return np.flatnonzero(((trust > LOST) & (first.confidence > LOST)).sum(axis=1) >= 10)
 
 
-def _together(first: SkeletonClip, other: SkeletonClip, clock: float) -> float:
-    """Return for how many seconds both saw the performer: by frames, as there may be gaps."""
-    return len(_chosen(first, other, clock)) * float(np.median(np.diff(first.times)))
+def _common_seconds(first: SkeletonClip, other: SkeletonClip, clock: float) -> float:
+    """Return the time for which both saw the performer, from the number of frames, because there may be gaps."""
+    return len(_common_frames(first, other, clock)) * float(np.median(np.diff(first.times)))
 
 
-def _fitted(
+def _initial_fit(
     first: SkeletonClip, other: SkeletonClip, clock: float, reverse: bool, effort: tuple[int, int]
 ) -> Alignment:
-    """Fit from the pose that the body's middle suggests, or from its reverse.
+    """Fit the recordings, starting from the pose that fits the midpoints of joint pairs, or from the opposite pose.
 
-    The middle between a joint and its counterpart is the same whichever is taken for which.
+    The midpoint between a joint and its counterpart does not depend on whether they are swapped.
     """
-    chosen = _chosen(first, other, clock)
+    chosen = _common_frames(first, other, clock)
     here, (there, trust) = first.positions[chosen], sampled(other, first.times[chosen] + clock)
     trust = (trust * first.confidence[chosen]) ** 2
     here, there, trust = (here + here[:, OPPOSITE]) / 2, (there + there[:, OPPOSITE]) / 2, trust * trust[:, OPPOSITE]
@@ -149,33 +150,36 @@ def _fitted(
         centre = there[trust > LOST].mean(axis=0)
         rotation = pose.rotation @ _HALF_TURN
         pose = Pose(rotation, pose.apply(centre) - rotation @ centre)
-    return _improved(first, other, pose, clock, effort)
+    return _refined_fit(first, other, pose, clock, effort)
 
 
-def _improved(first: SkeletonClip, other: SkeletonClip, pose: Pose, clock: float, effort: tuple[int, int]) -> Alignment:
-    """Fit pose, clock and sides in turns, with so many rounds and frames."""
-    rounds, most = effort
-    chosen = _chosen(first, other, clock)
-    seconds = _together(first, other, clock)
-    chosen = chosen[:: 1 + (len(chosen) - 1) // most]
+def _refined_fit(
+    first: SkeletonClip, other: SkeletonClip, pose: Pose, clock: float, effort: tuple[int, int]
+) -> Alignment:
+    """Fit pose, clock and sides in turn, with a number of rounds and a maximum number of frames."""
+    rounds, max_frames = effort
+    chosen = _common_frames(first, other, clock)
+    seconds = _common_seconds(first, other, clock)
+    chosen = chosen[:: 1 + (len(chosen) - 1) // max_frames]
     times, here, trust_here = first.times[chosen], first.positions[chosen], first.confidence[chosen] ** 2.0
-    # The joints' velocities, evenly about each moment: so their noise has nothing to do with that of the positions.
-    (before, _), (after, _) = sampled(first, times - _STEP), sampled(first, times + _STEP)
-    velocity = np.nan_to_num((after - before) / (2 * _STEP))
+    # The velocities do not use the frame itself, so their noise is independent of the positions' noise.
+    before, _ = sampled(first, times - _VELOCITY_STEP_SECONDS)
+    after, _ = sampled(first, times + _VELOCITY_STEP_SECONDS)
+    velocity = np.nan_to_num((after - before) / (2 * _VELOCITY_STEP_SECONDS))
     rows = np.arange(len(times))[:, None]
     residual, swapped = np.inf, np.zeros(len(times), dtype=bool)
     for _ in range(rounds):
         there, trust = sampled(other, times + clock)
-        laid = pose.apply(there)
-        swapped = _far(laid[:, OPPOSITE], here) < _far(laid, here)
+        moved = pose.apply(there)
+        swapped = _mean_distance(moved[:, OPPOSITE], here) < _mean_distance(moved, here)
         side = np.where(swapped[:, None], OPPOSITE, np.arange(len(OPPOSITE)))
-        there, laid, trust = (each[rows, side] for each in (there, laid, trust))
-        apart = np.nan_to_num(np.linalg.norm(laid - here, axis=2))
+        there, moved, trust = (each[rows, side] for each in (there, moved, trust))
+        apart = np.nan_to_num(np.linalg.norm(moved - here, axis=2))
         weights = trust_here * trust**2
         residual = float((weights * apart).sum() / weights.sum())
         weights /= (1 + (apart / max(2 * residual, 1e-9)) ** 2) ** 2
         pose = _fit(there, here, weights)
-        # Where the joints are behind their own motion, the clock is.
+        # If the joints are behind their own motion, so is the clock.
         behind = np.nan_to_num(here - pose.apply(there))
         speed = float((weights * (velocity**2).sum(axis=2)).sum())
         clock += float((weights * (behind * velocity).sum(axis=2)).sum()) / max(speed, 1e-9)
@@ -187,12 +191,12 @@ def _fit(points: Array, onto: Array, weights: Array) -> Pose:
     return fit(points[known], onto[known], weights[known])
 
 
-def _far(laid: Array, here: Array) -> Array:
+def _mean_distance(one: Array, other: Array) -> Array:
     """Return the mean distance of the joints in each frame (T,)."""
-    apart = np.linalg.norm(laid - here, axis=2)
+    apart = np.linalg.norm(one - other, axis=2)
     return np.nansum(apart, axis=1) / np.maximum(np.isfinite(apart).sum(axis=1), 1)
 
 
-def _turned(one: Pose, other: Pose) -> bool:
-    """Tell whether two poses differ by more than a quarter turn."""
+def _differ_by_a_turn(one: Pose, other: Pose) -> bool:
+    """Return whether two poses differ by more than a quarter turn."""
     return bool(np.trace(one.rotation.T @ other.rotation) < 1.0)

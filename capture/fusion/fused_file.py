@@ -1,7 +1,4 @@
-"""The file of ``fused:FILE.toml``: several sensors, and where they stand.
-
-TOML, a table a sensor; `load` checks it and says what to mend, `write` makes it.
-"""
+"""The file of ``fused:FILE.toml``: several sensors and their poses, in TOML with one table per sensor."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -21,12 +18,12 @@ from puppetline.toml_schema import Table, mistake
 
 SCHEME = "fused:"
 
-FARTHEST = 100.0
-"""Metres from one sensor to another that sees the same performer."""
-LATEST = 0.5
-"""Seconds by which one live sensor may be later than another."""
+MAX_POSITION_METRES = 100.0
+"""Maximum coordinate of a sensor that sees the same performer as the first."""
+MAX_CLOCK_DIFFERENCE_SECONDS = 0.5
+"""Maximum time by which a live sensor may be later than another."""
 
-_Metres = Annotated[FiniteFloat, Field(ge=-FARTHEST, le=FARTHEST)]
+_Metres = Annotated[FiniteFloat, Field(ge=-MAX_POSITION_METRES, le=MAX_POSITION_METRES)]
 _Degrees = Annotated[FiniteFloat, Field(ge=-360, le=360)]
 
 
@@ -40,7 +37,7 @@ class SensorTable(Table):
 
     @property
     def member(self) -> Member:
-        """What the table says."""
+        """The member that the table describes."""
         return Member(self.source, Pose.of_degrees(*self.rotation, np.array(self.position or (0, 0, 0))), self.clock)
 
 
@@ -50,7 +47,7 @@ class FusedFile(Table):
     sensor: Annotated[tuple[SensorTable, ...], Field(min_length=2, max_length=16)]
 
     @model_validator(mode="after")
-    def _go_together(self) -> Self:
+    def _check_sensors(self) -> Self:
         for k, sensor in enumerate(self.sensor):
             if sensor.source.startswith(SCHEME) or sensor.source.endswith(("?loop", "&loop")):
                 raise mistake(
@@ -59,7 +56,7 @@ class FusedFile(Table):
                     "source",
                     found=repr(sensor.source),
                     expected="a single sensor, or a recording that plays once",
-                    fix="Name the sensor itself, without loop: the service plays recordings again by itself.",
+                    fix="Name the sensor itself, without loop; the service repeats recordings automatically.",
                 )
             if k and sensor.position is None:
                 raise mistake(
@@ -67,8 +64,8 @@ class FusedFile(Table):
                     k,
                     "position",
                     found="nothing",
-                    expected="where it stands in the first sensor's frame, metres",
-                    fix="Measure it, or let puppetline align find it: position = [x, y, z].",
+                    expected="the sensor's position in the first sensor's coordinates, in metres",
+                    fix="Measure it, or use puppetline align: position = [x, y, z].",
                 )
         return self
 
@@ -84,14 +81,14 @@ def open_fused(
         The URI.
     path : Path
     recorded : tuple of str
-        How the URIs of recordings begin.
+        Prefixes of the URIs of recordings.
     opener : callable
-        Opens a source by its URI and the folder that files are relative to.
+        Function that opens a source, given its URI and the folder that files are relative to.
 
     Raises
     ------
     PuppetlineError
-        The file is wrong, or one of its sources cannot be opened.
+        The file is invalid, or one of its sources cannot be opened.
     """
     members = [sensor.member for sensor in load(path).sensor]
     replayed = [member.uri.startswith(recorded) for member in members]
@@ -100,15 +97,15 @@ def open_fused(
         raise SourceError(
             path,
             found="recordings and live sensors together",
-            expected="one or the other",
-            fix="Write a file for each.",
+            expected="only recordings or only live sensors",
+            fix="Write one file for the recordings and another for the live sensors.",
         )
-    if not any(replayed) and max(clocks) - min(clocks) > LATEST:
+    if not any(replayed) and max(clocks) - min(clocks) > MAX_CLOCK_DIFFERENCE_SECONDS:
         raise SourceError(
             path,
             found=f"clocks {max(clocks) - min(clocks):g} s apart",
-            expected=f"at most {LATEST:g} s between live sensors",
-            fix="Remove the key clock: it is only for sensors whose pictures come later than others'.",
+            expected=f"at most {MAX_CLOCK_DIFFERENCE_SECONDS:g} s between live sensors",
+            fix="Remove the key clock, which is only for sensors whose images arrive later than others'.",
         )
     return FusedSource(name, members, lambda uri: opener(uri, path.parent), all(replayed))
 
@@ -119,18 +116,19 @@ def load(path: Path) -> FusedFile:
     Raises
     ------
     SourceError
-        With the line of a syntax error, or the table and key of anything else.
+        The file is invalid; the error names the line of a syntax error, or the table and key.
     """
     text = toml_schema.read_text(path, "a file of several sensors", "Make one with puppetline align.", SourceError)
     return toml_schema.check(FusedFile, toml_schema.parse(text, path, SourceError), path, SourceError)
 
 
 def write(path: Path, members: Sequence[Member]) -> None:
-    """Write a file that `load` reads; lengths to a tenth of a millimetre, angles to a thousandth of a degree.
+    """Write a file that `load` reads, with lengths rounded to 0.1 mm and angles to 0.001°.
 
     Raises
     ------
     OutputError
+        The file cannot be written.
     """
     blocks = []
     for member in members:

@@ -1,7 +1,7 @@
-"""Several sources as one: the performers that all of them see, each as one skeleton.
+"""A source that combines several sources, with one skeleton per performer.
 
-Members stand where their poses say. One that fails is opened again, as a service does with a source, while the others
-go on. Members are live, or all of them are recordings of one performance: these play together, by their clocks.
+A member that fails is opened again while the others continue. Members are live, or all of them are recordings of the
+same motion. Recordings are played together, synchronised by their clocks.
 """
 
 import heapq
@@ -13,20 +13,20 @@ from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, TypeGuard
 
-from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.fusion.people import People
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.fusion.performers import Performers
 from capture.pose import Pose
-from capture.reconnecting import Reopening
+from capture.reconnecting import ReopeningSource
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, SkeletonSource
 from puppetline.errors import SourceError
 
-LATE = 0.1
-"""Seconds by which a frame may come after its time: ticks keep that distance."""
-POLLING = 0.005
-"""Seconds between looks where the system cannot wait for several members at once."""
+MAX_DELAY_SECONDS = 0.1
+"""Maximum delay between the time of a frame and its arrival. Ticks have the same delay."""
+POLL_SECONDS = 0.005
+"""Polling interval on systems that cannot wait for several members at a time."""
 
-_News = SkeletonFrame | Lost | Cue
+_MemberEvent = SkeletonFrame | Lost | Cue
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Member:
     ----------
     uri : str
     pose : Pose
-        Of its sensor in the common frame.
+        Pose of its sensor in common coordinates.
     clock : float
-        Seconds by which its clock, or the moment at which it says what it saw, is ahead of the first one's.
+        Seconds by which its clock, or the arrival of its frames, is ahead of the first member's.
     """
 
     uri: str
@@ -48,25 +48,19 @@ class Member:
 
 
 class FusedSource:
-    """Members seen as one source; implements `capture.source.SkeletonSource`.
+    """Several members as one source; implements `capture.source.SkeletonSource`.
 
     Parameters
     ----------
     name : str
         The URI.
     members : sequence of Member
-        The first one that sees a performer sets the pace of the performer's frames. What the very first says of how its
-        sensor stands (a `Cue` "level") is passed on where its frame is the common one.
+        The first member that sees a performer determines the times of the performer's frames. The tilt of the very
+        first sensor (a `Cue` "level") is reported if its coordinates are the common ones.
     opener : callable
-        Opens a member by its URI.
+        Function that opens a member by its URI.
     recorded : bool
         Whether the members are recordings. They are not opened again, and the source ends with the last of them.
-
-    Attributes
-    ----------
-    name : str
-    counts : Counts
-        The sum of the members'.
 
     Raises
     ------
@@ -81,136 +75,138 @@ class FusedSource:
         self.counts = Counts()
         self._counted = Counts()
         self.recorded = recorded
-        self._people = People()
-        self._waiting: list[tuple[float, int, int, _News]] = []  # a heap: time, order, member, what came
+        self._performers = Performers()
+        self._waiting: list[tuple[float, int, int, _MemberEvent]] = []  # a heap: time, order, member, event
         self._order = count()
         self._selector = selectors.DefaultSelector()
-        self._ahead: float | None = 0.0 if not recorded else None  # of the recordings' clock; known once they play
+        self._offset: float | None = None if recorded else 0.0  # from the recordings' clock to the monotonic clock
         earliest = min(member.clock for member in members)
-        self._lines: list[_Line] = []
+        self._members: list[_OpenMember] = []
         try:
             for member in members:
-                first = not self._lines
-                self._lines.append(_Line(member, member.clock - earliest, opener, first, recorded))
-                self._watch(self._lines[-1])
+                first = not self._members
+                self._members.append(_OpenMember(member, member.clock - earliest, opener, first, recorded))
+                self._watch(self._members[-1])
         except BaseException:
             self.close()
             raise
-        self._late = LATE + max(line.delay for line in self._lines) * (not recorded)
-        self._given = time.monotonic() - self._late
+        self._delay = MAX_DELAY_SECONDS + max(member.delay for member in self._members) * (not recorded)
+        self._last_time = time.monotonic() - self._delay
 
     def fileno(self) -> int | None:
-        """Return what becomes readable when any member does."""
+        """Return a file descriptor that becomes readable when any member does."""
         descriptor = getattr(self._selector, "fileno", None)
         return None if descriptor is None else descriptor()
 
     def due(self) -> float:
-        """Return when a member is due, or to be opened again, or a tick."""
-        dues = [line.source.due() for line in self._lines if not line.ended]
+        """Return the earliest time at which a member, the reopening of a member, or a tick is due."""
+        dues = [member.source.due() for member in self._members if not member.ended]
         if self._waiting:
             dues.append(time.monotonic() + self._waiting[0][0] - self._now())
         if not self.recorded:
-            dues.append(self._given + TICK + self._late)
-        polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLLING
+            dues.append(self._last_time + TICK_SECONDS + self._delay)
+        polled = math.inf if hasattr(self._selector, "fileno") else time.monotonic() + POLL_SECONDS
         return min(*dues, polled) if dues else time.monotonic()
 
     def now(self) -> float:
-        """Return the time on the clock of the events, which is the monotonic one, or runs as the recordings do."""
+        """Return the time on the clock of the events: the monotonic clock, or a clock that follows the recordings."""
         now = self._now()
-        return self._given if self._ahead is None or math.isinf(now) else now + self._ahead
+        return self._last_time if self._offset is None or math.isinf(now) else now + self._offset
 
     def receive(self) -> list[Event]:
-        """Return the performers' frames that are due, who has gone, or a tick in silence.
+        """Return the performers' frames that are due, the performers who have left, or a tick if nothing happens.
 
         Raises
         ------
         SourceError
             All recordings have ended.
         """
-        for place, line in enumerate(self._lines):
-            for event in line.receive():
+        for place, member in enumerate(self._members):
+            for event in member.receive():
                 heapq.heappush(self._waiting, (event.time, next(self._order), place, event))
-            self._watch(line)
+            self._watch(member)
         self._count()
-        if self.recorded and not self._waiting and all(line.ended for line in self._lines):
+        if self.recorded and not self._waiting and all(member.ended for member in self._members):
             raise SourceError(
                 self.name,
-                found="that all its recordings have ended",
-                expected="recordings that go on",
-                fix="Open it again to play them once more.",
+                found="the end of all recordings",
+                expected="more frames",
+                fix="Open the source again to repeat them.",
             )
         now = self._now()
-        if self._ahead is None:
-            self._ahead = time.monotonic() - now
-        news: list[_News] = []
+        if self._offset is None:
+            self._offset = time.monotonic() - now
+        fused: list[_MemberEvent] = []
         while self._waiting and (self._waiting[0][0] <= now or not self.recorded):
             _, _, place, event = heapq.heappop(self._waiting)
-            news += self._fused(place, event)
+            fused += self._fused(place, event)
         if math.isfinite(now):
-            news += self._people.forget(now)
+            fused += self._performers.forget(now)
         if not self.recorded:
-            news = self._latest(news)
-        events: list[Event] = [self._in_order(replace(event, time=event.time + self._ahead)) for event in news]
-        if not events and self.now() - self._late - self._given >= TICK:
-            events.append(self._in_order(Tick(self.now() - self._late)))
+            fused = self._newest(fused)
+        events: list[Event] = [self._in_order(replace(event, time=event.time + self._offset)) for event in fused]
+        if not events and self.now() - self._delay - self._last_time >= TICK_SECONDS:
+            events.append(self._in_order(Tick(self.now() - self._delay)))
         return events
 
     def close(self) -> None:
         """Close the members; closing again does nothing."""
         self._selector.close()
-        for line in self._lines:
-            line.source.close()
+        for member in self._members:
+            member.source.close()
 
-    def _watch(self, line: "_Line") -> None:
-        """Wake for a member, which has another descriptor when it was opened again."""
-        descriptor = line.fileno()
-        if descriptor == line.watched:
+    def _watch(self, member: "_OpenMember") -> None:
+        """Select a member's file descriptor, which changes when the member is opened again."""
+        descriptor = member.fileno()
+        if descriptor == member.watched:
             return
-        if line.watched is not None:
-            self._selector.unregister(line.watched)
+        if member.watched is not None:
+            self._selector.unregister(member.watched)
         if descriptor is not None:
             self._selector.register(descriptor, selectors.EVENT_READ)
-        line.watched = descriptor
+        member.watched = descriptor
 
     def _now(self) -> float:
-        """Return the time on the members' common clock: of recordings, that of the one which is least far."""
+        """Return the time on the members' common clock: for recordings, the earliest of their times."""
         if not self.recorded:
             return time.monotonic()
-        return min((line.now() for line in self._lines if not line.ended), default=math.inf)
+        return min((member.now() for member in self._members if not member.ended), default=math.inf)
 
-    def _fused(self, place: int, event: _News) -> list[_News]:
+    def _fused(self, place: int, event: _MemberEvent) -> list[_MemberEvent]:
         if isinstance(event, Cue):
             return [event]
         if isinstance(event, Lost):
-            return list(self._people.lose(place, event.user, event.time))
-        frame = self._people.see(place, event)
+            return list(self._performers.lose(place, event.user, event.time))
+        frame = self._performers.observe(place, event)
         return [] if frame is None else [frame]
 
-    def _latest(self, news: list[_News]) -> list[_News]:
-        """Leave out frames that a later one of the same performer has overtaken."""
-        last = {event.user: k for k, event in enumerate(news) if isinstance(event, SkeletonFrame)}
-        kept = [event for k, event in enumerate(news) if not isinstance(event, SkeletonFrame) or last[event.user] == k]
-        self.counts.dropped += len(news) - len(kept)
+    def _newest(self, events: list[_MemberEvent]) -> list[_MemberEvent]:
+        """Return the events without the frames of a performer before the newest one."""
+        last = {event.user: k for k, event in enumerate(events) if isinstance(event, SkeletonFrame)}
+        kept = [
+            event for k, event in enumerate(events) if not isinstance(event, SkeletonFrame) or last[event.user] == k
+        ]
+        self.counts.dropped += len(events) - len(kept)
         return kept
 
     def _in_order(self, event: Any) -> Any:
-        """Return an event that is later than all before."""
-        self._given = max(event.time, math.nextafter(self._given, math.inf))
-        return replace(event, time=self._given)
+        """Return the event with a time after all events before."""
+        self._last_time = max(event.time, math.nextafter(self._last_time, math.inf))
+        return replace(event, time=self._last_time)
 
     def _count(self) -> None:
-        """Add what the members have counted since the last time."""
+        """Add the members' counts since the last call."""
         total = Counts()
-        for line in self._lines:
-            total.add(line.source.counts)
+        for member in self._members:
+            total.add(member.source.counts)
         self.counts.received += total.received - self._counted.received
         self.counts.dropped += total.dropped - self._counted.dropped
         self.counts.refused.update(total.refused - self._counted.refused)
         self._counted = total
 
 
-class _Line:
-    """A member and its source."""
+class _OpenMember:
+    """A member and its open source."""
 
     def __init__(
         self, member: Member, delay: float, opener: Callable[[str], SkeletonSource], first: bool, recorded: bool
@@ -221,9 +217,9 @@ class _Line:
         self.delay = delay
         self.ended = False
         self.watched: int | None = None
-        self.source: SkeletonSource = opened() if recorded else Reopening(member.uri, opened)
+        self.source: SkeletonSource = opened() if recorded else ReopeningSource(member.uri, opened)
         self._pose = member.pose
-        self._levels = first and member.pose.is_identity
+        self._reports_level = first and member.pose.is_identity
 
     def fileno(self) -> int | None:
         return None if self.ended else self.source.fileno()
@@ -231,24 +227,24 @@ class _Line:
     def now(self) -> float:
         return self.source.now() - self.delay
 
-    def receive(self) -> list[_News]:
-        """Return what has come, in the common frame and on the common clock."""
+    def receive(self) -> list[_MemberEvent]:
+        """Return the received events in common coordinates and on the common clock."""
         if self.ended:
             return []
         try:
             events = self.source.receive()
-        except Exception:  # only recordings raise, in the end or where they are damaged
+        except Exception:  # only recordings raise, at their end or if they are damaged
             self.ended = True
             return []
-        return [self._placed(event) for event in events if self._is_news(event)]
+        return [self._converted(event) for event in events if self._is_used(event)]
 
-    def _is_news(self, event: Event) -> TypeGuard[_News]:
-        """Tell whether an event is one for all: how a sensor stands is, if its frame is everybody's."""
+    def _is_used(self, event: Event) -> TypeGuard[_MemberEvent]:
+        """Return whether an event is passed on; a sensor's tilt is, if its coordinates are the common ones."""
         if isinstance(event, Cue):
-            return self._levels and event.do == "level"
+            return self._reports_level and event.do == "level"
         return not isinstance(event, Tick)
 
-    def _placed(self, event: _News) -> _News:
+    def _converted(self, event: _MemberEvent) -> _MemberEvent:
         event = replace(event, time=event.time - self.delay)
         if isinstance(event, SkeletonFrame):
             return replace(event, positions=self._pose.apply(event.positions))

@@ -1,6 +1,7 @@
-"""What stands after ``osc:`` or ``vmc:``: where to listen, and what a user says about the sender.
+"""The part of a URI after ``osc:`` or ``vmc:``: the address to listen on, and options that describe the sender.
 
-``7110``, ``HOST``, ``HOST:PORT``, ``[::1]:PORT`` or nothing, then ``?`` and options with ``&`` between them.
+The address is ``7110``, ``HOST``, ``HOST:PORT``, ``[::1]:PORT`` or empty. Options follow after ``?``, separated by
+``&``.
 """
 
 import ipaddress
@@ -15,30 +16,30 @@ from puppetline.errors import SourceError, at
 
 LOOPBACK = "127.0.0.1"
 
-ANYBODY = "any"
+ANY_SENDER = "any"
 
-LAST_PORT = 65_535
+MAX_PORT = 65_535
 FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?from=192.168.1.20&units=mm; docs/senders.md explains the options."
 
-_PLACE = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[^\[\]]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
+_HOST_AND_PORT = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[^\[\]]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where to listen, and how to take what comes.
+    """The address to listen on, and the conversion of received skeletons.
 
     Attributes
     ----------
     host : str
     port : int
     units : str or None
-        Of coordinates; None to tell by the dialect and the numbers.
+        Units of coordinates; None to detect them by dialect and size.
     mirrored : bool or None
-        Whether the sender shows performers in a mirror; None for what the program does as it comes.
+        Whether the sender mirrors performers; None for the program's default.
     flip : str
-        Axes of the sensor frame to negate, of "xyz".
+        Axes of sensor coordinates to negate, of "xyz".
     sender : str or None
-        The one IP address that is heard, or `ANYBODY`; None where nothing was said, which does on loopback only.
+        The only IP address whose packets are accepted, or `ANY_SENDER`; None, for loopback only, if not configured.
     """
 
     host: str
@@ -50,25 +51,25 @@ class Address:
 
 
 def parse(scheme: str, rest: str, port: int) -> Address:
-    """Read the part of a URI after its colon.
+    """Parse the part of a URI after its colon.
 
     Parameters
     ----------
     scheme, rest : str
     port : int
-        If none is given.
+        Default port.
 
     Raises
     ------
     SourceError
-        It is no place, or an option is unknown, given twice or has no such value.
+        The address is invalid, or an option is unknown, repeated or invalid.
     """
     uri = f"{scheme}:{rest}"
-    place, _, query = rest.partition("?")
-    match = _PLACE.fullmatch(place)
-    if match is None or int(match["port"] or match["only"] or 0) > LAST_PORT:
+    address, _, query = rest.partition("?")
+    match = _HOST_AND_PORT.fullmatch(address)
+    if match is None or int(match["port"] or match["only"] or 0) > MAX_PORT:
         raise SourceError(
-            uri, found=repr(place), expected=f"PORT, HOST or HOST:PORT, with a port up to {LAST_PORT}", fix=FIX
+            uri, found=repr(address), expected=f"PORT, HOST or HOST:PORT, with a port up to {MAX_PORT}", fix=FIX
         )
     options = _options(uri, query)
     return Address(
@@ -86,7 +87,7 @@ def _options(uri: str, query: str) -> dict[str, Any]:
     for key, value in parse_qsl(query, keep_blank_values=True):
         if key not in _OPTIONS or key in options:
             found = f"the option {key!r}" + (" for the second time" if key in options else "")
-            raise SourceError(uri, found=found, expected=f"{', '.join(_OPTIONS)}, each once at most", fix=FIX)
+            raise SourceError(uri, found=found, expected=f"{', '.join(_OPTIONS)}, each at most once", fix=FIX)
         expected, read = _OPTIONS[key]
         try:
             options[key] = read(value)
@@ -102,13 +103,13 @@ def _axes(axes: str) -> str:
 
 
 def _sender(text: str) -> str:
-    return text if text == ANYBODY else str(ipaddress.ip_address(text))
+    return text if text == ANY_SENDER else str(ipaddress.ip_address(text))
 
 
 _OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "units": (", ".join(UNITS), {str(unit): unit for unit in UNITS}.__getitem__),
     "mirrored": ("0 or 1", {"0": False, "1": True}.__getitem__),
-    "flip": ("axes out of xyz", _axes),
-    "from": (f"an IP address or {ANYBODY}", _sender),
+    "flip": ("axes of xyz", _axes),
+    "from": (f"an IP address or {ANY_SENDER}", _sender),
 }
-"""What each option may be, and how it is read."""
+"""Description of each option's values, and the function that parses them."""

@@ -1,27 +1,27 @@
-"""When a performer's frame is whole, where joints come one by one and nobody says which was the last.
+"""Assembly of a performer's frames from parts that arrive one by one without an end mark.
 
-A frame is whole as soon as it has every part that the one before had: no waiting. If one is missing, it ends when a
-part comes for the second time, when the sender's time changes, or after `QUIET`.
+A frame is complete as soon as it has all parts of the frame before. If a part is missing, the frame ends when a part
+arrives for the second time, when the sender's time changes, or after `PART_TIMEOUT_SECONDS`.
 """
 
 from dataclasses import dataclass, field
 
 from capture.network.dialect import Part, Values
 
-QUIET = 0.010
-"""Seconds without a part after which no more are expected. Senders write a frame's datagrams in one go."""
+PART_TIMEOUT_SECONDS = 0.010
+"""Time after the last part at which an incomplete frame ends. Senders send all datagrams of a frame at once."""
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
-    """A frame's parts.
+class CompleteFrame:
+    """The parts of a frame.
 
     Attributes
     ----------
     parts : dict
-        From the name of a part to its values.
+        Values of each part by its name.
     time : float
-        When the last one came.
+        Arrival time of the last part.
     """
 
     parts: dict[str, Values]
@@ -29,15 +29,15 @@ class Whole:
 
 
 @dataclass(slots=True)
-class Assembly:
-    """Puts together the frames of one performer.
+class FrameAssembly:
+    """The assembly of one performer's frames.
 
     Attributes
     ----------
     parts : dict
-        What has come of a frame that is not whole yet.
+        Parts of a frame that is not complete yet.
     time : float
-        When the last part came.
+        Arrival time of the last part.
     """
 
     parts: dict[str, Values] = field(default_factory=dict)
@@ -45,10 +45,10 @@ class Assembly:
     _stamp: float | None = field(default=None, init=False)
     _expected: set[str] = field(default_factory=set, init=False)
 
-    def add(self, part: Part, time: float, *, end_follows: bool = False) -> list[Whole]:
-        """Take a part that came at `time`; return the frames that are whole by it, at most two.
+    def add(self, part: Part, time: float, *, end_follows: bool = False) -> list[CompleteFrame]:
+        """Add a part that arrived at `time`; return the frames that it completes, at most two.
 
-        Where `end_follows`, the sender itself says when the frame is whole: `end` will be called.
+        If `end_follows`, only a call of `end` completes the frame.
         """
         if not (self.parts or end_follows) and self._is_late(part, time):
             self._expected.add(part.name)
@@ -62,16 +62,16 @@ class Assembly:
             ended += self.end()
         return ended
 
-    def end(self) -> list[Whole]:
-        """Return the frame as it is; none if nothing has come of it."""
+    def end(self) -> list[CompleteFrame]:
+        """End the frame and return it, if it has any part."""
         if not self.parts:
             return []
-        whole = Whole(self.parts, self.time)
+        frame = CompleteFrame(self.parts, self.time)
         self._expected, self.parts = set(self.parts), {}
-        return [whole]
+        return [frame]
 
     def _is_late(self, part: Part, time: float) -> bool:
-        """Tell whether a part belongs to the frame that has just been whole without it."""
+        """Return whether a part belongs to the frame that has just been completed without it."""
         if part.name in self._expected or not self._expected:
             return False
-        return time - self.time < QUIET if part.stamp is None else part.stamp == self._stamp
+        return time - self.time < PART_TIMEOUT_SECONDS if part.stamp is None else part.stamp == self._stamp

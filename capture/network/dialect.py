@@ -1,6 +1,6 @@
-"""What a dialect of OSC is to the source that hears it: messages become parts of bodies, parts become a pose.
+"""The interface of a dialect of OSC: it reads messages as parts of a performer's frame, and parts as a pose.
 
-A dialect never keeps time and never decides when a frame is whole; `capture.network.assembly` does.
+A dialect does not handle times and does not decide when a frame is complete; `capture.network.assembly` does.
 """
 
 from collections.abc import Mapping
@@ -14,16 +14,16 @@ from capture.network.osc import Message
 from capture.skeleton import JOINT_INDEX, JOINTS, LOST
 
 Units = Literal["m", "cm", "mm", "screen"]
-"""Of a sender's coordinates; *screen* is OSCeleton's own scale, see `capture.network.osceleton`."""
+"""Unit of a sender's coordinates; *screen* is the scale described in `capture.network.osceleton`."""
 UNITS: tuple[Units, ...] = get_args(Units)
-METRES: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+METRES_PER_UNIT: dict[Units, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
-LARGEST_IN_METRES = 20.0
-"""No sensor sees a body farther away in metres, and no body's every joint is nearer to it in millimetres."""
+MAX_METRES = 20.0
+"""Maximum coordinate in metres: no sensor reaches further, and a pose in millimetres has a larger number."""
 
 Values = tuple[float, ...]
 Pose = tuple[NDArray[np.float64], NDArray[np.float32]]
-"""(20, 3) metres in the sensor frame, NaN where lost, and (20,) confidence."""
+"""Positions (20, 3) in metres in sensor coordinates, NaN for lost joints, and confidence (20,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +34,11 @@ class Part:
     ----------
     user : int
     name : str
-        One of a dialect's closed set.
+        A name from the dialect's closed set.
     values : tuple of float
-        As they were sent.
+        Numbers as the sender sent them.
     stamp : float or None
-        The same in all parts of a frame, where the dialect has such a thing.
+        The sender's time, equal in all parts of a frame; None if the dialect sends none.
     """
 
     user: int
@@ -48,65 +48,65 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Gone:
-    """The sender says that it has lost a performer."""
+class PerformerLost:
+    """The sender reports that it has lost a performer."""
 
     user: int
 
 
 @dataclass(frozen=True, slots=True)
 class FrameEnd:
-    """The frames of all performers are whole."""
+    """The sender reports that the frames of all performers are complete."""
 
 
 @dataclass(frozen=True, slots=True)
-class Nothing:
-    """A message that belongs to the dialect and tells nothing that is needed."""
+class Ignored:
+    """A message of the dialect that is not needed."""
 
 
 Refusal = Literal["unknown message", "unknown joint", "wrong arguments"]
-"""Why a well-formed message can be refused."""
+"""Reasons to refuse a well-formed message."""
 
-Reading = Part | Gone | FrameEnd | Nothing | Refusal
+Reading = Part | PerformerLost | FrameEnd | Ignored | Refusal
 
 
-def shape(message: Message) -> str:
-    """Return a message's type tags with f for every float, i for every int and s for every text.
+_PLAIN_TAGS = str.maketrans("dhS", "fis")
 
-    What a program sends as float32 comes as a double where a script stands in for it.
+
+def plain_tags(message: Message) -> str:
+    """Return a message's type tags with f for every float, i for every integer and s for every string.
+
+    A script that imitates a program may send a double where the program sends a float32.
     """
-    return message.tags.translate(_PLAIN)
-
-
-_PLAIN = str.maketrans("dhS", "fis")
+    return message.tags.translate(_PLAIN_TAGS)
 
 
 class Dialect(Protocol):
-    """One program's way to send skeletons.
+    """The messages with which a program sends skeletons.
 
     Attributes
     ----------
     bundle_is_frame : bool
         Whether the end of a bundle ends the frames of the performers in it.
     mirrors : bool
-        Whether the program, as it comes, shows performers in a mirror: x and the names of the sides exchanged.
+        Whether the program mirrors performers by default: x negated, the names of the sides swapped.
     """
 
     bundle_is_frame: bool
     mirrors: bool
 
     def read(self, message: Message) -> Reading | None:
-        """Understand a message; None if it is another dialect's."""
+        """Read a message; return None if it belongs to another dialect."""
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
-        """Make the parts of one frame into a pose, not minding whether it is a mirror's.
+        """Convert the parts of one frame to a pose, which may still be mirrored.
 
         Parameters
         ----------
         parts : mapping of str to tuple of float
-            From the name of a part to its values; at least one.
+            Values of each part by its name; at least one part.
         units : str or None
-            What the user says about the sender's units; None for what the program sends by itself.
+            The sender's units as configured by the user; None for the program's default.
         """
 
 
@@ -114,62 +114,62 @@ _SIDES = {"l": "left", "left": "left", "r": "right", "right": "right"}
 _MIDDLE = {"head": "head", "neck": "shoulder_center", "torso": "spine", "waist": "hip_center", "pelvis": "hip_center"}
 _SIDED = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
 _UNUSED = ("collar", "fingertip", "finger", "thumb")
-NAMES: dict[str, str | None] = {
+JOINT_NAMES: dict[str, str | None] = {
     **_MIDDLE,
     "chest": None,
     **{f"{prefix}_{part}": f"{part}_{side}" for prefix, side in _SIDES.items() for part in _SIDED},
     **{f"{prefix}_{part}": None for prefix in _SIDES for part in _UNUSED},
 }
-"""Our joint for each name that OSCeleton, its descendants and NI mate use, in lower case; None for those not needed."""
+"""Joint of each name, in lower case, of OSCeleton, its descendants and NI mate; None for joints that are not needed."""
 
 
-def joint(name: Any, user: Any, values: tuple[Any, ...], stamp: Any = None) -> Reading:
-    """Return a joint of `NAMES` as a part of a body; the arguments' types are those that `shape` has told."""
-    ours = NAMES.get(name.lower(), "")
-    if ours == "":
+def joint_part(name: Any, user: Any, values: tuple[Any, ...], stamp: Any = None) -> Reading:
+    """Return the part for a joint of `JOINT_NAMES`. The caller has checked the types with `plain_tags`."""
+    joint = JOINT_NAMES.get(name.lower(), "")
+    if joint == "":
         return "unknown joint"
-    return Nothing() if ours is None else Part(user, ours, values, stamp)
+    return Ignored() if joint is None else Part(user, joint, values, stamp)
 
 
-def in_metres(values: NDArray[np.float64], units: Units | None, small: Units) -> tuple[NDArray[np.float64], Units]:
-    """Find the units of a frame's coordinates.
+def to_metres(values: NDArray[np.float64], units: Units | None, small: Units) -> tuple[NDArray[np.float64], Units]:
+    """Convert the coordinates of a frame to metres.
 
     Parameters
     ----------
     values : (J, 3) float64
-        NaN where a coordinate was not sent.
+        NaN for coordinates that were not sent.
     units : str or None
-        None to tell by the size: millimetres, or `small` where no number is as large as `LARGEST_IN_METRES`.
+        None to detect them by size: `small` if all numbers are within `MAX_METRES`, otherwise millimetres.
     small : str
 
     Returns
     -------
     values : (J, 3) float64
-        In metres, unless they are in screen units.
+        Metres, or unchanged screen units.
     units : str
-        What they were in.
+        Units of the input.
     """
-    found = units or ("mm" if np.nanmax(np.abs(values)) > LARGEST_IN_METRES else small)
-    return values * METRES.get(found, 1.0), found
+    found = units or ("mm" if np.nanmax(np.abs(values)) > MAX_METRES else small)
+    return values * METRES_PER_UNIT.get(found, 1.0), found
 
 
 def kinect20(
     names: Mapping[str, object], positions: NDArray[np.float64], confidence: NDArray[np.float32] | float
 ) -> Pose:
-    """Put joints that carry our names into the order of `capture.skeleton.JOINTS`.
+    """Put joints into the order of `capture.skeleton.JOINTS`.
 
     Parameters
     ----------
     names : mapping
-        Its keys are the joints' names, in the order of the rows.
+        The keys are names of `capture.skeleton.JOINTS`, in the order of the rows.
     positions : (J, 3) float64
-        Metres, sensor frame.
+        Metres, sensor coordinates.
     confidence : (J,) float32 or float
     """
-    places = [JOINT_INDEX[name] for name in names]
-    ours = np.full((len(JOINTS), 3), np.nan)
-    sure = np.full(len(JOINTS), LOST, dtype=np.float32)
-    ours[places] = positions
-    sure[places] = confidence
-    ours[sure == LOST] = np.nan
-    return ours, sure
+    rows = [JOINT_INDEX[name] for name in names]
+    all_positions = np.full((len(JOINTS), 3), np.nan)
+    all_confidence = np.full(len(JOINTS), LOST, dtype=np.float32)
+    all_positions[rows] = positions
+    all_confidence[rows] = confidence
+    all_positions[all_confidence == LOST] = np.nan
+    return all_positions, all_confidence

@@ -1,16 +1,16 @@
-"""OSCeleton-KinectSDK and OSCeleton-KinectSDK2: the 20 joints of Microsoft's SDKs, each in a datagram of its own.
+"""OSCeleton-KinectSDK and OSCeleton-KinectSDK2: the 20 joints of Microsoft's SDKs, one datagram per joint.
 
-Joint, sensor, performer, x, y, z in millimetres (their manuals say centimetres, their code multiplies metres by 1000),
-a confidence (1 tracked, 0.5 inferred, 0.1 not tracked) and a time in milliseconds, which is the same in all joints of a
-frame. Their axes are the sensor frame's but for y, which they turn down. Neither mirrors, and neither says who has
-gone.
+A message has joint, sensor, performer, x, y and z in millimetres (the manuals say centimetres, but the code multiplies
+metres by 1000), a confidence (1 tracked, 0.5 inferred, 0.1 not tracked), and a time in milliseconds that is equal in
+all joints of a frame. The axes are those of sensor coordinates, except that y points down. Neither program mirrors
+performers or reports that a performer has left.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Nothing, Pose, Reading, Units, Values, in_metres, joint, kinect20, shape
+from capture.network.dialect import Ignored, Pose, Reading, Units, Values, joint_part, kinect20, plain_tags, to_metres
 from capture.network.osc import Message
 from capture.skeleton import INFERRED, LOST
 
@@ -22,21 +22,21 @@ IGNORED = (
 
 
 class KinectSDK:
-    """Joints with confidence and time, of either SDK."""
+    """Joints with confidence and time of either SDK."""
 
     bundle_is_frame = False
     mirrors = False
 
     def read(self, message: Message) -> Reading | None:
-        """Understand a message."""
-        if message.address in JOINTS and shape(message) == "siifffff":
+        """Read a message."""
+        if message.address in JOINTS and plain_tags(message) == "siifffff":
             name, _, user, x, y, z, confidence, time = message.arguments
-            return joint(name, user, (x, y, z, confidence), time)
-        return Nothing() if message.address in IGNORED else None
+            return joint_part(name, user, (x, y, z, confidence), time)
+        return Ignored() if message.address in IGNORED else None
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
-        """Make joints into a pose."""
+        """Convert joints to a pose."""
         values = np.array(list(parts.values()))
-        positions = in_metres(values[:, :3], units, "m")[0] * [1.0, -1.0, 1.0]
-        sure = np.where(values[:, 3] < INFERRED, LOST, np.minimum(values[:, 3], 1.0))
-        return kinect20(parts, positions, sure.astype(np.float32))
+        positions = to_metres(values[:, :3], units, "m")[0] * [1.0, -1.0, 1.0]
+        confidence = np.where(values[:, 3] < INFERRED, LOST, np.minimum(values[:, 3], 1.0))
+        return kinect20(parts, positions, confidence.astype(np.float32))

@@ -1,21 +1,21 @@
-"""nuitrack-osceleton: Nuitrack's skeletons in OSCeleton's manner, with the performer before the joint.
+"""nuitrack-osceleton: Nuitrack's skeletons in messages like OSCeleton's, with the user number before the joint.
 
-Coordinates are where a joint stands in the depth picture, x to the right and y down, each 0 to 1, and its depth in
-millimetres. The picture's width in metres at that depth follows from the sensor's angle of view, which is not sent:
-that of the PrimeSense family is taken. The program makes its picture a mirror unless told ``-r``, and *left* is at the
-left of it, as with OSCeleton.
+Coordinates are a joint's place in the depth image, x to the right and y down, each from 0 to 1, and its depth in
+millimetres. The sensor's angle of view, which is not sent, determines the width of the image in metres at that depth;
+that of the PrimeSense family is assumed. The program mirrors its image unless started with ``-r``, and *left* is at the
+left of the image, as in OSCeleton.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from capture.network.dialect import Pose, Reading, Units, Values, in_metres, joint, kinect20, shape
+from capture.network.dialect import Pose, Reading, Units, Values, joint_part, kinect20, plain_tags, to_metres
 from capture.network.osc import Message
 from capture.skeleton import TRACKED
 
-PICTURE = 2 * np.tan(np.radians([58.6, 45.6]) / 2)
-"""Width and height, metres, of what a Kinect v1, a PrimeSense or an Astra sees at a depth of 1 m."""
+IMAGE_SIZE_METRES = 2 * np.tan(np.radians([58.6, 45.6]) / 2)
+"""Width and height of the view of a Kinect v1, a PrimeSense or an Astra at a depth of 1 m."""
 
 
 class Nuitrack:
@@ -25,15 +25,15 @@ class Nuitrack:
     mirrors = False
 
     def read(self, message: Message) -> Reading | None:
-        """Understand a message; those about performers are OSCeleton's."""
-        if message.address == "/joint" and shape(message) == "isfff":
-            user, name, *place = message.arguments
-            return joint(name, user, tuple(place))
+        """Read a message; messages about performers are OSCeleton's."""
+        if message.address == "/joint" and plain_tags(message) == "isfff":
+            user, name, *values = message.arguments
+            return joint_part(name, user, tuple(values))
         return None
 
     def pose(self, parts: Mapping[str, Values], units: Units | None) -> Pose:
-        """Make joints into a pose; `units` are the depth's."""
-        places = np.array(list(parts.values()))
-        depth = in_metres(places[:, 2:], units, "m")[0]
-        across = (places[:, :2] - 0.5) * [1.0, -1.0] * PICTURE * depth
-        return kinect20(parts, np.hstack((across, depth)), TRACKED)
+        """Convert joints to a pose; `units` are the units of depth."""
+        values = np.array(list(parts.values()))
+        depth = to_metres(values[:, 2:], units, "m")[0]
+        xy = (values[:, :2] - 0.5) * [1.0, -1.0] * IMAGE_SIZE_METRES * depth
+        return kinect20(parts, np.hstack((xy, depth)), TRACKED)

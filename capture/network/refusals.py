@@ -1,41 +1,41 @@
-"""What was refused: counted always, logged once a second at most."""
+"""Counting and logging of refused packets."""
 
 import logging
 import math
 from collections import Counter
 
 LOG = logging.getLogger(__name__)
-INTERVAL = 1.0
-"""Seconds between two lines of the log."""
+REPORT_INTERVAL_SECONDS = 1.0
+"""Minimum time between two log messages."""
 
 
 class Refusals:
-    """Counts by reason, and says in the log how many more there were.
+    """Counts refused packets by reason, and logs new ones at most once per second.
 
     Parameters
     ----------
     source : str
-        The name to log.
+        Name of the source in the log.
     counts : Counter
-        By reason; added to.
+        Counts by reason, which are increased.
     """
 
     def __init__(self, source: str, counts: Counter[str]) -> None:
         self._source = source
         self._counts = counts
-        self._unsaid: Counter[str] = Counter()
-        self._said = -math.inf
+        self._unreported: Counter[str] = Counter()
+        self._last_report = -math.inf
 
     def add(self, reason: str) -> None:
-        """Count one. Reasons are a closed set: nothing that came from outside is logged."""
+        """Count a refusal. Reasons are a closed set, so no received data is logged."""
         self._counts[reason] += 1
-        self._unsaid[reason] += 1
+        self._unreported[reason] += 1
 
     def report(self, now: float) -> None:
-        """Log what was refused since the last report, unless that was less than `INTERVAL` ago."""
-        if not self._unsaid or now - self._said < INTERVAL:
+        """Log the refusals since the last report, if it was at least `REPORT_INTERVAL_SECONDS` ago."""
+        if not self._unreported or now - self._last_report < REPORT_INTERVAL_SECONDS:
             return
-        reasons = ", ".join(f"{count} × {reason}" for reason, count in self._unsaid.most_common())
+        reasons = ", ".join(f"{count} × {reason}" for reason, count in self._unreported.most_common())
         LOG.warning("%s: refused %s", self._source, reasons)
-        self._unsaid.clear()
-        self._said = now
+        self._unreported.clear()
+        self._last_report = now

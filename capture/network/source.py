@@ -1,81 +1,75 @@
-"""Performers out of UDP datagrams: the sources ``osc:`` and ``vmc:``."""
+"""Sources of skeletons from UDP datagrams: ``osc:`` and ``vmc:``."""
 
 import errno
 import ipaddress
 import math
 import socket
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from capture.events import TICK, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Event, Lost, Tick
 from capture.formats.layouts import synthesise_missing
-from capture.network.address import ANYBODY, FIX, Address, parse
-from capture.network.assembly import QUIET, Assembly, Whole
-from capture.network.dialect import Dialect, FrameEnd, Gone, Nothing, Part, Pose, Reading
+from capture.network.address import ANY_SENDER, FIX, Address, parse
+from capture.network.assembly import PART_TIMEOUT_SECONDS, CompleteFrame, FrameAssembly
+from capture.network.dialect import Dialect, FrameEnd, Ignored, Part, PerformerLost, Pose, Reading, Values
 from capture.network.kinect_sdk import KinectSDK
 from capture.network.ni_mate import NIMate
 from capture.network.nuitrack import Nuitrack
-from capture.network.osc import BUNDLE, MAX_DATAGRAM, Message, OscError, decode
+from capture.network.osc import BUNDLE, MAX_DATAGRAM_BYTES, Message, OscError, decode
 from capture.network.osceleton import OSCeleton
 from capture.network.refusals import Refusals
 from capture.network.vmc import Vmc
-from capture.skeleton import LOST, OPPOSITE, SkeletonFrame, mirrored
+from capture.skeleton import LOST, MAX_DISTANCE_METRES, OPPOSITE, SkeletonFrame, mirrored
 from capture.source import Counts
 from puppetline.errors import SourceError
 
 OSC_PORT, VMC_PORT = 7110, 39539
-"""Where OSCeleton sends, and where receivers of VMC listen."""
+"""Default ports: the port to which OSCeleton sends, and the port of VMC receivers."""
 
-MAX_USERS = 32
-"""Performers at once; whoever was heard of the longest ago is forgotten for another one."""
+MAX_PERFORMERS = 32
+"""Maximum number of performers; the one with the oldest packet is removed for a new one."""
 MAX_DATAGRAMS, MAX_MESSAGES = 256, 4096
-"""Taken at a time. What is still there is taken the next time, or dropped by the system when its buffer is full."""
-FARTHEST = 1000.0
-"""Metres from the origin beyond which a position is a fault of the sender."""
-RECEIVE_BUFFER = 1 << 20
-"""Bytes asked of the system, which may give less."""
+"""Limits of one call of `receive`. The system keeps further datagrams until its buffer is full."""
+RECEIVE_BUFFER_BYTES = 1 << 20
+"""Size of the receive buffer that is requested from the system, which may provide less."""
 USERS = range(-(2**31), 2**31)
+"""Valid user numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """A frame that is whole and has no positions yet."""
+    """A complete frame whose positions are not computed yet."""
 
     time: float
     user: int
     dialect: Dialect
-    whole: Whole
+    parts: Mapping[str, Values]
 
 
-_News = _Frame | Lost
+_Pending = _Frame | Lost
 
 
 def open_osc(rest: str) -> "OscSource":
-    """Listen to any dialect of OSC, as ``osc:`` and this text say: ``7110``, ``HOST:PORT?units=mm&mirrored=1``, ….
+    """Open the source ``osc:`` with this rest of the URI: ``7110``, ``HOST:PORT?units=mm&mirrored=1``, ….
 
     Raises
     ------
     SourceError
-        The text cannot be read, the port is taken, or the host is none of this machine's.
+        The rest is invalid, the port is in use, or the host is not an address of this machine.
     """
     return OscSource(f"osc:{rest}", parse("osc", rest, OSC_PORT))
 
 
 def open_vmc(rest: str) -> "OscSource":
-    """Do the same for ``vmc:`` and this text, with VMC's port where none is given.
-
-    Raises
-    ------
-    SourceError
-        As of `open_osc`.
-    """
+    """Open the source ``vmc:``, which differs from `open_osc` in the default port only."""
     return OscSource(f"vmc:{rest}", parse("vmc", rest, VMC_PORT))
 
 
 class OscSource:
-    """A port that OSC comes to, in all dialects at once; implements `capture.source.SkeletonSource`.
+    """A UDP port that receives OSC in all dialects; implements `capture.source.SkeletonSource`.
 
     Parameters
     ----------
@@ -85,15 +79,13 @@ class OscSource:
 
     Attributes
     ----------
-    name : str
-    counts : Counts
     port : int
-        Where it listens: the system's choice for port 0.
+        The port in use, which the system chooses for port 0.
 
     Raises
     ------
     SourceError
-        The port is taken, or the host is none of this machine's.
+        The port is in use, or the host is not an address of this machine.
     """
 
     recorded = False
@@ -105,10 +97,10 @@ class OscSource:
         self._flip = np.where([axis in address.flip for axis in "xyz"], -1.0, 1.0)
         self._dialects: tuple[Dialect, ...] = (OSCeleton(), Nuitrack(), KinectSDK(), Vmc(), NIMate())
         self._refusals = Refusals(name, self.counts.refused)
-        self._assemblies: dict[tuple[Dialect, int], Assembly] = {}  # the one heard of last is last
-        self._news: dict[tuple[type[_News], int], _News] = {}  # not taken yet, the newest last
-        self._present: set[int] = set()  # performers of whom frames were given
-        self._newest = self._given = time.monotonic()  # of the last news, and when something was given
+        self._assemblies: dict[tuple[Dialect, int], FrameAssembly] = {}  # in the order of the last packets
+        self._pending: dict[tuple[type[_Pending], int], _Pending] = {}  # not returned yet, the newest last
+        self._present: set[int] = set()  # performers of whom frames were returned
+        self._last_time = self._last_return = time.monotonic()  # of the last pending event, and of the last return
         self._socket = _listen(name, address)
         self.port: int = self._socket.getsockname()[1]
 
@@ -117,30 +109,30 @@ class OscSource:
         return self._socket.fileno()
 
     def due(self) -> float:
-        """Return when a tick is due, or a frame that lacks a joint has waited long enough for it."""
-        waiting = [assembly.time + QUIET for assembly in self._assemblies.values() if assembly.parts]
-        return min([self._given + TICK, *waiting])
+        """Return the time of the next tick, or the earliest time at which an incomplete frame ends."""
+        ends = [assembly.time + PART_TIMEOUT_SECONDS for assembly in self._assemblies.values() if assembly.parts]
+        return min([self._last_return + TICK_SECONDS, *ends])
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
         return time.monotonic()
 
     def receive(self) -> list[Event]:
-        """Return the latest frame of each performer that has come, who has gone, or a tick in silence.
+        """Return the newest frame of each performer, the performers who have left, or a tick if nothing happens.
 
-        Never raises: what is no skeleton is refused and counted.
+        Packets that are not skeletons are refused and counted; they raise no error.
         """
         self._drain()
         now = self.now()
         for key, assembly in self._assemblies.items():
-            if assembly.parts and now - assembly.time >= QUIET:
-                self._hold(*key, assembly.end())
-        events = [event for news in self._news.values() if (event := self._event(news))]
-        self._news.clear()
-        if not events and now - self._given >= TICK:
-            events.append(Tick(self._moment(now)))
+            if assembly.parts and now - assembly.time >= PART_TIMEOUT_SECONDS:
+                self._queue_frames(*key, assembly.end())
+        events = [event for pending in self._pending.values() if (event := self._event(pending))]
+        self._pending.clear()
+        if not events and now - self._last_return >= TICK_SECONDS:
+            events.append(Tick(self._next_time(now)))
         if events:
-            self._given = events[-1].time
+            self._last_return = events[-1].time
         self._refusals.report(now)
         return events
 
@@ -152,22 +144,22 @@ class OscSource:
         messages = 0
         for _ in range(MAX_DATAGRAMS):
             try:
-                datagram, sender = self._socket.recvfrom(MAX_DATAGRAM)
+                datagram, sender = self._socket.recvfrom(MAX_DATAGRAM_BYTES)
             except BlockingIOError:
                 return
-            except OSError:  # such as an ICMP message that Windows hands over: the socket itself is well
+            except OSError:  # Windows reports ICMP messages so; the socket still works
                 self._refusals.add("socket error")
                 return
             self.counts.received += 1
-            if self._address.sender not in (None, ANYBODY, sender[0].removeprefix("::ffff:")):
+            if self._address.sender not in (None, ANY_SENDER, sender[0].removeprefix("::ffff:")):
                 self._refusals.add("another sender")
                 continue
-            messages += self._take(datagram)
+            messages += self._read_datagram(datagram)
             if messages >= MAX_MESSAGES:
                 return
 
-    def _take(self, datagram: bytes) -> int:
-        """Take one datagram in; return how many messages were in it."""
+    def _read_datagram(self, datagram: bytes) -> int:
+        """Process one datagram; return its number of messages."""
         try:
             messages = decode(datagram)
         except OscError as error:
@@ -175,88 +167,88 @@ class OscSource:
             return 1
         now = self.now()
         bundled = datagram.startswith(BUNDLE)
-        ending: list[tuple[Dialect, int]] = []
+        ended: list[tuple[Dialect, int]] = []
         for message in messages:
-            ending += self._hear(message, now, bundled=bundled)
-        for key in dict.fromkeys(ending):
+            ended += self._read_message(message, now, bundled=bundled)
+        for key in dict.fromkeys(ended):
             if key in self._assemblies:
-                self._hold(*key, self._assemblies[key].end())
+                self._queue_frames(*key, self._assemblies[key].end())
         return len(messages)
 
-    def _hear(self, message: Message, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
-        """Take one message in; return the performers whose frames end with the datagram."""
+    def _read_message(self, message: Message, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
+        """Process one message; return the performers whose frames end with the datagram."""
         for dialect in self._dialects:
             reading = dialect.read(message)
             if reading is not None:
-                return self._follow(dialect, reading, now, bundled=bundled)
+                return self._apply(dialect, reading, now, bundled=bundled)
         self._refusals.add("unknown message")
         return []
 
-    def _follow(self, dialect: Dialect, reading: Reading, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
-        if isinstance(reading, Part | Gone) and reading.user not in USERS:
+    def _apply(self, dialect: Dialect, reading: Reading, now: float, *, bundled: bool) -> list[tuple[Dialect, int]]:
+        if isinstance(reading, Part | PerformerLost) and reading.user not in USERS:
             reading = "wrong arguments"
         if isinstance(reading, Part):
             key = dialect, reading.user
             end_follows = bundled and dialect.bundle_is_frame
-            self._hold(*key, self._assembly(key).add(reading, now, end_follows=end_follows))
+            self._queue_frames(*key, self._assembly(key).add(reading, now, end_follows=end_follows))
             return [key] if end_follows else []
         if isinstance(reading, FrameEnd):
             return [key for key in self._assemblies if key[0] is dialect]
-        if isinstance(reading, Gone):
-            self._forget(reading.user, now)
-        elif not isinstance(reading, Nothing):
+        if isinstance(reading, PerformerLost):
+            self._remove(reading.user, now)
+        elif not isinstance(reading, Ignored):
             self._refusals.add(reading)
         return []
 
-    def _assembly(self, key: tuple[Dialect, int]) -> Assembly:
-        """Return what has come of a performer, which is now the one heard of last."""
-        assembly = self._assemblies.pop(key, None) or Assembly()
+    def _assembly(self, key: tuple[Dialect, int]) -> FrameAssembly:
+        """Return the assembly of a performer's frames, now the last in the order of packets."""
+        assembly = self._assemblies.pop(key, None) or FrameAssembly()
         self._assemblies[key] = assembly
-        if len(self._assemblies) > MAX_USERS:
-            self._forget(next(iter(self._assemblies))[1], self.now())
+        if len(self._assemblies) > MAX_PERFORMERS:
+            self._remove(next(iter(self._assemblies))[1], self.now())
         return assembly
 
-    def _forget(self, user: int, now: float) -> None:
+    def _remove(self, user: int, now: float) -> None:
         for key in [key for key in self._assemblies if key[1] == user]:
             del self._assemblies[key]
-        self._tell(Lost(self._moment(now), user), user)
+        self._queue(Lost(self._next_time(now), user), user)
 
-    def _hold(self, dialect: Dialect, user: int, frames: list[Whole]) -> None:
-        """Keep frames that are whole until they are taken: what is overtaken before costs no more than that."""
-        for whole in frames:
-            self._tell(_Frame(self._moment(whole.time), user, dialect, whole), user)
+    def _queue_frames(self, dialect: Dialect, user: int, frames: list[CompleteFrame]) -> None:
+        for frame in frames:
+            self._queue(_Frame(self._next_time(frame.time), user, dialect, frame.parts), user)
 
-    def _tell(self, news: _News, user: int) -> None:
-        key = type(news), user
-        if self._news.pop(key, None) is not None and isinstance(news, _Frame):
+    def _queue(self, pending: _Pending, user: int) -> None:
+        """Keep an event until `receive` returns it or a newer one of the same performer replaces it."""
+        key = type(pending), user
+        if self._pending.pop(key, None) is not None and isinstance(pending, _Frame):
             self.counts.dropped += 1
-        self._news[key] = news
+        self._pending[key] = pending
 
-    def _moment(self, came: float) -> float:
-        """Return a time for an event of what came then: time never stands still and never goes back."""
-        self._newest = max(came, math.nextafter(self._newest, math.inf))
-        return self._newest
+    def _next_time(self, arrival: float) -> float:
+        """Return the time of an event that arrived at `arrival`; times increase strictly."""
+        self._last_time = max(arrival, math.nextafter(self._last_time, math.inf))
+        return self._last_time
 
-    def _event(self, news: _News) -> Event | None:
-        """Return what is told of news; None of a performer who never was there, and of a frame that cannot be."""
-        if isinstance(news, Lost):
-            if news.user not in self._present:
+    def _event(self, pending: _Pending) -> Event | None:
+        """Return the event to report; None for a lost performer who was never reported and for an invalid frame."""
+        if isinstance(pending, Lost):
+            if pending.user not in self._present:
                 return None
-            self._present.discard(news.user)
-            return news
+            self._present.discard(pending.user)
+            return pending
         with np.errstate(over="ignore", invalid="ignore"):
-            positions, confidence = self._in_sensor_frame(news.dialect, news.whole)
+            positions, confidence = self._sensor_pose(pending.dialect, pending.parts)
             known = confidence > LOST
-            near = bool((np.abs(positions[known]) <= FARTHEST).all())
+            near = bool((np.abs(positions[known]) <= MAX_DISTANCE_METRES).all())
         if not near:
             self._refusals.add("position too far away")
         if not (near and known.any()):
             return None
-        self._present.add(news.user)
-        return SkeletonFrame(news.time, news.user, positions, confidence)
+        self._present.add(pending.user)
+        return SkeletonFrame(pending.time, pending.user, positions, confidence)
 
-    def _in_sensor_frame(self, dialect: Dialect, whole: Whole) -> Pose:
-        positions, confidence = dialect.pose(whole.parts, self._address.units)
+    def _sensor_pose(self, dialect: Dialect, parts: Mapping[str, Values]) -> Pose:
+        positions, confidence = dialect.pose(parts, self._address.units)
         positions *= self._flip
         if dialect.mirrors if self._address.mirrored is None else self._address.mirrored:
             positions, confidence = mirrored(positions), confidence[OPPOSITE]
@@ -264,54 +256,54 @@ class OscSource:
 
 
 def _listen(name: str, address: Address) -> socket.socket:
-    """Open the socket; nothing else may listen on the same port."""
+    """Open the socket for the exclusive use of its port."""
     try:
         found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM, flags=socket.AI_PASSIVE)
     except (OSError, UnicodeError):
-        raise _no_such_host(name, address.host) from None
-    # Senders that are told "localhost" mean IPv4.
-    family, kind, protocol, _, place = min(found, key=lambda choice: choice[0] != socket.AF_INET)
+        raise _host_error(name, address.host) from None
+    # For senders, "localhost" is an IPv4 address.
+    family, kind, protocol, _, socket_address = min(found, key=lambda choice: choice[0] != socket.AF_INET)
     listener = socket.socket(family, kind, protocol)
     try:
         listener.setblocking(False)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        listener.bind(place)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        listener.bind(socket_address)
     except OSError as error:
         listener.close()
-        raise _cannot_listen(name, address, error) from error
-    if address.sender is None and not ipaddress.ip_address(str(place[0]).partition("%")[0]).is_loopback:
+        raise _listen_error(name, address, error) from error
+    if address.sender is None and not ipaddress.ip_address(str(socket_address[0]).partition("%")[0]).is_loopback:
         listener.close()
         raise SourceError(
             name,
-            found=f"{address.host!r}, which other machines can reach, and nobody named who may send",
-            expected="the sender's IP address, as OSC has no password",
-            fix=f"Add ?from=ADDRESS to it, or ?from={ANYBODY} where a firewall decides.",
+            found=f"{address.host!r}, which other machines can reach, without an allowed sender",
+            expected="the sender's IP address, because OSC has no authentication",
+            fix=f"Add ?from=ADDRESS to the URI, or ?from={ANY_SENDER} if a firewall protects the port.",
         )
     return listener
 
 
-def _cannot_listen(name: str, address: Address, error: OSError) -> SourceError:
+def _listen_error(name: str, address: Address, error: OSError) -> SourceError:
     if error.errno == errno.EADDRNOTAVAIL:
-        return _no_such_host(name, address.host)
+        return _host_error(name, address.host)
     if error.errno == errno.EADDRINUSE:
         return SourceError(
             name,
             found=f"another program that listens on UDP port {address.port}",
             expected="a free port",
-            fix="End that program, or choose another port here and in the sender.",
+            fix="Close that program, or choose another port here and in the sender.",
         )
     return SourceError(
         name,
-        found=f"that UDP port {address.port} cannot be opened ({error.strerror})",
+        found=f"the UDP port {address.port}, which cannot be opened ({error.strerror})",
         expected="a port that this user may open, above 1023",
         fix=FIX,
     )
 
 
-def _no_such_host(name: str, host: str) -> SourceError:
+def _host_error(name: str, host: str) -> SourceError:
     return SourceError(
         name,
-        found=f"{host!r}, which is no address of this machine",
-        expected="one of its own, 127.0.0.1 for senders on it or 0.0.0.0 for those in its networks",
-        fix="The sender's address does not belong here: tell the sender this machine's, and here 0.0.0.0.",
+        found=f"{host!r}, which is not an address of this machine",
+        expected="127.0.0.1 for senders on this machine, or 0.0.0.0 for senders on its networks",
+        fix="Use 0.0.0.0 here, not the sender's address, and configure this machine's address in the sender.",
     )

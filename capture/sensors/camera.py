@@ -141,9 +141,10 @@ class Camera:
             self._capture.release()
             raise SourceError(
                 uri,
-                found=f"that camera {options.place} cannot be opened as one",
-                expected="a camera that no other program uses",
-                fix="End the other program, or name another camera: of the devices that some have, one gives pictures.",
+                found=f"a device that cannot be opened as a camera ({options.place})",
+                expected="a camera that no other program is using",
+                fix="Close the other program, or choose another device: some cameras create several, and only one "
+                "delivers images.",
             )
         self.name = f"camera {options.place}"
 
@@ -159,9 +160,9 @@ class Camera:
         if not good:
             raise SourceError(
                 self._uri,
-                found=f"that {self.name} gives no picture",
-                expected="a camera that is plugged in and that no other program uses",
-                fix="End the other program, or plug the camera in again: it is opened again by itself.",
+                found=f"no image from {self.name}",
+                expected="a camera that is plugged in and that no other program is using",
+                fix="Close the other program, or plug the camera in again; it is reopened automatically.",
             )
         return _picture(time.monotonic(), frame, self._fov)
 
@@ -256,7 +257,7 @@ def opencv() -> ModuleType:
         import cv2
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
         raise import_error("cv2", error)(
-            "OpenCV", found=f"that it cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
+            "OpenCV", found=f"a library that cannot be loaded ({error})", expected="OpenCV 4", fix=EXTRA
         ) from error
     return cv2
 
@@ -281,7 +282,7 @@ def _check(uri: str, device: Path) -> None:
         group = device.group()
         raise SourceError(
             uri,
-            found=f"that this user may not use {device}",
+            found=f"no permission to use {device}",
             expected=f"permission to read and write it, which its group {group} has",
             fix=f'sudo usermod -aG {group} $USER, and log in again; or a udev rule for SUBSYSTEM=="video4linux" with '
             'TAG+="uaccess".',

@@ -215,7 +215,7 @@ class FreenectDevice:
     def _gone(self) -> SourceError:
         return SourceError(
             self.name,
-            found=f"that the Kinect is gone{self._said()}",
+            found=f"a disconnected Kinect{self._said()}",
             expected="one that stays plugged in",
             fix="Check its plug and its power supply.",
         )

@@ -51,9 +51,9 @@ def check_whole(where: str, path: Path) -> None:
     except OSError as error:
         raise SourceError(
             where,
-            found=f"that {path} cannot be read ({error.strerror})",
+            found=f"{path}, which cannot be read ({error.strerror})",
             expected="an .oni recording",
-            fix="Look after its name, its folder and who may read it.",
+            fix="Check its name, its folder and its permissions.",
         ) from error
     if damage is not None:
         raise SourceError(

@@ -422,16 +422,19 @@ class OpenNIDevice:
 
     def _ended(self) -> SourceError:
         return SourceError(
-            self._uri, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to it."
+            self._uri,
+            found="the end of the recording",
+            expected="more frames",
+            fix="Add ?loop to play it in a loop.",
         )
 
     def _check_plug(self) -> None:
         if not self._recorded and self._place.decode(errors="replace") not in devices(self._oni):
             raise SourceError(
                 self._uri,
-                found=f"that {self.name} was unplugged",
-                expected="a sensor that stays",
-                fix="Plug it in again; it goes on by itself.",
+                found=f"an unplugged sensor ({self.name})",
+                expected="a sensor that stays plugged in",
+                fix="Plug it in again; it is reopened automatically.",
             )
 
     @contextmanager
@@ -478,9 +481,9 @@ def _alone(where: str) -> Iterator[None]:
     if not _library.acquire(timeout=_PATIENCE):
         raise SourceError(
             where,
-            found=f"that OpenNI2 has been opening another sensor for more than {_PATIENCE:g} s",
-            expected="that it comes back",
-            fix="Plug that sensor out and in again; if that does not help, start Puppetline again.",
+            found=f"another sensor that OpenNI2 has been opening for more than {_PATIENCE:g} s",
+            expected="a sensor that opens sooner",
+            fix="Unplug that sensor and plug it in again; if that does not help, restart Puppetline.",
         )
     try:
         yield

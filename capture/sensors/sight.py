@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import Cue, Event, Lost, Tick
-from capture.reconnecting import Reopening
-from capture.sensor_tilt import Level
+from capture.reconnecting import ReopeningSource
+from capture.sensor_tilt import SensorTilt
 from capture.sensors.source import SensorSource
 from capture.skeleton import INFERRED, JOINTS, LOST, SkeletonFrame
-from capture.source import Counts, Silence, SkeletonSource, wait
+from capture.source import Counts, SilentSource, SkeletonSource, wait
 from capture.trackers.picture import Picture
 from puppetline.errors import SourceError
 
@@ -115,7 +115,7 @@ class Sight:
         Whether it is opened again until it does.
     silent : float
         Seconds since something came, or in all where nothing has.
-    level : Level or None
+    level : SensorTilt or None
         How the sensor stands, where it sees the floor.
     """
 
@@ -130,7 +130,7 @@ class Sight:
     failure: str = ""
     retried: bool = False
     silent: float = 0.0
-    level: Level | None = None
+    level: SensorTilt | None = None
 
     def take(self, event: Event) -> None:
         """Go on with what a source gives."""
@@ -195,7 +195,7 @@ class Watch:
         self._counted = Counts()
         self._started = self._heard = time.monotonic()
         self._failure = ""
-        self._level: Level | None = None
+        self._level: SensorTilt | None = None
 
     @property
     def over(self) -> bool:
@@ -204,13 +204,13 @@ class Watch:
 
     @property
     def _inner(self) -> SkeletonSource:
-        return self._source.inner if isinstance(self._source, Reopening) else self._source
+        return self._source.inner if isinstance(self._source, ReopeningSource) else self._source
 
     @property
     def _trouble(self) -> str:
         """Why a source is opened again: until it is, and of a sensor until a picture comes, its sign of life."""
-        if isinstance(self._source, Reopening) and isinstance(self._source.inner, Silence | SensorSource):
-            return self._source.trouble
+        if isinstance(self._source, ReopeningSource) and isinstance(self._source.inner, SilentSource | SensorSource):
+            return self._source.failure
         return ""
 
     def take_in(self, deadline: float) -> None:
@@ -258,7 +258,7 @@ class Watch:
         for event in events:
             if isinstance(event, Cue) and event.do == "level":  # which is said once, and holds
                 with suppress(ValueError):  # of a take that was not recorded like that
-                    self._level = Level.of_json(event.arguments)
+                    self._level = SensorTilt.of_json(event.arguments)
         if received or events:
             self._news.append(_News(now, events, received, refused))
         while self._news and now - self._news[0].time > self._memory:

@@ -24,7 +24,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from capture.events import TICK, Cue, Event, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
 from capture.sensors.clock import DeviceClock
 from capture.sensors.threads import start
 from capture.skeleton import SkeletonFrame
@@ -121,7 +121,7 @@ class SensorSource:
         """Return when a tick is due, or when a device that gives nothing is given up."""
         if self._shut:
             return time.monotonic()
-        return self._deadline if self.recorded else min(self._deadline, self._given + TICK + self._behind)
+        return self._deadline if self.recorded else min(self._deadline, self._given + TICK_SECONDS + self._behind)
 
     def now(self) -> float:
         """Return the time on the clock of the events."""
@@ -147,7 +147,7 @@ class SensorSource:
         if not news and silent:
             raise self._silent()
         tick = time.monotonic() - self._behind
-        if not (news or self.recorded) and tick - self._given >= TICK:
+        if not (news or self.recorded) and tick - self._given >= TICK_SECONDS:
             news.append(Tick(tick))
         return [self._in_order(event) for event in news]
 
@@ -315,9 +315,9 @@ class SensorSource:
             log.debug("%s %s failed", heading(self.name), what, exc_info=error)
             error = SourceError(
                 self.name,
-                found=f"that {what} failed ({type(error).__name__}: {error})",
-                expected="pictures with people in them",
-                fix="Plug the device out and in again; puppetline doctor says what is installed.",
+                found=f"a failure of {what} ({type(error).__name__}: {error})",
+                expected="images with people in them",
+                fix="Unplug the device and plug it in again; puppetline doctor reports what is installed.",
             )
         with self._changed:
             self._failure = self._failure or error

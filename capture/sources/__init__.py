@@ -1,1 +1,1 @@
-"""What a URI opens: the registry of sources, and recordings played again."""
+"""The registry of source URIs, and the sources that play recordings and example motions."""

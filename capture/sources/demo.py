@@ -1,41 +1,32 @@
-"""The example performances as sources: ``demo:NAME``.
+"""The example motions as sources: ``demo:NAME``.
 
-This is the only place of the product that reaches performances made by code; `engine_bridge.cli.demo` is the only one
-that reaches characters made by code.
+This is the only module of the product that uses the generated motions. `engine_bridge.cli.examples` is the only module
+that uses the generated characters.
 """
 
 from collections.abc import Callable, Mapping
 
 from capture.clip import SkeletonClip
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
 
 def performances() -> Mapping[str, Callable[[], SkeletonClip]]:
-    """Return what makes each example performance, by its name."""
-    # as it takes SciPy's filters, half a second
+    """Return the functions that generate the example motions, by name."""
+    # imported late, because SciPy's filters take half a second to load
     from puppetline.examples.performances import PERFORMANCES
 
-    made: Mapping[str, Callable[[], SkeletonClip]] = PERFORMANCES
-    return made
+    typed: Mapping[str, Callable[[], SkeletonClip]] = PERFORMANCES
+    return typed
 
 
-def open_demo(uri: str, name: str, loop: bool) -> TakeSource:
-    """Play an example performance as a live source.
-
-    Parameters
-    ----------
-    uri : str
-        What the source is called.
-    name : str
-        A key of `performances`.
-    loop : bool
-        Whether it begins again at its end.
+def open_demo(uri: str, name: str, loop: bool) -> RecordingSource:
+    """Play the example motion of a name, once or in a loop.
 
     Raises
     ------
     SourceError
-        No performance has that name.
+        No example motion has that name.
     """
     known = performances()
     if name not in known:
@@ -43,6 +34,6 @@ def open_demo(uri: str, name: str, loop: bool) -> TakeSource:
             f"source {uri!r}",
             found=f"no performance {name!r}",
             expected=f"one of {', '.join(known)}",
-            fix="Name one of these, as in demo:walk?loop.",
+            fix="Use one of these names, for example demo:walk?loop.",
         )
-    return TakeSource.of_clips(uri, [known[name]()], loop)
+    return RecordingSource.of_clips(uri, [known[name]()], loop)

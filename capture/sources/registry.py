@@ -1,4 +1,4 @@
-"""What a URI opens: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and more, see `SCHEMES`."""
+"""The registry of source URIs: ``demo:NAME``, ``replay:FILE``, ``osc:PORT``, ``camera:0``, ``openni:`` and others."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,13 +6,14 @@ from pathlib import Path
 from capture.network.source import open_osc, open_vmc
 from capture.source import SkeletonSource
 from capture.sources.demo import open_demo
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
-LOOP = "?loop"
+LOOP_SUFFIX = "?loop"
+"""End of the URI of a recording that plays in a loop."""
 
-RECORDED = ("demo:", "replay:", "video:", "openni:file=")
-"""Sources that end."""
+RECORDED_PREFIXES = ("demo:", "replay:", "video:", "openni:file=")
+"""Beginnings of the URIs of recordings, which end."""
 
 
 def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
@@ -21,14 +22,14 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
     Parameters
     ----------
     uri : str
-        A scheme, a colon, and what the scheme wants; see `SCHEMES`.
+        A scheme of `SCHEMES`, a colon, and the rest that the scheme defines.
     folder : Path
-        What the files of ``replay:`` and ``video:`` are relative to.
+        Folder to which the paths of files are relative.
 
     Raises
     ------
     PuppetlineError
-        An unknown scheme, or what the source itself has against it.
+        The scheme is unknown, or the source cannot be opened.
     """
     scheme, colon, rest = uri.partition(":")
     if not colon or scheme not in SCHEMES:
@@ -36,17 +37,17 @@ def open_source(uri: str, folder: Path = Path()) -> SkeletonSource:
             f"source {uri!r}",
             found=f"the scheme {scheme!r}" if colon else "no scheme",
             expected=f"one of {', '.join(SCHEMES)}",
-            fix="Write it like osc:7110, replay:take.log?loop or demo:walk?loop.",
+            fix="Use a URI such as osc:7110, replay:take.log?loop or demo:walk?loop.",
         )
     return SCHEMES[scheme](uri, rest, folder)
 
 
 def _demo(uri: str, rest: str, _folder: Path) -> SkeletonSource:
-    return open_demo(uri, rest.removesuffix(LOOP), rest.endswith(LOOP))
+    return open_demo(uri, rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
 
 def _replay(uri: str, rest: str, folder: Path) -> SkeletonSource:
-    return TakeSource.of_file(uri, folder / rest.removesuffix(LOOP), rest.endswith(LOOP))
+    return RecordingSource.of_file(uri, folder / rest.removesuffix(LOOP_SUFFIX), rest.endswith(LOOP_SUFFIX))
 
 
 def _freenect(uri: str, rest: str, _folder: Path) -> SkeletonSource:
@@ -76,7 +77,7 @@ def _openni(uri: str, rest: str, folder: Path) -> SkeletonSource:
 def _fused(uri: str, rest: str, folder: Path) -> SkeletonSource:
     from capture.fusion.fused_file import open_fused
 
-    return open_fused(uri, folder / rest, RECORDED, open_source)
+    return open_fused(uri, folder / rest, RECORDED_PREFIXES, open_source)
 
 
 SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
@@ -90,4 +91,4 @@ SCHEMES: dict[str, Callable[[str, str, Path], SkeletonSource]] = {
     "openni": _openni,
     "fused": _fused,
 }
-"""An example performance; a take or any skeleton log; senders in the network, all dialects; and VMC."""
+"""Function that opens each scheme, given the URI, its rest and the folder of files."""

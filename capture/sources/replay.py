@@ -1,11 +1,11 @@
-"""Recorded skeletons given again as a live source gives them: ``replay:FILE`` and ``demo:NAME``.
+"""Recordings as live sources: ``replay:FILE`` and ``demo:NAME``.
 
-A take of a stage (one that begins with the cue ``stage``) gives the very events that were recorded. Other recordings
-are frames and little else; where they are silent for longer than `GAP`, ticks are put in, so that what waits or eases
-goes on.
+A take of a stage, which begins with the cue ``stage``, yields exactly the events that were recorded. In other
+recordings, ticks fill gaps that are longer than `MAX_SILENCE_SECONDS`, so that a character continues to ease and wait.
 
-The clock of the events is the recording's own. It runs as the monotonic clock does from the first call of `receive` on,
-and waits for a caller who was away for longer than `PATIENCE`: what comes then is late, and not all at once.
+The clock of the events is the recording's. It starts with the first call of `receive` and runs like the monotonic
+clock. If the caller is late by more than `MAX_LATENESS_SECONDS`, the recording's clock is delayed instead of skipping
+ahead.
 """
 
 import logging
@@ -22,40 +22,46 @@ from typing import Self
 import numpy as np
 
 from capture.clip import SkeletonClip
-from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.formats import FARTHEST, puppetline_log, read_log, recognize
-from capture.skeleton import SkeletonFrame
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.formats import puppetline_log, read_log, recognize
+from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from capture.source import Counts
 from puppetline.errors import PuppetlineError, SkeletonLogError, SourceError
 
 log = logging.getLogger(__name__)
 
-GAP = 3 * TICK
-"""Seconds of silence in a recording that are not filled with ticks: slow sensors give 10 frames a second."""
+MAX_SILENCE_SECONDS = 3 * TICK_SECONDS
+"""Maximum gap in a recording that is not filled with ticks; slow sensors send 10 frames per second."""
 
-PATIENCE = 1.0
-"""Seconds by which a caller may be late and still get all that is due."""
+MAX_LATENESS_SECONDS = 1.0
+"""Maximum lateness of a caller who still receives all events that are due."""
 
-BATCH = 1000
-"""Events given at a time, however many a recording has at one moment."""
+MAX_EVENTS = 1000
+"""Maximum number of events per call of `receive`."""
 
 
-class TakeSource:
+class RecordingSource:
     """A recording as a `capture.source.SkeletonSource`.
 
     Parameters
     ----------
     name : str
-        The URI that opened it.
+        The URI.
     play : callable
-        Goes through the recording's events from the start.
+        Function that returns the recording's events from the start.
     loop : bool
-        Whether to play it again when it has ended. The times go on then; those of the first pass are the recording's.
+        Whether to play in a loop. The first pass has the recording's times; in later passes, times continue to
+        increase.
+
+    Attributes
+    ----------
+    damaged : bool
+        Whether a part of the recording cannot be read.
 
     Raises
     ------
     SourceError
-        If the recording has no event.
+        The recording has no event.
     """
 
     def __init__(self, name: str, play: Callable[[], Iterable[Event]], loop: bool) -> None:
@@ -64,97 +70,95 @@ class TakeSource:
         self.recorded = True
         self._play = play
         self.damaged = False
-        """Whether it cannot be read any further, though it has not ended."""
-
-        self._events = self._endless() if loop else self._pass()
+        self._events = self._passes() if loop else self._pass()
         self._end: PuppetlineError = SourceError(
-            name, found="that it has ended", expected="a recording that goes on", fix="Add ?loop to play it in a loop."
+            name, found="the end of the recording", expected="more frames", fix="Add ?loop to play it in a loop."
         )
-        self._next = self._following()
+        self._next = self._next_event()
         if self._next is None:
             raise self._end
-        self._given = self._next.time
-        self._listening_since: float | None = None  # on the monotonic clock, when the recording's clock was at _start
+        self._last_time = self._next.time
+        self._started_at: float | None = None  # on the monotonic clock, when the recording's clock was at _start
         self._start = self._next.time
 
     @classmethod
     def of_file(cls, name: str, path: Path, loop: bool = False) -> Self:
-        """Play a take, or a log of any format that `capture.formats` knows, all its performers together.
+        """Play a recording in any supported format, with all its performers.
 
-        A take is read as it is played, any other log at once.
+        A take is read while it plays, other formats at the start.
 
         Raises
         ------
         SkeletonLogError
-            No known format, or a file that does not keep to its format; of a take, as far as its first event.
+            The format is unknown or violated; in a take, only as far as its first event.
         SourceError
-            If there is no event in it.
+            The recording has no event.
         """
         if recognize(path) is not puppetline_log:
             return cls.of_clips(name, read_log(path), loop)
-        if puppetline_log.is_of_an_earlier_version(path):
+        if puppetline_log.has_old_state(path):
             log.warning("%s: recorded by an earlier version: performers are calibrated again", path)
-        return cls(name, lambda: _within_reach(path), loop)
+        return cls(name, lambda: _checked_events(path), loop)
 
     @classmethod
     def of_clips(cls, name: str, clips: Sequence[SkeletonClip], loop: bool = False) -> Self:
-        """Play the clips of several performers together, each at its own times.
+        """Play the clips of several performers together.
 
         Raises
         ------
         SourceError
-            If there is no frame in them.
+            The clips have no frame.
         """
         return cls(name, lambda: merge(*(clip.frames() for clip in clips), key=_time), loop)
 
     def fileno(self) -> None:
-        """Only time matters here."""
+        """Return None, because a recording has no file descriptor to wait for."""
         return
 
     def due(self) -> float:
-        """Return when the next event is due, on the monotonic clock."""
-        if self._next is None or self._listening_since is None:
+        """Return the time of the next event on the monotonic clock."""
+        if self._next is None or self._started_at is None:
             return time.monotonic()
-        return self._listening_since + (self._next.time - self._start)
+        return self._started_at + (self._next.time - self._start)
 
     def now(self) -> float:
-        """Return the time on the recording's clock: not before what has been given, nor after what comes next."""
-        if self._listening_since is None:
+        """Return the time on the recording's clock, between the last event and the next one."""
+        if self._started_at is None:
             return self._start
-        now = max(self._given, self._start + (time.monotonic() - self._listening_since))
+        now = max(self._last_time, self._start + (time.monotonic() - self._started_at))
         return now if self._next is None else min(now, self._next.time)
 
     def receive(self) -> list[Event]:
-        """Return the events that are due, every one and in order.
+        """Return all events that are due, in order.
 
         Raises
         ------
         SourceError
-            The recording has ended, or cannot be read any further.
+            The recording has ended, or its next event cannot be read.
         """
         now = time.monotonic()
         if self._next is None:
             raise self._end
-        if self._listening_since is None or now - self.due() > PATIENCE:
-            self._listening_since, self._start = now, self._next.time
+        if self._started_at is None or now - self.due() > MAX_LATENESS_SECONDS:
+            self._started_at, self._start = now, self._next.time
         events: list[Event] = []
-        while self._next is not None and self.due() <= now and len(events) < BATCH:
+        while self._next is not None and self.due() <= now and len(events) < MAX_EVENTS:
             events.append(self._next)
-            self._next = self._following()
+            self._next = self._next_event()
         if events:
-            self._given = events[-1].time
+            self._last_time = events[-1].time
             self.counts.received += len(events)
         return events
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._next = None
         self._events.close()
 
-    def _endless(self) -> Generator[Event, None, None]:
-        """Play again and again, each pass beginning a tick after the end of the one before.
+    def _passes(self) -> Generator[Event, None, None]:
+        """Yield the events of one pass after the other. A pass begins one tick after the end of the pass before.
 
-        In between everybody leaves: they would jump from where the recording ends to where it begins.
+        Between two passes all performers leave, because they would jump from their last positions to their first.
         """
         end: float | None = None
         while True:
@@ -162,7 +166,7 @@ class TakeSource:
             users: set[int] = set()
             for k, event in enumerate(self._pass()):
                 if start is not None and k == 0:
-                    shift = start + TICK - event.time
+                    shift = start + TICK_SECONDS - event.time
                 if isinstance(event, SkeletonFrame):
                     users.add(event.user)
                 yield replace(event, time=event.time + shift) if shift else event
@@ -173,12 +177,12 @@ class TakeSource:
                 yield Lost(end, user)
 
     def _pass(self) -> Generator[Event, None, None]:
-        events = _forward(self._play(), self.counts.refused)
+        events = _increasing(self._play(), self.counts.refused)
         for first in events:
             rest = chain([first], events)
             yield from rest if isinstance(first, Cue) and first.do == "stage" else _with_ticks(rest)
 
-    def _following(self) -> Event | None:
+    def _next_event(self) -> Event | None:
         try:
             return next(self._events, None)
         except SkeletonLogError as error:
@@ -191,26 +195,26 @@ def _time(event: Event) -> float:
     return event.time
 
 
-def _within_reach(path: Path) -> Iterator[Event]:
-    """Go through a take's events, refusing positions that are no performer's."""
+def _checked_events(path: Path) -> Iterator[Event]:
+    """Yield a take's events; raise an error for positions that no sensor measures."""
     for event in puppetline_log.events(path):
-        if isinstance(event, SkeletonFrame) and (np.abs(event.positions) > FARTHEST).any():
+        if isinstance(event, SkeletonFrame) and (np.abs(event.positions) > MAX_DISTANCE_METRES).any():
             raise SkeletonLogError(
                 path,
                 found=f"a joint {np.nanmax(np.abs(event.positions)):.4g} m away at second {event.time:g}",
-                expected=f"a place within {FARTHEST:g} m of the sensor",
-                fix="Mend or delete that frame.",
+                expected=f"a position within {MAX_DISTANCE_METRES:g} m of the sensor",
+                fix="Correct or delete that frame.",
             )
         yield event
 
 
 def _with_ticks(events: Iterable[Event]) -> Generator[Event, None, None]:
-    """Fill what is silent for longer than `GAP` with ticks."""
+    """Yield events, and ticks in gaps longer than `MAX_SILENCE_SECONDS`."""
     before = math.inf
     for event in events:
-        if event.time - before > GAP:
+        if event.time - before > MAX_SILENCE_SECONDS:
             for k in count(1):
-                tick = before + k * TICK
+                tick = before + k * TICK_SECONDS
                 if tick >= event.time:
                     break
                 yield Tick(tick)
@@ -218,8 +222,8 @@ def _with_ticks(events: Iterable[Event]) -> Generator[Event, None, None]:
         before = event.time
 
 
-def _forward(events: Iterable[Event], refused: Counter[str]) -> Generator[Event, None, None]:
-    """Leave out what goes back in time, as the later part of a take does that was continued after a restart."""
+def _increasing(events: Iterable[Event], refused: Counter[str]) -> Generator[Event, None, None]:
+    """Yield the events whose times increase. In a take that was continued after a restart, times may go back."""
     latest = -math.inf
     performers: dict[int, float] = {}
     for event in events:

@@ -12,7 +12,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.sensor_tilt import MOVED, Level
+from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt
 from capture.trackers.picture import Lens, Picture
 
 Floats = NDArray[np.float64]
@@ -34,7 +34,7 @@ _FIRST, _LATER = 0.2, 1.0  # seconds between measurements, until the first resul
 _EXTENT = 0.6  # metres that the floor must extend both across and away: a strip tells no tilt
 
 
-def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
+def find_floor(depth: NDArray[np.uint16], lens: Lens) -> SensorTilt | None:
     """Find the floor in a depth picture.
 
     Parameters
@@ -45,7 +45,7 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
 
     Returns
     -------
-    Level or None
+    SensorTilt or None
         None where too little of it is seen.
     """
     points = _points(depth, lens)
@@ -63,7 +63,7 @@ def find_floor(depth: NDArray[np.uint16], lens: Lens) -> Level | None:
     if np.ptp(points[on_it][:, [0, 2]], axis=0).min() < _EXTENT:
         return None
     right, up, away, height = plane
-    level = Level(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
+    level = SensorTilt(math.degrees(math.asin(-away)), float(height), math.degrees(math.atan2(right, up)))
     return level if level.height >= LOWEST and max(abs(level.tilt), abs(level.roll)) <= STEEPEST else None
 
 
@@ -107,11 +107,11 @@ class FloorWatch:
     """Says how a sensor stands once it is sure, and again when it stands otherwise."""
 
     def __init__(self) -> None:
-        self._found: deque[Level] = deque(maxlen=_AGREEING)
-        self._said: Level | None = None
+        self._found: deque[SensorTilt] = deque(maxlen=_AGREEING)
+        self._said: SensorTilt | None = None
         self._next = -math.inf
 
-    def see(self, time: float, picture: Picture) -> Level | None:
+    def see(self, time: float, picture: Picture) -> SensorTilt | None:
         """Return how the sensor stands, if this picture makes it certain and it was not said before.
 
         Parameters
@@ -127,9 +127,9 @@ class FloorWatch:
         if found is None:
             return None
         self._found.append(found)
-        middle = Level(*np.median([astuple(each) for each in self._found], axis=0).tolist())
+        middle = SensorTilt(*np.median([astuple(each) for each in self._found], axis=0).tolist())
         agreed = len(self._found) == _AGREEING and all(each.near(middle, *_SAME) for each in self._found)
-        if not agreed or (self._said is not None and self._said.near(middle, *MOVED)):
+        if not agreed or (self._said is not None and self._said.near(middle, *MIN_TILT_CHANGE)):
             return None
         self._said = middle
         return middle

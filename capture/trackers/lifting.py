@@ -9,11 +9,11 @@ together are one surface. Joints are looked for from the hips outwards, each on 
 A joint that depth misses is as far before or behind that neighbour as the tracker guesses.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.skeleton import JOINT_INDEX, JOINTS, PARENTS
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -87,8 +87,8 @@ def lift(
     return None if np.isnan(scale) else (depths, known, scale)
 
 
-@numba.njit(cache=True, nogil=True)
-def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _window(depth, pixel, radius):
     """Return the known depths around a pixel in metres, sorted."""
     height, width = depth.shape
     column, row, reach = int(pixel[0]), int(pixel[1]), min(max(_NARROWEST, round(radius)), _WIDEST)
@@ -103,13 +103,13 @@ def _window(depth, pixel, radius):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return np.sort(values[:count])
 
 
-@numba.njit(cache=True, nogil=True)
-def _median(ordered):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _median(ordered):
     return (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]) / 2
 
 
-@numba.njit(cache=True, nogil=True)
-def _may_be(ray, z, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _may_be(ray, z, guess, bone, beside, beside_z):
     """Say whether a joint can be at depth z; `beside_z` is NaN where its neighbour's is not known."""
     square = 0.0
     for axis in range(3):
@@ -120,8 +120,8 @@ def _may_be(ray, z, guess, bone, beside, beside_z):  # type: ignore[no-untyped-d
     return abs(z - guess) < _GUESS or abs(length - bone) < _BONE * bone
 
 
-@numba.njit(cache=True, nogil=True)
-def _surface(window, skin, ray, guess, bone, beside, beside_z):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _surface(window, skin, ray, guess, bone, beside, beside_z):
     """Return the depth of a joint behind the nearest surface that can be its own, NaN if there is none."""
     enough = _LEAST * len(window)
     start = 0
@@ -136,8 +136,8 @@ def _surface(window, skin, ray, guess, bone, beside, beside_z):  # type: ignore[
     return np.nan
 
 
-@numba.njit(cache=True, nogil=True)
-def _lift(depth, focal, pixels, rays, guessed, lengths, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _lift(depth, focal, pixels, rays, guessed, lengths, confidence):
     joints = len(pixels)
     depths, known = np.empty(joints), np.zeros(joints, np.bool_)
     scales, count = np.empty(joints), 0

@@ -149,7 +149,7 @@ def library() -> ModuleType:
         from mediapipe.python.solutions import pose
     except (ImportError, OSError) as error:  # OSError: a library that it needs is missing
         raise import_error("mediapipe", error)(
-            "MediaPipe", found=f"that it cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=EXTRA
+            "MediaPipe", found=f"a library that cannot be loaded ({error})", expected="MediaPipe 0.10.21", fix=EXTRA
         ) from error
     return pose
 

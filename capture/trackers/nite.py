@@ -104,9 +104,10 @@ class NiTE:
             if not self._ready.wait(until - time.monotonic()):
                 raise SourceError(
                     self.name,
-                    found=f"that it has not come to a picture for {PATIENCE:g} s",
-                    expected="that it looks at every depth picture",
-                    fix=f"Plug the sensor out and in again. With an empty folder as {REDIST}, MediaPipe finds people.",
+                    found=f"no result from NiTE2 for {PATIENCE:g} s",
+                    expected="a result for every depth image",
+                    fix="Unplug the sensor and plug it in again, or set "
+                    f"{REDIST} to an empty folder to track with MediaPipe.",
                 )
             self._ready.clear()
             self._read()
@@ -200,8 +201,8 @@ def _call(nite: Any, name: str, *arguments: Any) -> None:
     if status:
         raise SourceError(
             NiTE.name,
-            found=f"that {name} fails (status {status})",
-            expected="that it starts, and tracks people in the depth of this sensor",
+            found=f"an error in {name} (status {status})",
+            expected="a library that tracks people in the depth images of this sensor",
             fix="Start Puppetline in a folder with NiTE2's data folder, NiTE2 with s.dat in it, or a link to it.",
         )
 

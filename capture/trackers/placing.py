@@ -11,14 +11,14 @@ otherwise the height. A joint whose depth is known is put there (`capture.tracke
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.body import ANKLE_HEIGHT, HEAD_TOP, height
+from capture.body import ANKLE_HEIGHT_METRES, HEAD_TOP_METRES, height
 from capture.skeleton import INFERRED, JOINTS, OPPOSITE
 from capture.trackers.lifting import NEIGHBORS, lift
 from capture.trackers.picture import Lens
+from puppetline.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class Placing:
         return self._lengths.value
 
     def _by_height(self, placed: Floats) -> float:
-        feet_and_crown = ANKLE_HEIGHT + HEAD_TOP
+        feet_and_crown = ANKLE_HEIGHT_METRES + HEAD_TOP_METRES
         return (self._height - feet_and_crown) / (height(placed) - feet_and_crown)
 
 
@@ -148,8 +148,8 @@ def distance_of(posture: Floats, rays: Floats, weights: NDArray[np.floating]) ->
         return float(-(weights * slopes * offsets).sum() / (weights * slopes**2).sum())
 
 
-@numba.njit(cache=True, nogil=True)
-def _settle(rays, depths, lengths, known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _settle(rays, depths, lengths, known):
     """Give bones their lengths, near the rays that their joints are seen along; known joints stay."""
     placed = rays * depths.reshape(-1, 1)
     for _ in range(_PASSES):

@@ -11,7 +11,7 @@ from engine_bridge.character.surfaces.corners import unique_rows
 from engine_bridge.character.surfaces.surface import Piece, Surface, count
 from puppetline.errors import MeshError
 from solver.surface.mesh import weld
-from solver.surface.winding import edges_of, in_order, wound_alike
+from solver.surface.winding import edges_of, lexicographic_order, wound_consistently
 
 MIN_SOLIDITY = 1e-6
 """Minimum volume of a closed part that has an inside, as a share of its area^1.5; a leaf with two sides has none."""
@@ -127,7 +127,7 @@ def wrongly_wound(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> ND
     """
     a, b, c = faces.T
     proper = np.nonzero((a != b) & (b != c) & (c != a))[0]
-    oriented, patch = wound_alike(faces[proper])
+    oriented, patch = wound_consistently(faces[proper])
     flipped = (oriented != faces[proper]).any(axis=1)
     corners = vertices[oriented] - vertices.mean(axis=0)
     cross = np.cross(corners[:, 1], corners[:, 2])
@@ -166,7 +166,7 @@ def is_angular(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> bool:
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     normals = unit(np.cross(b - a, c - a), UP)
     edges, of_side, _ = edges_of(faces)
-    order = in_order(of_side[:, None], len(edges))
+    order = lexicographic_order(of_side[:, None], len(edges))
     edge, face = of_side[order], order // 3
     shared = np.flatnonzero(edge[1:] == edge[:-1])
     cosine = np.einsum("ec,ec->e", normals[face[shared]], normals[face[shared + 1]])

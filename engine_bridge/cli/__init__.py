@@ -1,1 +1,1 @@
-"""The command line."""
+"""The command line: a module for each command, and modules that do what the command prints."""

@@ -1,110 +1,50 @@
-"""Recordings of one performance by several sensors → where the sensors stand: `puppetline align`."""
+"""`puppetline align`: where sensors are, from their recordings of one performer."""
 
-import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+import click
 
-from capture.formats import read_log
-from capture.fusion import fused_file
-from capture.fusion.alignment import align as align_clips
-from capture.fusion.source import Member
-from capture.pose import Pose
-from capture.sources.registry import RECORDED
-from capture.timeline import choose
-from puppetline.errors import SourceError
-from puppetline.files import check_writable
+from engine_bridge.cli import options
+from engine_bridge.cli.options import FILE
 
 
-@dataclass(frozen=True)
-class SensorSummary:
-    """How one recording fits the first.
+@click.command()
+@click.argument("logs", nargs=-1, required=True, type=FILE)
+@options.output("The .toml file to write, for --source fused:FILE.toml.")
+@click.option(
+    "--source",
+    "sources",
+    multiple=True,
+    metavar="URI",
+    help="The sensor that made each recording, in the order of LOGS.  [default: replay the recordings]",
+)
+@options.as_json
+def align(logs: tuple[Path, ...], output: Path, sources: tuple[str, ...], as_json: bool) -> None:
+    """Compute sensor poses from recordings of the same motion.
 
-    Attributes
-    ----------
-    log, source : str
-    position : tuple
-        Metres, in the first sensor's frame.
-    rotation : tuple
-        Degrees: tilt, turn, roll.
-    clock : float
-        Seconds by which its clock is ahead of the first one's.
-    residual_cm : float
-        Mean distance between what the two say of a joint.
-    seconds : float
-        For how long both saw the performer.
-    swapped : float
-        Share of the frames in which they disagree about which side is left.
-    notes : tuple of str
+    LOGS are two or more recordings, one from each sensor.
     """
+    from dataclasses import asdict
 
-    log: str
-    source: str
-    position: tuple[float, ...]
-    rotation: tuple[float, ...]
-    clock: float
-    residual_cm: float
-    seconds: float
-    swapped: float
-    notes: tuple[str, ...]
+    from engine_bridge.cli import alignment
 
-
-def align(logs: Sequence[Path], sources: Sequence[str], output: Path) -> list[SensorSummary]:
-    """Align recordings with the first of them, and write the file of ``fused:``.
-
-    Parameters
-    ----------
-    logs : sequence of Path
-        Skeleton logs of any known format, two or more. Of each, the performer is taken who was tracked longest.
-    sources : sequence of str
-        URIs of the sensors that recorded them, for the file; none to have the recordings played.
-    output : Path
-        The .toml.
-
-    Returns
-    -------
-    list of SensorSummary
-        One for each but the first.
-
-    Raises
-    ------
-    PuppetlineError
-        A recording cannot be read or does not fit, or the file cannot be written.
-    """
-    check_writable(output, ".toml", logs)
-    if sources and len(sources) != len(logs):
-        raise SourceError(
-            "puppetline align",
-            found=f"{len(sources)} times --source and {len(logs)} recordings",
-            expected="a source for each recording, in their order",
-            fix="Name them all, or none to play the recordings.",
+    if len(logs) < 2:
+        raise click.UsageError("Give two or more recordings.")
+    summaries = alignment.align(logs, sources, output)
+    if as_json:
+        options.echo_json([asdict(each) for each in summaries])
+        return
+    click.echo(f"{output}: {len(logs)} sensors, in the coordinates of {logs[0]}")
+    for each in summaries:
+        x, y, z = each.position
+        tilt, turn, roll = each.rotation
+        click.echo(
+            f"  {each.log}: at ({x:.2f}, {y:.2f}, {z:.2f}) m, tilt {tilt:.1f}°, turn {turn:.1f}°, roll {roll:.1f}°, "
+            f"clock {1000 * each.clock:+.1f} ms"
         )
-    folder = output.resolve().parent
-    uris = sources or [f"replay:{Path(os.path.relpath(log.resolve(), folder)).as_posix()}" for log in logs]
-    clips = [choose(read_log(log))[0] for log in logs]
-    members = [Member(uris[0], Pose(np.eye(3), np.zeros(3)))]
-    summaries = []
-    for log, uri, clip in zip(logs[1:], uris[1:], clips[1:], strict=True):
-        found = align_clips(clips[0], clip, f"{logs[0]} and {log}")
-        clock = found.clock
-        notes: tuple[str, ...] = ()
-        if abs(clock) > fused_file.LATEST and not uri.startswith(RECORDED):
-            clock, notes = 0.0, ("The recordings' clocks differ: the live sensors are taken to be equally late.",)
-        members.append(Member(uri, found.pose, clock))
-        summaries.append(
-            SensorSummary(
-                str(log),
-                uri,
-                tuple(found.pose.position.tolist()),
-                found.pose.degrees,
-                found.clock,
-                100 * found.residual,
-                found.seconds,
-                found.swapped,
-                notes,
-            )
+        click.echo(
+            f"    joints {each.residual_cm:.1f} cm apart (mean) in {each.seconds:.1f} s; "
+            f"left and right differ in {100 * each.swapped:.0f} % of the frames"
         )
-    fused_file.write(output, members)
-    return summaries
+        for note in each.notes:
+            click.echo(f"    note: {note}")

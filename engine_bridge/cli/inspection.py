@@ -1,4 +1,4 @@
-"""What a mesh, a skeleton log, a puppet file or an animated .glb holds, as plain values."""
+"""The contents of a mesh, a recording, a puppet file or an animated .glb, as plain values."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from solver.anatomy import orientation
 
 
 def inspect(path: Path) -> dict[str, Any]:
-    """Describe a file, found by content.
+    """Describe a file, whose kind is detected by content.
 
     Returns
     -------
@@ -25,6 +25,7 @@ def inspect(path: Path) -> dict[str, Any]:
     Raises
     ------
     PuppetlineError
+        The file cannot be read, or is of no supported kind.
     """
     if not path.is_file():
         found = "a folder" if path.is_dir() else "no such file"
@@ -39,9 +40,9 @@ def inspect(path: Path) -> dict[str, Any]:
         return _character(path)
     raise PuppetlineError(
         path,
-        found="nothing that is known here" if path.stat().st_size else "an empty file",
-        expected=f"a puppet file (.toml), a skeleton log, or a mesh ({', '.join(CHARACTER_FILES)})",
-        fix="Check which file was given; docs/recordings.md lists the skeleton logs.",
+        found="an unknown kind of file" if path.stat().st_size else "an empty file",
+        expected=f"a puppet file (.toml), a recording, or a mesh ({', '.join(CHARACTER_FILES)})",
+        fix="Check the path; docs/recordings.md lists the formats of recordings.",
     )
 
 

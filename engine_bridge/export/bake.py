@@ -24,7 +24,7 @@ from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError
 from puppetline.files import check_writable
-from solver.model.batch import FRAMES as CHUNK
+from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
 
 DEFAULT_TOLERANCE = 0.002

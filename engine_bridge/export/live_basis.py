@@ -13,7 +13,6 @@ differ, which reveals a basis that does not belong to a character.
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -23,9 +22,10 @@ from engine_bridge.export.animation import target_names
 from engine_bridge.export.morph_basis import surface_coordinates
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.rig import Rig
+from puppetline.compiled import compiled
 from puppetline.errors import PuppetError, at
 from solver.model.reduced_model import ReducedModel
-from solver.motion.retarget import LIMIT_KNEE, levelled_off
+from solver.motion.retarget import LIMIT_KNEE_SHARE, levelled_off
 
 EXTRAS = "puppetline_morphs"
 """Key in the asset's extras."""
@@ -36,7 +36,7 @@ LENGTH_TOLERANCE = 1e-3
 UNLIMITED_REACH = 4.0
 """Maximum coordinate without a limit, as a multiple of the baked motion's largest."""
 
-REACH = UNLIMITED_REACH / LIMIT_KNEE
+REACH = UNLIMITED_REACH / LIMIT_KNEE_SHARE
 """Maximum coordinate that the weights of newly baked files represent."""
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -212,8 +212,8 @@ def _refused(where: str, found: str, path: Path) -> PuppetError:
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _project(duals, at_rest, R, reach, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _project(duals, at_rest, R, reach, weights):
     """Write the weights (K + 1,) of flat control variables; return whether a coordinate is beyond its range.
 
     This is `UnitWeights.within` for one frame: coordinates c within ± reach become (c / reach + m) / 2 and m.
@@ -233,8 +233,8 @@ def _project(duals, at_rest, R, reach, weights):  # type: ignore[no-untyped-def]
     return limited
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(fastmath=True)
+def _product(a, b):
     """Return the scalar product of two vectors; only here may the compiler reorder additions."""
     total = 0.0
     for j in range(len(a)):
@@ -242,8 +242,8 @@ def _product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return total
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _left_over(left, targets, weights, surface):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(fastmath=True)
+def _left_over(left, targets, weights, surface):
     """Return the square of the remainder of a difference (3, 4m) of control variables after the targets."""
     for k in range(len(targets)):
         for axis in range(3):

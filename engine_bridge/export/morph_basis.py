@@ -21,9 +21,9 @@ from engine_bridge.export.animation import Displacements
 from engine_bridge.export.normals import FRAMES_PER_CHUNK, TurningNormals
 from engine_bridge.export.unit_weights import UnitWeights
 from engine_bridge.performance.frame_store import Frames, evenly
-from solver.model.batch import FRAMES as CHUNK
+from solver.model.batch import MAX_BATCH_FRAMES as CHUNK
 from solver.model.batch import BatchBinding
-from solver.model.reduced_model import NULL_SPACE, ReducedModel
+from solver.model.reduced_model import MAX_NULL_EIGENVALUE_RATIO, ReducedModel
 from solver.surface.mesh import SolverMesh
 
 SAMPLE_SIZE = 500
@@ -121,7 +121,7 @@ def surface_coordinates(model: ReducedModel) -> tuple[NDArray[np.float64], NDArr
     They do not contain directions that move no vertex.
     """
     values, vectors = np.linalg.eigh(model.gram)
-    kept = values > NULL_SPACE * values[-1]
+    kept = values > MAX_NULL_EIGENVALUE_RATIO * values[-1]
     root = np.sqrt(values[kept])
     return root[:, None] * vectors[:, kept].T, vectors[:, kept] / root
 

@@ -1,10 +1,10 @@
 """Rotation of the normals of a moving surface, in many frames at once."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from engine_bridge.character.character import Character
+from puppetline.compiled import compiled
 from solver.model.batch import BatchBinding
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
@@ -79,8 +79,8 @@ def smooth_normals(
     return normals
 
 
-@numba.njit(cache=True, nogil=True)
-def _sum_faces(positions, faces, per_unit, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _sum_faces(positions, faces, per_unit, normals):
     frames = positions.shape[2]
     for j in range(len(faces)):
         a, b, c = positions[faces[j, 0]], positions[faces[j, 1]], positions[faces[j, 2]]
@@ -108,8 +108,8 @@ def _sum_faces(positions, faces, per_unit, normals):  # type: ignore[no-untyped-
             at[2, f] *= scale
 
 
-@numba.njit(cache=True, nogil=True)
-def _turn(normals, before, after, follows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _turn(normals, before, after, follows, out):
     """Write the change of each normal by the smallest rotation from one unit vector to another (Rodrigues)."""
     least, one = np.float32(1e-6), np.float32(1)
     for v in range(len(normals)):

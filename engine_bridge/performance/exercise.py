@@ -12,8 +12,8 @@ from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
 from solver.motion.limbs import TRUNK, Limb, parents_first
 from solver.motion.motion_blend import moved_by
-from solver.motion.quaternions import across
 from solver.motion.retarget import soft_limit
+from solver.motion.vectors import perpendicular
 
 SINGLE_FRAMES = 15
 """Number of frames for one handle along one axis and back, and for one bone about one axis and back."""
@@ -82,7 +82,7 @@ def _axes(limbs: Sequence[Limb], bones: Bones) -> NDArray[np.float64]:
     """Return the rotation vectors (b, 3, 3) of each bone: two across it, and one along a bone of the trunk."""
     out = np.zeros((len(bones), 3, 3))
     for axes, name, along in zip(out, _names(limbs), (bones.tails - bones.heads) / bones.lengths[:, None], strict=True):
-        axes[0] = across(tuple(along))
+        axes[0] = perpendicular(tuple(along))
         axes[1] = np.cross(along, axes[0])
         axes[2] = along if name == TRUNK else 0.0
         axes *= TRUNK_TURN_RADIANS if name == TRUNK else LIMB_TURN_RADIANS

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body, orientations
-from capture.skeleton import JOINT_INDEX, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
+from capture.skeleton import JOINT_INDEX, LIMBS, LOST, OPPOSITE, SkeletonFrame, mirrored, to_character_axes
 from capture.smoothing import JointFilter
 from engine_bridge.puppet.puppet import Puppet, axis_mask
 from solver.model.bones import Bones
@@ -200,7 +200,7 @@ def _limbs(puppet: Puppet, arm: NDArray[np.float64]) -> tuple[NDArray[np.float64
     """
     names = []
     for number, handle in enumerate(puppet.handle):
-        moved_by = {limb for limb, joints in body.LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
+        moved_by = {limb for limb, joints in LIMBS.items() if not set(handle.driven_by).isdisjoint(joints)}
         names.append(moved_by.pop() if len(moved_by) == 1 else f"handle {number}")
     distinct = list(dict.fromkeys(names))
     of_handle = np.array([distinct.index(name) for name in names])

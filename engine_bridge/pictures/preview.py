@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from puppetline.compiled import compiled
 from puppetline.files import written_whole
 
 SUPERSAMPLING = 2
@@ -209,8 +209,8 @@ def contact_sheet(
         sheet.save(partial, format="PNG")
 
 
-@numba.njit(cache=True, nogil=True)
-def rasterise(screen, triangles, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def rasterise(screen, triangles, width, height):
     """Return (height, width) int32 nearest triangle, −1 for none, and float32 depth in the middle of each pixel.
 
     Parameters
@@ -312,8 +312,8 @@ def _facing_normals(
     return (smooth * (side / np.maximum(np.linalg.norm(smooth, axis=1), 1e-300))[:, None]).astype(np.float32)
 
 
-@numba.njit(cache=True)
-def _corner_normals(flat, places, starts, around, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _corner_normals(flat, places, starts, around, out):
     """Sum, for each corner of each triangle, the normals of those around it across soft edges, on its own side."""
     length = np.sqrt((flat * flat).sum(axis=1))
     for t in range(len(flat)):
@@ -390,8 +390,8 @@ def _to_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.rint(encoded * 255).astype(np.uint8)
 
 
-@numba.njit(cache=True, nogil=True)
-def _irradiance(points, normals, directions, irradiances, matrices, depths):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _irradiance(points, normals, directions, irradiances, matrices, depths):
     """Return the (p, 3) float32 light that reaches (p, 3) points with unit normals, given the parts of `_Lights`."""
     out = np.zeros((len(points), 3), np.float32)
     size = depths.shape[1]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK
-from capture.sensor_tilt import MOVED, Level, level_of
+from capture.events import TICK_SECONDS
+from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.idle import IdleRecording, TargetPose
@@ -49,7 +49,7 @@ class Manner:
     remember : float
         Time within which a returning performer resumes without a calibration, in seconds.
     tilt, height : float or None
-        Of the sensor, see `Level`; None detects them from performers who stand upright.
+        Of the sensor, see `SensorTilt`; None detects them from performers who stand upright.
     """
 
     calibrate: Calibrate = "still"
@@ -98,8 +98,8 @@ class CharacterPlayer:
         self._held: TargetPose | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(manner.calibrate)
-        self._level = Level(manner.tilt or 0.0, manner.height or 0.0)
-        self._floor: Level | None = None  # measured from the floor in the image
+        self._level = SensorTilt(manner.tilt or 0.0, manner.height or 0.0)
+        self._floor: SensorTilt | None = None  # measured from the floor in the image
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
         self._idle_since = -math.inf
@@ -132,7 +132,7 @@ class CharacterPlayer:
         return None if self._current is None else self._current.calibration
 
     @property
-    def level(self) -> Level:
+    def level(self) -> SensorTilt:
         """Position of the sensor, as far as it is known."""
         return self._level
 
@@ -143,7 +143,7 @@ class CharacterPlayer:
         calibration, left = self._remembered.pop(user, (None, 0.0))
         if calibration is not None and self._floor is not None:
             stands = self._with_settings(self._floor)
-            calibration = calibration if calibration.level.near(stands, *MOVED) else None  # the sensor was moved
+            calibration = calibration if calibration.level.near(stands, *MIN_TILT_CHANGE) else None
         if calibration is not None and time - left > self._manner.remember:
             calibration = None
         self._automatic.enter(returning=calibration is not None)
@@ -161,11 +161,11 @@ class CharacterPlayer:
         self.user = self._current = self._held = None
         self._drop_next()
 
-    def set_level(self, level: Level, time: float) -> None:
+    def set_level(self, level: SensorTilt, time: float) -> None:
         """Set the position of the sensor: at once or, while a performer is calibrated, with the next calibration."""
         first, self._floor, level = self._floor is None, level, self._with_settings(level)
         prepared = self.next_calibration or self._current
-        if first and prepared is not None and not level.near(prepared.calibration.level, *MOVED):
+        if first and prepared is not None and not level.near(prepared.calibration.level, *MIN_TILT_CHANGE):
             self._prepare(Calibration(prepared.calibration.rest, level), time)  # which was made without it
         if self._current is None:
             self._level = level
@@ -292,7 +292,7 @@ class CharacterPlayer:
 
     def pass_time(self, time: float, received: int) -> Frame | None:
         """Return a frame without a performer; None while there is one, or if it is too early for another frame."""
-        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK:
+        if self.user is not None or time - self._easing.shown_at < 0.75 * TICK_SECONDS:
             return None
         if self.state == "leaving" and self._easing.finished(time):
             self.state = "waiting"
@@ -304,13 +304,13 @@ class CharacterPlayer:
         return any(limb.follow == "direction" for limb in self.character.rig.puppet.limb)
 
     def _calibrate(self, rest: NDArray[np.float64], time: float) -> None:
-        found = self._floor or level_of(rest) or self._level
+        found = self._floor or estimate_tilt(rest) or self._level
         self._prepare(Calibration(rest, self._with_settings(found)), time)
 
-    def _with_settings(self, found: Level) -> Level:
+    def _with_settings(self, found: SensorTilt) -> SensorTilt:
         """Return the position of the sensor; the settings override what was detected."""
         tilt, height = self._manner.tilt, self._manner.height
-        return Level(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
+        return SensorTilt(found.tilt if tilt is None else tilt, found.height if height is None else height, found.roll)
 
     def _prepare(self, calibration: Calibration, time: float) -> None:
         """Compute a retargeting while the stream continues, instead of one that still waits."""
@@ -459,8 +459,8 @@ class CharacterPlayer:
         )
         self._manner = Manner(**snapshot["manner"])
         self._easing.seconds, self._automatic.calibrate = self._manner.ease, self._manner.calibrate
-        self._level = Level.of_json(snapshot["sensor"])
-        self._floor = None if snapshot["floor"] is None else Level.of_json(snapshot["floor"])
+        self._level = SensorTilt.of_json(snapshot["sensor"])
+        self._floor = None if snapshot["floor"] is None else SensorTilt.of_json(snapshot["floor"])
         self.mirror, self.user, self.state = bool(snapshot["mirror"]), snapshot["user"], state
         self._drop_next()
         self._current = prepared

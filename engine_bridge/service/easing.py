@@ -5,12 +5,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK
+from capture.events import TICK_SECONDS
 from engine_bridge.performance.idle import TargetPose
 from solver.model.bones import Bones
 from solver.motion.motion_blend import difference, moved_by
 
-MAX_STEP_SECONDS = 2 * TICK
+MAX_STEP_SECONDS = 2 * TICK_SECONDS
 """Maximum time between two frames by which easing continues, in seconds; after a longer pause it would jump."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import JOINT_INDEX, JOINTS
 from engine_bridge.performance.retargeting import Retargeting
 from engine_bridge.puppet.puppet import Puppet
@@ -23,12 +23,12 @@ class Calibration:
     ----------
     rest : (20, 3) float64
         Joint positions in metres, sensor coordinates.
-    level : Level
+    level : SensorTilt
         Position of the sensor at that time.
     """
 
     rest: NDArray[np.float64]
-    level: Level
+    level: SensorTilt
 
     @property
     def height(self) -> float:
@@ -56,7 +56,7 @@ class Calibration:
         rest = places_of(value["rest"])
         if rest.shape != (len(JOINTS), 3):
             raise ValueError(f"a pose of shape {rest.shape}")
-        return cls(rest, Level.of_json(value["sensor"]))
+        return cls(rest, SensorTilt.of_json(value["sensor"]))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.monitoring.statistics import Statistics
 from engine_bridge.service.monitoring.status import (
@@ -57,7 +57,7 @@ class Reporter:
     def _stage(self, runner: StageRunner) -> StageStatus:
         stage, source = runner.stage, runner.source
         frames, rate, latency = self._statistics.stage(stage.name)
-        level = next((player.level for player in stage.players if player.level != Level()), Level())
+        level = next((player.level for player in stage.players if player.level != SensorTilt()), SensorTilt())
         return StageStatus(
             name=stage.name,
             source=source.name,

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.events import TICK, Cue, Event, Lost, Tick
-from capture.sensor_tilt import Level
+from capture.events import TICK_SECONDS, Cue, Event, Lost, Tick
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import LOST, SkeletonFrame
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.protocol.frame import Frame
 from engine_bridge.service.user_assignment import People, Presence, UserAssignment
 from puppetline.errors import ServiceError
 
-SOURCE_GAP_SECONDS = 5 * TICK
+SOURCE_GAP_SECONDS = 5 * TICK_SECONDS
 """Time without any event after which a gap counts as the source's, not as the performers' absence, in seconds.
 
 A running source emits ticks.
@@ -176,9 +176,9 @@ class Stage:
             )
         self.assignment.choose(self.players.index(player), user, time)
 
-    def _level_of(self, cue: Cue) -> Level:
+    def _level_of(self, cue: Cue) -> SensorTilt:
         try:
-            return Level.of_json(cue.arguments)
+            return SensorTilt.of_json(cue.arguments)
         except ValueError as error:
             raise ServiceError(
                 f"stage {self.name}",

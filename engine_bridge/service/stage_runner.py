@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from capture.events import Cue, Event
-from capture.reconnecting import Reopening
+from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
@@ -51,7 +51,7 @@ class StageRunner:
     Attributes
     ----------
     stage : Stage
-    source : Reopening
+    source : ReopeningSource
     events, skeletons : int
         Numbers of events processed so far, and of skeletons among them.
     faults : int
@@ -66,7 +66,7 @@ class StageRunner:
     def __init__(self, uri: str, stage: Stage, folder: Path) -> None:
         self.stage = stage
         self.events = self.skeletons = self.faults = 0
-        self.source = Reopening(uri, lambda: open_source(uri, folder))
+        self.source = ReopeningSource(uri, lambda: open_source(uri, folder))
         self._recorder: Recorder | None = None
         self._time = -math.inf
         self._directed: frozenset[str] = frozenset()  # characters whose calibrations come from a take

@@ -3,12 +3,12 @@
 import heapq
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from puppetline.compiled import compiled
 from solver.anatomy.solid import Solid
 
 OUTSTANDING = 1.8
@@ -97,8 +97,8 @@ def curve_skeleton(solid: Solid) -> CurveSkeleton:
             branch.append(int(parents[branch[-1]]))
 
 
-@numba.njit(cache=True, nogil=True)
-def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _relax(starts, neighbours, lengths, distance, cells, values):
     """Lower the distances on a graph to what some cells' values and the ways from there make of them (Dijkstra 1959).
 
     Parameters
@@ -130,8 +130,8 @@ def _relax(starts, neighbours, lengths, distance, cells, values):  # type: ignor
                 heapq.heappush(waiting, (further, np.int64(neighbours[j])))
 
 
-@numba.njit(cache=True, nogil=True)
-def _beyond(parents, cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _beyond(parents, cell):
     """Return which cells (n,) of a tree have one on their way to the root."""
     unknown, outside, inside = 0, 1, 2
     state = np.zeros(len(parents), np.int8)

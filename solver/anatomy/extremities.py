@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from puppetline.compiled import compiled
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
@@ -93,8 +93,8 @@ def _mean_distance(mesh: SolverMesh, graph: csr_matrix) -> NDArray[np.float64]:
     return total / SOURCES
 
 
-@numba.njit(cache=True, nogil=True)
-def _prominences(values, order, starts, neighbours):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _prominences(values, order, starts, neighbours):
     """Return how far each local maximum of a function on a graph rises over the pass to a higher one.
 
     Vertices are flooded from the top; where two basins meet, the lower summit's prominence is known.

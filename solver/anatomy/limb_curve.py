@@ -30,6 +30,15 @@ has to be as thin, for there are no thick parts in a sword."""
 MID_LEG = 0.5
 """Share of the way from the end of the foot to the hip that holds the ankle."""
 
+STRAIGHT_BONES = 0.02
+"""Root mean square distance from foot, shin and thigh, as a share of the leg, up to which they are those of people."""
+
+ANKLE, KNEE = (0.05, 0.6), (0.3, 0.7)
+"""Where an ankle may be on the way from the end of the foot to the hip, and a knee on the way from the ankle."""
+
+BEND = 60.0
+"""Degrees by which a curve turns away from a thigh or upper arm where it has left it for the body."""
+
 BENT = 20.0, 50.0
 """Degrees at a joint from which the bend says something about where it is, and from which it says all."""
 
@@ -42,8 +51,10 @@ class LimbCurve:
     ----------
     cells : (k,) int64
         From the end of the limb to where it meets the trunk.
+    centers : (k, 3) float64
+        Of the cells; left, up and front.
     points : (k, 3) float64
-        Left, up and front.
+        The smoothed curve.
     depth : (k,) float64
         Distance to the surface.
     along : (k,) float64
@@ -51,6 +62,7 @@ class LimbCurve:
     """
 
     cells: NDArray[np.int64]
+    centers: NDArray[np.float64]
     points: NDArray[np.float64]
     depth: NDArray[np.float64]
     along: NDArray[np.float64]
@@ -76,14 +88,14 @@ class LimbCurve:
 def curve_through(solid: Solid, cells: Sequence[int]) -> LimbCurve:
     """Return the curve through some cells, each point averaged with its neighbours over the limb's thickness."""
     chosen = np.array(cells, dtype=np.int64)
-    points, depth = solid.centers[chosen], solid.depth[chosen]
+    centers, depth = solid.centers[chosen], solid.depth[chosen]
     reach = max(2, round(float(np.median(depth)) / solid.size))
-    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(points, axis=0)])
-    place = np.arange(len(points))
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(centers, axis=0)])
+    place = np.arange(len(centers))
     either = np.minimum(np.minimum(place, place[::-1]), reach)
     smooth = (sums[place + either + 1] - sums[place - either]) / (2 * either + 1)[:, None]
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(smooth, axis=0), axis=1))])
-    return LimbCurve(chosen, smooth, depth, along)
+    return LimbCurve(chosen, centers, smooth, depth, along)
 
 
 def shoulder_ways(arm: LimbCurve, trunk: LimbCurve) -> tuple[float, float]:
@@ -132,7 +144,7 @@ def arm_joints(
     return joints, ends
 
 
-def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.float64]], float]:
+def leg_joints(legs: Sequence[LimbCurve], size: float, *, upright: bool) -> tuple[list[NDArray[np.float64]], float]:
     """Return the joints of two legs whose curves end at the same cell.
 
     Parameters
@@ -140,6 +152,8 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
     legs : 2 of LimbCurve
     size : float
         Of a cell.
+    upright : bool
+        The character has two legs.
 
     Returns
     -------
@@ -152,10 +166,9 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
     left, right = (np.array([leg.at(leg.length - way) for way in inwards]) for leg in legs)
     depth = np.mean([np.interp(leg.length - inwards, leg.along, leg.depth) for leg in legs], axis=0)
     apart = np.linalg.norm(left - right, axis=1) / 2 / depth
-    thighs = inwards < 0.6 * inwards[-1]
-    parted, clear = (float(inwards[thighs & (apart < share * HIPS)].max(initial=0.0)) for share in (1, CLEAR_LEGS))
+    parted, clear = (float(inwards[np.argmax(apart >= min(share * HIPS, apart.max()))]) for share in (1, CLEAR_LEGS))
     hips = [leg.length - parted for leg in legs]
-    ankles = [_corner(leg, 0.0, MID_LEG * way, (0.05, 0.95))[1] for leg, way in zip(legs, hips, strict=True)]
+    ankles = [_ankle(leg, hip) if upright else _low_corner(leg, hip) for leg, hip in zip(legs, hips, strict=True)]
     lows = [leg.way_to(ankle) for leg, ankle in zip(legs, ankles, strict=True)]
     knees = _between(legs, lows, hips, THIGH)
     points = [
@@ -163,6 +176,42 @@ def leg_joints(legs: Sequence[LimbCurve], size: float) -> tuple[list[NDArray[np.
         for leg, hip, knee, ankle in zip(legs, hips, knees, ankles, strict=True)
     ]
     return points, parted
+
+
+def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
+    """Return the ankle (3,): the first corner of foot, shin and thigh, all straight, that fit the cells best.
+
+    The smoothed curve would round the corner off. Other bones than those, as in many an animal's leg, have their
+    ankle in the lower part.
+
+    Parameters
+    ----------
+    leg : LimbCurve
+    hip : float
+        On the way from the end.
+    """
+    ways = np.linspace(0.0, hip, 61)
+    points = np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T])
+    last = len(ways) - 1
+    number = np.arange(len(ways), dtype=np.float64)
+    best, ankle = np.inf, points[0]
+    for low in range(round(ANKLE[0] * last), round(ANKLE[1] * last) + 1):
+        for high in range(round(low + KNEE[0] * (last - low)), round(low + KNEE[1] * (last - low)) + 1):
+            # how much of the foot's end, ankle, knee and hip is in each point
+            shares = np.column_stack([np.interp(number, [0, low, high, last], corner) for corner in np.eye(4)])
+            fixed = points - shares[:, [0, 3]] @ points[[0, last]]
+            joints = np.linalg.solve(shares[:, 1:3].T @ shares[:, 1:3], shares[:, 1:3].T @ fixed)
+            misfit = float(((shares[:, 1:3] @ joints - fixed) ** 2).sum())
+            if misfit < best:
+                best, ankle = misfit, joints[0]
+    if best > len(ways) * (STRAIGHT_BONES * hip) ** 2:
+        return _low_corner(leg, hip)
+    return ankle
+
+
+def _low_corner(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
+    """Return the corner (3,) of two straight bones in the lower part of a leg."""
+    return _corner(leg, 0.0, MID_LEG * hip, (0.05, 0.95))[1]
 
 
 def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDArray[np.float64]:
@@ -178,10 +227,21 @@ def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDA
     top : float
         Where the limb leaves the body.
     """
-    straight = min(max(clear, joint + 0.1 * (top - joint)), top)
+    straight = _before_bend(limb, joint, min(max(clear, joint + 0.1 * (top - joint)), top))
     bone = limb.at(straight) - limb.at(joint)
     bone /= max(float(np.linalg.norm(bone)), 1e-12)
     return np.asarray(limb.at(straight) + max(float((limb.at(top) - limb.at(straight)) @ bone), 0.0) * bone)
+
+
+def _before_bend(limb: LimbCurve, joint: float, end: float) -> float:
+    """Return up to where a curve goes on as it began at a joint: a thigh on an axle bends off into the body."""
+    ways = np.linspace(joint, end, 21)[1:]
+    points = np.array([limb.at(joint), *(limb.at(way) for way in ways)])
+    so_far, steps = points[1:-1] - points[0], np.diff(points[1:], axis=0)
+    cosine = np.einsum("kx,kx->k", so_far, steps)
+    cosine /= np.maximum(np.linalg.norm(so_far, axis=1) * np.linalg.norm(steps, axis=1), 1e-12)
+    bends = np.flatnonzero(cosine < np.cos(np.radians(BEND)))
+    return float(ways[bends[0]]) if len(bends) else end
 
 
 def _corner(

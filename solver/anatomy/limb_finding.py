@@ -96,7 +96,7 @@ class _Finder(LimbEnds):
         for name, pair in zip(("hind leg", "front leg") if self.four_legged else ("leg",), self.feet, strict=False):
             fork = self.skeleton.fork(*pair)
             curves = [curve_through(self.solid, self.skeleton.between(foot, fork)) for foot in pair]
-            points, parted = leg_joints(curves, self.solid.size)
+            points, parted = leg_joints(curves, self.solid.size, upright=name == "leg")
             self.legs |= self._sides(name, points)
             if name != "front leg":
                 self.trunk = self._trunk(curves, parted)
@@ -114,10 +114,10 @@ class _Finder(LimbEnds):
         middle = np.mean([[leg.at(leg.length - way) for way in ways] for leg in legs], axis=0).reshape(-1, 3)
         depth = np.mean([np.interp(leg.length - ways, leg.along, leg.depth) for leg in legs], axis=0)
         above = curve_through(self.solid, self.skeleton.between(int(legs[0].cells[-1]), self.head))
-        points = np.concatenate([middle, above.points])
+        points, centers = (np.concatenate([middle, each]) for each in (above.points, above.centers))
         along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         cells = np.concatenate([np.full(len(ways), legs[0].cells[-1]), above.cells])
-        return LimbCurve(cells, points, np.concatenate([depth, above.depth]), along)
+        return LimbCurve(cells, centers, points, np.concatenate([depth, above.depth]), along)
 
     @cached_property
     def skull(self) -> int:

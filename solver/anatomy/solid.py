@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+
+from puppetline.compiled import compiled
 
 CELLS = 60_000
 """About this many cells fill a character: a limb of a sixtieth of its length is three cells thick."""
@@ -93,8 +94,8 @@ def _outside_out(
     return turned, float(np.abs(for_part).sum())
 
 
-@numba.njit(cache=True, nogil=True)
-def _crossings(vertices, faces, counts):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _crossings(vertices, faces, counts):
     """Return whether the surface winds around each cell, seen along the last axis from both sides, on average.
 
     Parameters

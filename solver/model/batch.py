@@ -1,23 +1,23 @@
-"""Vertices of many frames at a time, frames side by side: so a recording's stretch, errors and normals are measured.
+"""Vertices of many frames at a time, for measuring the stretch, errors and normals of a recording.
 
-Between the same isolines of every field, in one *cell* of the surface, vertices blend the same transforms: with
-u_i in [0, 1] the place between two isolines of field i, X = [x y z 1] (T + Σ_i u_i D_i), T and D_i sums and differences
-of rows of R. These are gathered once a cell, frames side by side, and then every vertex is one row of a small matrix
-product.
+The vertices of one *cell* of the surface lie between the same isolines of every field and blend the same transforms.
+With u_i in [0, 1] the position between two isolines of field i, X = [x y z 1] (T + Σ_i u_i D_i), where T and D_i are
+sums and differences of rows of R. They are gathered once per cell for all frames; then every vertex is one row of a
+small matrix product.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.reduced_model import ReducedModel
 from solver.surface.mesh import SolverMesh
 
-FRAMES = 64
-"""Frames that are worth taking at a time."""
+MAX_BATCH_FRAMES = 64
+"""Largest number of frames in a batch."""
 
-FEWEST, LARGEST = 8, 6_000_000
-"""Frames that are still worth it where there are many vertices, and numbers that should be returned at a time."""
+MIN_BATCH_FRAMES, MAX_BATCH_NUMBERS = 8, 6_000_000
+"""Smallest number of frames in a batch, and the largest number of coordinates in a larger batch."""
 
 
 class BatchBinding:
@@ -25,11 +25,8 @@ class BatchBinding:
 
     Parameters
     ----------
-    model : ReducedModel
-    rest : (n, 3) float
-        Mesh file's coordinates.
-    follows : (n,) int64
-        The solver vertex whose ladder coordinates each of them takes.
+    model, rest, follows
+        As for `solver.model.binding.Binding`.
     """
 
     def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
@@ -48,7 +45,7 @@ class BatchBinding:
 
     @classmethod
     def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "BatchBinding":
-        """Bind the solver mesh itself."""
+        """Bind the vertices of the solver mesh."""
         return cls(model, mesh.vertices, np.arange(len(mesh.vertices)))
 
     def __len__(self) -> int:
@@ -62,11 +59,11 @@ class BatchBinding:
 
     @property
     def at_a_time(self) -> int:
-        """How many frames `vertices` should be asked for at a time."""
-        return min(FRAMES, max(FEWEST, LARGEST // (3 * len(self))))
+        """Number of frames to pass to `vertices` at a time."""
+        return min(MAX_BATCH_FRAMES, max(MIN_BATCH_FRAMES, MAX_BATCH_NUMBERS // (3 * len(self))))
 
     def vertices(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return X = W R of some frames, in the mesh file's coordinates.
+        """Return X = W R of several frames, in the mesh file's coordinates.
 
         Parameters
         ----------
@@ -80,15 +77,15 @@ class BatchBinding:
         return self._blended(R, self._model.center)
 
     def displacements(self, R: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Return W R in mesh units, as `vertices` does, but from the middle of the character.
+        """Return W R in mesh units, relative to the middle of the character.
 
-        So of differences of control variables what they displace; and of control variables themselves places that
-        stay precise however far from the origin the character is.
+        Differences of control variables give displacements. Control variables give positions whose precision does not
+        depend on the character's distance from the origin.
         """
         return self._blended(R, np.zeros(3))
 
     def farthest(self, R: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        """Find the vertices that are moved farthest.
+        """Find the vertex with the largest displacement in each frame.
 
         Parameters
         ----------
@@ -98,7 +95,7 @@ class BatchBinding:
         Returns
         -------
         distance : (F,) float32
-            Of that vertex, mesh units.
+            Displacement of that vertex, mesh units.
         vertex : (F,) int64
         """
         square, place = np.full(len(R), -1, dtype=np.float32), np.zeros(len(R), dtype=np.int64)
@@ -115,19 +112,19 @@ class BatchBinding:
     def _side_by_side(
         self, R: NDArray[np.floating], origin: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return each isoline's transform, all frames side by side, and the difference to the next isoline's."""
+        """Return each isoline's transform, all frames side by side, and its difference to the next isoline's."""
         model = self._model
         weights = np.repeat(model.weights * model.diagonal, model.isolines)
         lines = R.transpose(1, 2, 0).reshape(len(weights), 4, 3, len(R)) * weights[:, None, None, None]
-        lines[: model.isolines, 3] += origin[:, None]  # once: through the first field
+        lines[: model.isolines, 3] += origin[:, None]  # added once, to the first field
         lines = lines.reshape(len(weights), 4, 3 * len(R))
         slopes = np.diff(lines, axis=0, append=0)
         return lines.astype(np.float32), slopes.astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
-def _gather(below, lines, slopes, cell):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Collect what a cell blends into cell (4 + 4 n_e, columns): T, then each D_i."""
+@compiled
+def _gather(below, lines, slopes, cell):
+    """Collect what a cell blends, T and then each D_i, into cell (4 + 4 n_e, columns)."""
     cell[:4] = 0
     for i in range(len(below)):
         for c in range(4):
@@ -135,8 +132,8 @@ def _gather(below, lines, slopes, cell):  # type: ignore[no-untyped-def]  # noqa
             cell[c] += lines[below[i], c]
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _place(rest, between, cell, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(fastmath=True)
+def _place(rest, between, cell, out):
     """Blend one vertex into out (columns,)."""
     x, y, z, one = rest[0], rest[1], rest[2], rest[3]
     for s in range(len(out)):
@@ -149,9 +146,9 @@ def _place(rest, between, cell, out):  # type: ignore[no-untyped-def]  # noqa: A
             out[s] += a * cell[k, s] + b * cell[k + 1, s] + c * cell[k + 2, s] + u * cell[k + 3, s]
 
 
-@numba.njit(cache=True, nogil=True)
-def _blend(rest, between, cells, below, lines, slopes, order, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Blend all vertices into out (n, columns), in the order in which they came."""
+@compiled
+def _blend(rest, between, cells, below, lines, slopes, order, out):
+    """Blend all vertices into out (n, columns), in their original order."""
     cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
     for number in range(len(below)):
         _gather(below[number], lines, slopes, cell)
@@ -159,9 +156,9 @@ def _blend(rest, between, cells, below, lines, slopes, order, out):  # type: ign
             _place(rest[v], between[v], cell, out[order[v]])
 
 
-@numba.njit(cache=True, nogil=True)
-def _farthest(rest, between, cells, below, lines, slopes, square, place):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Keep each frame's largest squared length and whose it is."""
+@compiled
+def _farthest(rest, between, cells, below, lines, slopes, square, place):
+    """Find the vertex with the largest squared length in each frame."""
     frames = len(square)
     cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)
     moved = np.empty(3 * frames, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Vertices that follow a reduced model: its own, or those of a mesh that is rendered."""
+"""Vertices that follow a reduced model: those of the solver mesh, or of a render mesh."""
 
 import threading
 from copy import copy
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from solver.model import kernels
 from solver.model.reduced_model import Controls, ReducedModel
-from solver.model.row import WIDTH
+from solver.model.simd_vector import LENGTH
 from solver.surface import tangents
 from solver.surface.mesh import SolverMesh
 
 
 class _Tables(threading.local):
-    """Each thread's own tables for `kernels`: no frame allocates one, and no thread writes into another's."""
+    """The buffers for `kernels` of each thread, so that a frame does not allocate any."""
 
     def __init__(self) -> None:
         self._by_length: dict[int, NDArray[np.float32]] = {}
@@ -23,7 +23,7 @@ class _Tables(threading.local):
     def of(self, rows: int) -> NDArray[np.float32]:
         """Return a (rows, 16) float32 table."""
         if rows not in self._by_length:
-            self._by_length[rows] = np.zeros((rows, WIDTH), dtype=np.float32)
+            self._by_length[rows] = np.zeros((rows, LENGTH), dtype=np.float32)
         return self._by_length[rows]
 
 
@@ -31,7 +31,7 @@ _tables = _Tables()
 
 
 class Binding:
-    """Rest positions with their ladder coordinates: all that a vertex needs at run time.
+    """Rest positions with their ladder coordinates: the data of a vertex at run time.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Binding:
     rest : (n, 3) float
         Mesh file's coordinates.
     follows : (n,) int64
-        The solver vertex whose ladder coordinates each of them takes.
+        The solver vertex whose ladder coordinates each vertex takes.
     """
 
     def __init__(self, model: ReducedModel, rest: NDArray[np.floating], follows: NDArray[np.int64]) -> None:
@@ -50,7 +50,7 @@ class Binding:
 
     @classmethod
     def of_solver_mesh(cls, model: ReducedModel, mesh: SolverMesh) -> "Binding":
-        """Bind the solver mesh itself."""
+        """Bind the vertices of the solver mesh."""
         return cls(model, mesh.vertices, np.arange(len(mesh.vertices)))
 
     def only(self, chosen: NDArray[np.integer]) -> Self:
@@ -60,10 +60,11 @@ class Binding:
         return part
 
     def _check(self, controls: Controls, out: NDArray[np.float32]) -> None:
-        """Refuse what compiled loops would read or write beyond."""
+        """Check shapes: compiled loops do not check bounds."""
         if controls.shape != self._transforms or out.shape != self.rest.shape:
             raise ValueError(
-                f"controls {controls.shape} for vertices {out.shape}, expected {self._transforms} for {self.rest.shape}"
+                f"found controls {controls.shape} for vertices {out.shape}; "
+                f"expected {self._transforms} for {self.rest.shape}"
             )
 
     def vertices(self, controls: Controls, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
@@ -72,7 +73,7 @@ class Binding:
         Parameters
         ----------
         controls : (m, 3, 4) float32
-            Absolute, or of a displacement: the result is of the same kind.
+            Of a pose, or of a difference of poses, for which the result is a displacement.
         out : (n, 3) float32, optional
             Written to, and returned.
 
@@ -100,9 +101,9 @@ class ShadedBinding(Binding):
     model, rest, follows
         As for `Binding`.
     normals : (n, 3) float
-        Unit rest normals, smooth or with hard edges; a deformation keeps these hard.
+        Unit rest normals, smooth or with hard edges, which stay hard when the surface deforms.
     triangles : (t, 3) int64
-        Of these vertices.
+        Indices of these vertices.
     """
 
     def __init__(
@@ -134,7 +135,7 @@ class ShadedBinding(Binding):
         Parameters
         ----------
         controls : (m, 3, 4) float32
-            Absolute.
+            Of a pose.
         out, normals : (n, 3) float32, optional
             Written to, and returned.
 

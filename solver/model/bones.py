@@ -1,53 +1,52 @@
-"""Bones, and which part of the surface each one holds.
+"""Bones, and the part of the surface that each bone holds.
 
-A vertex belongs to the bone that it is nearest to *along the surface*: a skirt beside a hand is near to the hand in
-space only. Distances begin where rays that leave a bone at right angles meet the surface.
+A vertex belongs to the bone that is nearest *along the surface*: a skirt beside a hand is near the hand in space only.
+Distances are measured from where rays at right angles to a bone meet the surface.
 """
 
 import heapq
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-ACROSS = 10.0
-"""What a contact across a gap adds to a distance, in diagonals: such parts belong to a bone only where nothing else
-reaches them."""
+GAP_PENALTY_DIAGONALS = 10.0
+"""Distance added by a contact across a gap, in diagonals, so that other ways to a part are shorter."""
 
-RINGS = 9
-"""Number of places along a bone from which rays leave, evenly spaced."""
+RINGS_PER_BONE = 9
+"""Number of evenly spaced points along a bone at which rays start."""
 
-RAYS = 24
-"""Number of rays that leave each of them, evenly spaced round the bone."""
+RAYS_PER_RING = 24
+"""Number of evenly spaced rays round the bone at each point."""
 
-WIDE = 1.5
-"""Length of a ray, in median lengths of its bone's rays, over which it goes into another limb, or out of a hem: what
-it is longer counts as distance."""
+MAX_RAY_LENGTH_RATIO = 1.5
+"""Largest length of a ray that meets its own limb, in median ray lengths of its bone. The excess of a longer ray, into
+another limb or out of a hem, counts as distance."""
 
-MIDDLE = 0.2, 0.8
-"""Part of a bone's length around which the surface is held; towards its joints the surface is left to bend."""
+HELD_SPAN = 0.2, 0.8
+"""Part of a bone's length along which it holds the surface; nearer to its joints the surface can bend."""
 
-MOST = 2 / 3
-"""Share of a part's area from which all of it belongs to the limb that has so much of it."""
+MIN_LIMB_AREA_SHARE = 2 / 3
+"""Smallest share of a part's area in one limb with which the whole part belongs to that limb."""
 
-NEARLY_ALL = 0.95
-"""Share of a vertex from which a bone holds it: the skin around it bends."""
+MIN_HELD_WEIGHT = 0.95
+"""Smallest skin weight with which a bone holds a vertex; elsewhere the skin bends."""
 
-ENOUGH = 4
-"""Fewest vertices that determine a bone's motion."""
+MIN_HELD_VERTICES = 4
+"""Smallest number of vertices that determine a bone's motion."""
 
-NEAR = 2.0
-"""Greatest distance of held surface from where the rays of its bone meet the surface, in median lengths of its rays.
-This does not bound the end of a limb, whose fingers and hair are part of it."""
+MAX_HELD_RATIO = 2.0
+"""Largest distance of held surface from where the rays of its bone meet the surface, in median ray lengths. It does not
+apply to the last bone of a limb, which holds fingers and hair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +58,10 @@ class Bones:
     heads, tails : (b, 3) float64
         Mesh file's coordinates.
     parents : (b,) int64
-        The bone that each hangs on, −1 for none; parents come before their children.
+        Parent bone, −1 for none; parents come before their children.
     limbs : (b,) int64
-        Number of the limb that each is part of, from 0; −1 for the trunk, on which limbs hang. A limb's bones follow
-        each other from root to tip.
+        Number of the bone's limb, from 0; −1 for the trunk, the parent of limbs. The bones of a limb are in order from
+        root to tip.
     """
 
     heads: NDArray[np.float64]
@@ -81,12 +80,12 @@ class Bones:
 
     @property
     def terminal(self) -> NDArray[np.bool_]:
-        """(b,) bool: no other bone hangs on it."""
+        """(b,) bool: bones without children."""
         return ~np.isin(np.arange(len(self)), self.parents)
 
     @property
     def roots(self) -> NDArray[np.bool_]:
-        """(b,) bool: others hang on its parent as well, or it does not begin where its parent ends."""
+        """(b,) bool: bones without a parent, with siblings, or that do not begin where their parent ends."""
         beside = np.linalg.norm(self.heads - self.tails[self.parents], axis=1) > 1e-6 * self.lengths
         branches = np.bincount(self.parents[self.parents >= 0], minlength=len(self))[self.parents] > 1
         return (self.parents < 0) | beside | branches
@@ -97,14 +96,14 @@ NO_BONES = Bones(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
 
 @dataclass(frozen=True, eq=False)
 class BoneRegions:
-    """Which part of the surface belongs to each bone.
+    """The part of the surface that belongs to each bone.
 
     Attributes
     ----------
     owner : (n,) int64
-        The bone of each vertex; −1 for vertices beyond the root of every limb.
+        Bone of each vertex; −1 for vertices without one.
     held : (n,) bool
-        Vertices that move as their bone does.
+        Vertices that move rigidly with their bone.
     """
 
     owner: NDArray[np.int64]
@@ -118,17 +117,18 @@ class BoneRegions:
 def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     """Find the part of the surface that belongs to each bone.
 
-    1. Rays leave every bone at right angles; where they meet the surface, the distance to the bone is 0.
-    2. Every vertex belongs to the bone that it is nearest to along edges and contacts between parts. The first bone of
-       a limb has nothing that lies behind its head. A part that belongs to one limb for the most part does so wholly.
-    3. A bone holds those of its vertices that are around its `MIDDLE` and `NEAR`; the last bone of a limb holds all of
-       them that lie beyond its head.
+    1. Rays are cast at right angles to every bone; where they meet the surface, the distance to the bone is 0.
+    2. Every vertex belongs to the bone that is nearest along edges and contacts between parts. Vertices behind the head
+       of a limb's first bone do not belong to it. A part that mostly belongs to one limb belongs to it entirely.
+    3. A bone holds those of its vertices that are within its `HELD_SPAN` and `MAX_HELD_RATIO`. The last bone of a limb
+       holds all of its vertices beyond its head. Its first bone also holds those at and behind its head that are of a
+       part of the limb.
 
     Parameters
     ----------
     mesh : SolverMesh
     bones : Bones
-        Longer than 0.
+        Of non-zero length.
     """
     if not len(bones):
         n = len(mesh.vertices)
@@ -136,8 +136,8 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
     lengths = bones.lengths
     axes = (bones.tails - bones.heads) / lengths[:, None]
     along = (mesh.vertices @ axes.T - np.einsum("bx,bx->b", bones.heads, axes)) / lengths
-    start, radius = _where_rays_meet(mesh, bones, axes, along)
-    graph = _both_ways(mesh)
+    start, radius = _cast_rays(mesh, bones, axes, along)
+    graph = _symmetric_lengths(mesh)
     before_its_head = (along < 0) & bones.roots
     owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, before_its_head)
     limb = _limb_of_parts(mesh, bones, owner)[mesh.components, None]
@@ -146,12 +146,13 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
         owner, distance = _nearest(graph.indptr, graph.indices.astype(np.int64), graph.data, start, forbidden)
     known = owner >= 0
     place = along[np.arange(len(owner)), owner]
-    low, high = MIDDLE
-    middle = (place >= low) & (place <= high) & (distance <= NEAR * radius[owner])
-    # a bone without a limb before it has a neck or the like at its head, which bends
+    low, high = HELD_SPAN
+    middle = (place >= low) & (place <= high) & (distance <= MAX_HELD_RATIO * radius[owner])
+    # at the head of a root bone, such as at a neck, the surface bends
     first = np.where(bones.roots, low, 0.0)[owner]
     held = known & np.where(bones.terminal[owner], place >= first, middle)
-    coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # few vertices, all of them at joints
+    held |= known & bones.roots[owner] & (limb[:, 0] >= 0) & (place < low)  # a separate part does not bend there
+    coarse = np.bincount(owner[held], minlength=len(bones)) == 0  # a coarse mesh with vertices at joints only
     held |= known & coarse[owner]
     return BoneRegions(owner, held)
 
@@ -159,25 +160,25 @@ def bone_regions(mesh: SolverMesh, bones: Bones) -> BoneRegions:
 def regions_of_shares(shares: NDArray[np.float64]) -> BoneRegions:
     """Find the part of the surface that belongs to each bone from the weights of a skin.
 
-    A vertex belongs to the bone that has most of it, and is held where that is nearly all. A bone that has nearly all
-    of hardly any vertex holds those that belong to it.
+    A vertex belongs to the bone with the largest weight, which holds it if that weight is at least `MIN_HELD_WEIGHT`. A
+    bone with fewer than `MIN_HELD_VERTICES` such vertices holds all that belong to it.
 
     Parameters
     ----------
     shares : (n, b) float64
-        Of each bone in each vertex; rows sum to 1, or to 0 for vertices that follow no bone.
+        Weight of each bone in each vertex; rows sum to 1, or to 0 for vertices without a bone.
     """
     most = shares.max(axis=1, initial=0.0)
     owner = np.where(most > 0, shares.argmax(axis=1), -1)
-    held = most >= NEARLY_ALL
-    few = np.bincount(owner[held], minlength=shares.shape[1]) < ENOUGH
+    held = most >= MIN_HELD_WEIGHT
+    few = np.bincount(owner[held], minlength=shares.shape[1]) < MIN_HELD_VERTICES
     return BoneRegions(owner, held | ((owner >= 0) & few[owner]))
 
 
 def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the number of the limb to which most of each part belongs, (parts,) int64; −1 for a part without one.
+    """Return the number of the limb to which most of each part belongs, (parts,) int64; −1 for none.
 
-    A sleeve, an arm or a weapon that is a part of its own may reach behind the root of its limb, and beside another.
+    A separate part, such as a sleeve or a weapon, may extend behind the root of its limb, or beside another limb.
     """
     parts, limbs = mesh.parts, int(bones.limbs.max(initial=-1)) + 1
     if parts == 1 or not limbs:
@@ -186,24 +187,24 @@ def _limb_of_parts(mesh: SolverMesh, bones: Bones, owner: NDArray[np.int64]) -> 
     area = np.zeros((parts, limbs))
     np.add.at(area, (mesh.components[limb >= 0], limb[limb >= 0]), mesh.vertex_areas[limb >= 0])
     whole = np.bincount(mesh.components, mesh.vertex_areas, parts)
-    return np.where(area.max(axis=1) > MOST * whole, area.argmax(axis=1), -1)
+    return np.where(area.max(axis=1) > MIN_LIMB_AREA_SHARE * whole, area.argmax(axis=1), -1)
 
 
-def _both_ways(mesh: SolverMesh) -> "csr_matrix":
-    """Return the (n, n) lengths of edges and contacts between parts.
+def _symmetric_lengths(mesh: SolverMesh) -> "csr_matrix":
+    """Return the symmetric (n, n) lengths of edges and contacts between parts.
 
-    A contact across a gap may tie a hand to the hip beside it: it is longer than any way over the surface.
+    A contact across a gap may tie a hand to the hip beside it, so it is longer than any way over the surface.
     """
     ties = contacts(mesh)
     a, b = np.concatenate([mesh.edges, ties.links]).T
     lengths = np.maximum(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1), 1e-12 * mesh.diagonal)
-    lengths[len(mesh.edges) :] += np.where(ties.gap > 0, ACROSS * mesh.diagonal, 0.0)
+    lengths[len(mesh.edges) :] += np.where(ties.gap > 0, GAP_PENALTY_DIAGONALS * mesh.diagonal, 0.0)
     n = len(mesh.vertices)
     once = scipy.sparse.coo_matrix((lengths, (a, b)), shape=(n, n)).tocsr()
     return scipy.sparse.csr_matrix(once.maximum(once.T))
 
 
-def _where_rays_meet(
+def _cast_rays(
     mesh: SolverMesh, bones: Bones, axes: NDArray[np.float64], along: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cast rays at right angles to each bone.
@@ -211,12 +212,12 @@ def _where_rays_meet(
     Returns
     -------
     start : (n, b) float64
-        Distance to each bone that a vertex begins with; infinite where no ray meets one of its triangles.
+        Initial distance of each vertex to each bone; infinite if no ray meets one of its triangles.
     radius : (b,) float64
         Median length of each bone's rays.
     """
     start, radius = np.full(along.shape, np.inf), np.zeros(len(bones))
-    places = (np.arange(RINGS) + 0.5) / RINGS
+    places = (np.arange(RINGS_PER_BONE) + 0.5) / RINGS_PER_BONE
     for b, axis in enumerate(axes):
         side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
         side /= np.linalg.norm(side)
@@ -225,12 +226,12 @@ def _where_rays_meet(
         length, face, point = _cast(mesh.faces, np.ascontiguousarray(along[:, b]), flat, places)
         world = bones.heads[b] + point @ np.column_stack([axis * bones.lengths[b], plane]).T
         met = _leaves(mesh, face, world - bones.heads[b] - point[:, :1] * (axis * bones.lengths[b]))
-        if not met.any():  # outside the mesh: what is nearest
+        if not met.any():  # a bone outside the mesh has its nearest vertex
             away = np.linalg.norm(mesh.vertices - (bones.heads[b] + bones.tails[b]) / 2, axis=1)
             start[away.argmin(), b], radius[b] = 0.0, away.min()
             continue
         radius[b] = np.median(length[met])
-        excess = np.maximum(0.0, length[met] - WIDE * radius[b])
+        excess = np.maximum(0.0, length[met] - MAX_RAY_LENGTH_RATIO * radius[b])
         corners = mesh.faces[face[met]]
         away = np.linalg.norm(mesh.vertices[corners] - world[met, None], axis=2) + excess[:, None]
         np.minimum.at(start[:, b], corners, away)
@@ -238,38 +239,38 @@ def _where_rays_meet(
 
 
 def _leaves(mesh: SolverMesh, face: NDArray[np.int64], ray: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Say which rays leave the limb where they meet a face; one that enters there has left through a hole or a hem."""
+    """Return which rays leave the limb where they meet a face; one that enters there has left through a hole or hem."""
     a, b, c = mesh.vertices[mesh.faces[face]].transpose(1, 0, 2)
     outward = np.einsum("kx,kx->k", np.cross(b - a, c - a), ray) > 0
     met = face >= 0
     return met & outward if (met & outward).any() else met
 
 
-@numba.njit(cache=True, nogil=True)
-def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Cut triangles at some places along a bone, and keep for each direction round it the nearest cut.
+@compiled
+def _cast(faces, along, flat, places):
+    """Cut triangles with planes across a bone, and find the nearest cut in each direction.
 
     Parameters
     ----------
     faces : (t, 3) int64
     along : (n,) float64
-        Where each vertex is along the bone.
+        Coordinate of each vertex along the bone.
     flat : (n, 2) float64
-        Where it is in the plane across.
-    places : (RINGS,) float64
-        Ascending.
+        Its coordinates in the plane across the bone.
+    places : (RINGS_PER_BONE,) float64
+        Coordinates of the planes along the bone, ascending.
 
     Returns
     -------
-    length : (RINGS · RAYS,) float64
-    face : (RINGS · RAYS,) int64
+    length : (RINGS_PER_BONE · RAYS_PER_RING,) float64
+    face : (RINGS_PER_BONE · RAYS_PER_RING,) int64
         The triangle that each ray meets first; −1 for none.
-    point : (RINGS · RAYS, 3) float64
-        Place along the bone, and in the plane across.
+    point : (RINGS_PER_BONE · RAYS_PER_RING, 3) float64
+        Coordinate along the bone, and in the plane across.
     """
-    count = len(places) * RAYS
+    count = len(places) * RAYS_PER_RING
     length, face, point = np.full(count, np.inf), np.full(count, -1), np.zeros((count, 3))
-    step, cut = 2 * np.pi / RAYS, np.empty((3, 2))
+    step, cut = 2 * np.pi / RAYS_PER_RING, np.empty((3, 2))
     for f in range(len(faces)):
         low = min(along[faces[f, 0]], along[faces[f, 1]], along[faces[f, 2]])
         high = max(along[faces[f, 0]], along[faces[f, 1]], along[faces[f, 2]])
@@ -295,7 +296,7 @@ def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: 
                 x, y = np.cos(ray * step), np.sin(ray * step)
                 across = x * (qy - py) - y * (qx - px)
                 away = (px * (qy - py) - py * (qx - px)) / across if across != 0 else np.inf
-                number = ring * RAYS + ray % RAYS
+                number = ring * RAYS_PER_RING + ray % RAYS_PER_RING
                 if 0 <= away < length[number]:
                     length[number], face[number] = away, f
                     point[number, 0], point[number, 1], point[number, 2] = place, away * x, away * y
@@ -303,9 +304,9 @@ def _cast(faces, along, flat, places):  # type: ignore[no-untyped-def]  # noqa: 
     return length, face, point
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest(starts, neighbours, lengths, start, forbidden):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the bone that each vertex is nearest to along a graph, and how far away: Dijkstra's algorithm.
+@compiled
+def _nearest(starts, neighbours, lengths, start, forbidden):
+    """Return the nearest bone of each vertex along a graph, and its distance (Dijkstra's algorithm).
 
     Parameters
     ----------
@@ -313,9 +314,9 @@ def _nearest(starts, neighbours, lengths, start, forbidden):  # type: ignore[no-
     neighbours, lengths : (2e,)
         Adjacency in compressed rows.
     start : (n, b) float64
-        Distance to each bone to begin with; infinite for none.
+        Initial distance to each bone; infinite for none.
     forbidden : (n, b) bool
-        Bones that a vertex does not belong to.
+        Bones to which a vertex cannot belong.
     """
     n, count = start.shape
     owner, distance = np.full(n, -1), np.full(n, np.inf)
@@ -335,6 +336,6 @@ def _nearest(starts, neighbours, lengths, start, forbidden):  # type: ignore[no-
             if owner[u] < 0 and not forbidden[u, b]:
                 further = away + lengths[entry]
                 if further < distance[u]:
-                    distance[u] = further  # of the nearest so far; ties keep the first
+                    distance[u] = further  # if equal, the first bone is kept
                     heapq.heappush(heap, (further, u, b))
     return owner, distance

@@ -1,60 +1,61 @@
-"""Rotation clusters: which vertices turn together, and how the surface says by how much.
+"""Rotation clusters: sets of vertices that share a rotation, and the energy from which it is computed.
 
-An isoline of a field runs over several limbs, and a rotation for each isoline averages limbs that turn differently.
-Clusters of vertices that lie between the same isolines of *every* field do not (Jacobson et al., *Fast Automatic
-Skinning Transformations*, 2012): such vertices blend nearly the same transforms, so that one rotation serves them all.
+An isoline of a field crosses several limbs, and its rotation averages limbs that turn differently. A cluster contains
+vertices that lie between the same isolines of *every* field (Jacobson et al., *Fast Automatic Skinning
+Transformations*, 2012). They blend nearly the same transforms, so one rotation fits them all.
 """
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.energy_matrices import Products
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-CLUSTERS = 80
-"""Number of rotation clusters: twice as many bring a limb no nearer to where it should be."""
+CLUSTER_COUNT = 80
+"""Number of rotation clusters; twice as many do not improve the pose of a limb."""
 
-FEWEST_VERTICES = 4
-"""Mean number of vertices of a cluster, below which there are fewer clusters."""
+MIN_VERTICES_PER_CLUSTER = 4
+"""Smallest mean number of vertices per cluster; a smaller mesh has fewer clusters."""
 
-EDGES = 1.0
-"""γ, in units of trace(A) / trace(−2 WᵀLW)."""
+EDGE_WEIGHT = 1.0
+"""Weight γ of the edge term, in units of trace(A) / trace(−2 WᵀLW)."""
 
-ROUNDS = 10
-"""Updates of the means: what the next ones change has no effect on a deformation."""
+MEAN_UPDATES = 10
+"""Number of k-means updates; more have no effect on a deformation."""
 
 
 def rotation_clusters(
     ladder: NDArray[np.float64], weights: NDArray[np.float64], mass: NDArray[np.float64]
 ) -> NDArray[np.int32]:
-    """Divide vertices into clusters by k-means on their ladder coordinates, each times its field's weight.
+    """Cluster vertices by k-means on their ladder coordinates, each times its field's weight.
 
-    The start is the vertex farthest from the mean, and then always the vertex farthest from those chosen, so that a
-    mesh always gets the same clusters. Means are weighted by area, so that clusters do not depend on how densely a
-    region is triangulated.
+    The initial means are a farthest-point sample that starts at the vertex farthest from the mean, so that a mesh
+    always has the same clusters. Means are weighted by area, so that clusters do not depend on the density of the mesh.
 
     Parameters
     ----------
     ladder : (n, n_e) float64
     weights : (n_e,) float64
-        Of the fields.
+        Field weights.
     mass : (n,) float64
         Area of each vertex.
 
     Returns
     -------
     (n,) int32
-        From 0, without a gap; `CLUSTERS` of them unless the mesh is tiny.
+        Cluster of each vertex, numbered from 0; `CLUSTER_COUNT` clusters unless the mesh is tiny.
     """
     points = np.ascontiguousarray((ladder * weights).T, dtype=np.float32)
-    means = _far_apart(points, points @ mass / mass.sum(), max(1, min(CLUSTERS, len(ladder) // FEWEST_VERTICES)))
-    for _ in range(ROUNDS):
+    means = _farthest_points(
+        points, points @ mass / mass.sum(), max(1, min(CLUSTER_COUNT, len(ladder) // MIN_VERTICES_PER_CLUSTER))
+    )
+    for _ in range(MEAN_UPDATES):
         nearest = _nearest_mean(points, means)
         area = np.bincount(nearest, mass, len(means))
         sums = [np.bincount(nearest, mass * row, len(means)) for row in points]
@@ -62,35 +63,35 @@ def rotation_clusters(
     return np.unique(_nearest_mean(points, means), return_inverse=True)[1].astype(np.int32)
 
 
-@numba.njit(cache=True, nogil=True)
-def _far_apart(points, start, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Choose up to count of (d, n) points: the farthest from a start, then always the farthest from those chosen."""
+@compiled
+def _farthest_points(points, start, count):
+    """Choose up to count of (d, n) points: the farthest from a start, then the farthest from those already chosen."""
     means = np.zeros((count, len(points)), dtype=np.float32)
     square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
-    _take_over(points, start.astype(np.float32), 0, square, nearest)
+    _assign_nearer(points, start.astype(np.float32), 0, square, nearest)
     for c in range(count):
         farthest = square.argmax()
-        if c > 0 and square[farthest] == 0:  # every point is where a chosen one is
+        if c > 0 and square[farthest] == 0:  # every point coincides with a chosen one
             return means[:c]
         if c == 0:
             square[:] = np.inf
         means[c] = points[:, farthest]
-        _take_over(points, means[c], c, square, nearest)
+        _assign_nearer(points, means[c], c, square, nearest)
     return means
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest_mean(points, means):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the number of the mean that each of (d, n) points is nearest to; of several the first."""
+@compiled
+def _nearest_mean(points, means):
+    """Return the first of the nearest means of each of (d, n) points."""
     square, nearest = np.full(points.shape[1], np.inf, dtype=np.float32), np.zeros(points.shape[1], dtype=np.int32)
     for c in range(len(means)):
-        _take_over(points, means[c], c, square, nearest)
+        _assign_nearer(points, means[c], c, square, nearest)
     return nearest
 
 
-@numba.njit(cache=True, nogil=True)
-def _take_over(points, mean, cluster, square, nearest):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Give a cluster the points that are nearer to its mean than to the one they have."""
+@compiled
+def _assign_nearer(points, mean, cluster, square, nearest):
+    """Assign to a cluster the points that are nearer to its mean than to their current one."""
     d, block = len(points), 1024
     now = np.empty(block, dtype=np.float32)
     for start in range(0, len(square), block):
@@ -107,13 +108,13 @@ def _take_over(points, mean, cluster, square, nearest):  # type: ignore[no-untyp
 
 
 def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Add the energy of bent and stretched edges to the paper's.
+    """Add an energy of edges to that of the paper.
 
     E = ‖M^(−1/2) (L X − δ Rot)‖² + γ Σ_i Σ_j cot_ij ‖(x'_i − x'_j) − (x_i − x_j) Rot_i‖², where Rot_i is the rotation
-    of the cluster of i. Turning the clusters and solving for the surface in turn can only lower E; rotations that are
-    read off the surface by another measure need not settle at all. The paper's energy alone hardly feels a slow twist
-    along a limb and takes hundreds of iterations to settle; the second term, that of *as rigid as possible* (Sorkine
-    and Alexa, 2007), feels it. Ties between parts count in the first term alone.
+    of the cluster of i. Both steps, rotating the clusters and solving for the surface, lower E; with rotations from
+    another measure the iteration need not converge. The paper's energy alone hardly resists a slow twist along a limb
+    and needs hundreds of iterations. The second term, that of *as rigid as possible* (Sorkine and Alexa, 2007), resists
+    it. Contacts between parts count in the first term only.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ def energy(products: Products, covariance: NDArray[np.float64]) -> tuple[NDArray
         E = Rᵀ A R − 2 Rᵀ B Rot + a constant; Bᵀ R stacks the matrices whose polar decompositions are the rotations.
     """
     stretch = 2 * products.dirichlet  # each edge is counted from both its ends
-    gamma = EDGES * np.trace(products.A) / np.trace(stretch)
+    gamma = EDGE_WEIGHT * np.trace(products.A) / np.trace(stretch)
     return products.A + gamma * stretch, products.B_clusters + gamma * covariance.T
 
 
@@ -147,12 +148,12 @@ def covariance_map(
     L : (n, n) sparse float64
         Its entries beside the diagonal are the cotangent weights.
     rest : (n, 3) float64
-        x.
+        Rest positions x.
     ladder : (n, n_e) float64
     weights : (n_e,) float64
-        Of the fields.
+        Field weights.
     isolines : int
-        n_iso; there are m = n_e · n_iso in all.
+        n_iso; the model has m = n_e · n_iso isolines.
     cluster : (n,) int32
 
     Returns
@@ -167,9 +168,9 @@ def covariance_map(
     return C
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Collect the edge vectors that each vertex counts with in a cluster, and then multiply by its row of W once."""
+@compiled
+def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, weights, isolines, C):
+    """Add up the edge vectors of each vertex in a cluster, and then multiply by its row of W once."""
     share, h = np.zeros((len(rest), 3)), np.ones(4)
     for c in range(len(starts) - 1):
         members = order[starts[c] : starts[c + 1]]
@@ -193,4 +194,4 @@ def _add_covariances(order, starts, first, neighbours, cot, rest, below, upper, 
                         for k in range(4):
                             rows[x, column + k] += a * share[u, x] * h[k]
                             rows[x, column + 4 + k] += b * share[u, x] * h[k]
-                share[u] = 0  # counted, if it comes again
+                share[u] = 0  # already counted if it occurs again

@@ -1,27 +1,27 @@
 """Products of the tall sparse matrices of a reduced model, a chunk of rows at a time.
 
-Rows are taken cluster by cluster, which brings vertices together that lie between the same isolines. Few columns are
-then not zero in a chunk: these are made dense and multiplied by BLAS, and memory does not grow with the mesh.
+Rows are grouped by cluster, whose vertices lie between the same isolines, so that a chunk has few columns that are not
+zero. These are multiplied as dense matrices by BLAS, in memory that does not grow with the mesh.
 """
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.fields import blends
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-CHUNK = 384
-"""Rows at a time at most: with more of them more columns are not zero, with less there is more to do in between."""
+MAX_CHUNK_ROWS = 384
+"""Largest number of rows in a chunk. Larger chunks have more columns that are not zero; smaller ones more overhead."""
 
 
 class Products(NamedTuple):
-    """What is left of the tall matrices.
+    """Products of the tall matrices.
 
     Attributes
     ----------
@@ -30,11 +30,11 @@ class Products(NamedTuple):
     B : (4m, 3m) float64
         (KW)ᵀ M^(−1/2) W_δ.
     gram : (4m, 4m) float64
-        WᵀW.
+        The Gram matrix WᵀW.
     dirichlet : (4m, 4m) float64
-        −WᵀLW of the surface, without ties.
+        −WᵀLW of the surface, without contacts.
     B_clusters : (4m, 3r) float64
-        In the columns of each cluster (KW)ᵀ M^(−1/2) δ, over its vertices alone.
+        (KW)ᵀ M^(−1/2) δ over the vertices of each cluster.
     """
 
     A: NDArray[np.float64]
@@ -59,16 +59,16 @@ def products(
     Parameters
     ----------
     L : (n, n) sparse float64
-        Of the energy, with ties between parts.
+        Operator of the energy, with contacts between parts.
     surface : (n, n) sparse float64
-        Without them; the same as L where there is but one part.
+        Operator without contacts; the same object as L for a mesh of one part.
     mass : (n,) float64
         Diagonal of M.
     rest : (n, 3) float64
     ladder : (n, n_e) float64
     weights : (n_e,) float64
     isolines : int
-        n_iso; there are m = n_e · n_iso in all.
+        n_iso; the model has m = n_e · n_iso isolines.
     cluster : (n,) int32
         Rotation cluster of each vertex, from 0 to r − 1.
     """
@@ -94,18 +94,18 @@ def products(
 
 
 def _chunks(order: NDArray[np.int64], cluster: NDArray[np.int32]) -> Iterator[NDArray[np.int64]]:
-    """Take vertices in order, no more than `CHUNK` at a time and of one cluster."""
+    """Split vertices in order into chunks of at most `MAX_CHUNK_ROWS` of one cluster."""
     for members in np.split(order, np.flatnonzero(np.diff(cluster[order])) + 1):
-        yield from np.array_split(members, -(-len(members) // CHUNK))
+        yield from np.array_split(members, -(-len(members) // MAX_CHUNK_ROWS))
 
 
 def _columns(isolines: NDArray[np.integer], each: int) -> NDArray[np.int64]:
     return (each * isolines[:, None] + np.arange(each)).ravel()
 
 
-@numba.njit(cache=True, nogil=True)
-def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the lowest and highest isoline of each field that bounds a vertex of some rows of L."""
+@compiled
+def _span(rows, starts, neighbours, below):
+    """Return the lowest and highest isoline of each field next to a vertex of some rows of L."""
     count = below.shape[1]
     lowest, highest = below[rows[0]].copy(), below[rows[0]] + 1
     for v in rows:
@@ -117,9 +117,9 @@ def _span(rows, starts, neighbours, below):  # type: ignore[no-untyped-def]  # n
     return lowest, highest
 
 
-@numba.njit(cache=True, nogil=True)
-def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, without columns of isolines outside a field's span."""
+@compiled
+def _rows(rows, starts, neighbours, entries, mass, rest, below, upper, weights, lowest, width):
+    """Return some rows of W, K W, M^(−1/2) W_δ and M^(−1/2) δ, with the columns of isolines in each field's span."""
     count = len(weights)
     first = np.cumsum(width) - width - lowest
     total = width.sum()

@@ -1,8 +1,8 @@
-"""Propagation fields and their ladders of isolines (Section 3.1, Eq. 2-3).
+"""Propagation fields and their isolines (Section 3.1, Eq. 2-3).
 
-A field is a smooth function on the surface; its isolines are levels k = 0 … n_iso − 1, evenly spaced in value, half a
-step away from both ends so that each of them crosses triangles. Where a vertex stands on that ladder is a single
-number t: the integer part names the isoline below, the fraction blends towards the next one.
+A field is a smooth function on the surface. Its isolines k = 0 … n_iso − 1 are evenly spaced in value, half a step away
+from both ends so that each of them crosses triangles. The *ladder coordinate* t of a vertex is its position among them:
+the integer part is the isoline below, the fraction blends towards the next one.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -12,79 +12,77 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.surface import tufted
-from solver.surface.contacts import TOUCHING, Contacts
+from solver.surface.contacts import TOUCH_DIAGONALS, Contacts
 from solver.surface.dissection import nested_dissection
 from solver.surface.mesh import SolverMesh
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-FIELD_TIE = 100.0
-"""Conductance of a contact between two parts that touch, where a cotangent is about 1: fields hardly jump there."""
+CONTACT_CONDUCTANCE = 100.0
+"""Conductance of a contact between two parts that touch, so large that fields hardly jump; a cotangent is about 1."""
 
-LOOSE = 1e-5
-"""Conductance of a contact at a joint between two parts, as a share of that of others."""
+JOINT_CONDUCTANCE_SHARE = 1e-5
+"""Conductance of a contact at a joint between two parts, relative to other contacts."""
 
-SHIFT = -0.1
-"""Where the shift-invert mode works, in units of 1 / area as eigenvalues are: just outside the spectrum."""
+EIGENVALUE_SHIFT = -0.1
+"""Shift of ARPACK's shift-invert mode, in units of 1 / area: just outside the spectrum."""
 
-PANEL = 2
-"""Columns that SuperLU brings up to date together: those of a surface's factor have little in common, and more of them
-take a third more time."""
+PANEL_COLUMNS = 2
+"""Number of columns in a panel of SuperLU. The columns of a surface's factor have little in common; larger panels take
+a third more time."""
 
-TOLERANCE = 1e-7
-"""Of eigenvalues, relative: fields then err by less than the float32 in which ladder coordinates are kept."""
+EIGENVALUE_TOLERANCE = 1e-7
+"""Relative tolerance of eigenvalues, with which errors of fields are below the float32 precision of ladder
+coordinates."""
 
-RESTARTS = 300
-"""Of ARPACK, which needs a handful where there is a solution."""
+MAX_RESTARTS = 300
+"""Largest number of restarts of ARPACK, which needs a few if there is a solution."""
 
 
 def laplacian(mesh: SolverMesh) -> "tuple[csr_matrix, NDArray[np.float64]]":
-    """Build the surface operator of a character, each of its parts by itself.
-
-    Cotangents on the tufted cover, whose edges are flipped until it is Delaunay (Sharp and Crane, *A Laplacian for
-    Nonmanifold Triangle Meshes*, 2020): slivers and edges of many faces do no harm, and no weight is negative.
+    """Build the Laplacian of a character, without contacts between its parts (`solver.surface.tufted`).
 
     Returns
     -------
     L : (n, n) sparse float64
-        Negative semidefinite, rows summing to zero.
+        Negative semidefinite, rows sum to zero.
     mass : (n,) float64
-        Area of each vertex: a third of that of its triangles in the cover.
+        Area of each vertex, more than 0.
     """
     L, mass = tufted.laplacian(mesh.vertices, mesh.faces)
     return scipy.sparse.csr_matrix(-L), np.maximum(mass, 1e-12 * mass.max())
 
 
-def for_fields(
+def field_operator(
     L: "csr_matrix", ties: Contacts, diagonal: float, holds: NDArray[np.bool_] | None = None
 ) -> "csr_matrix":
-    """Tie parts in the operator whose eigenvectors become fields: what touches then lies between the same isolines.
+    """Add contacts to the operator whose eigenvectors become fields, so that they are continuous from part to part.
 
-    Contacts (k,) that do not hold while bones move are tied loosely: fields may jump there, and stay unique.
+    Contacts (k,) that do not hold while bones move have a small conductance: fields may jump there, and stay unique.
     """
-    loose = 1.0 if holds is None else np.where(holds, 1.0, LOOSE)
-    return _tied(L, ties, FIELD_TIE * loose * _nearness(ties, diagonal))
+    loose = 1.0 if holds is None else np.where(holds, 1.0, JOINT_CONDUCTANCE_SHARE)
+    return _tied(L, ties, CONTACT_CONDUCTANCE * loose * _nearness(ties, diagonal))
 
 
-def for_energy(L: "csr_matrix", ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> "csr_matrix":
-    """Tie parts in the operator of the energy.
+def energy_operator(L: "csr_matrix", ties: Contacts, mass: NDArray[np.float64], diagonal: float) -> "csr_matrix":
+    """Add contacts to the operator of the energy.
 
-    An integral over the surface, like the energy itself: a contact counts as much as the area it stands for, that of
-    its vertex or of the surface opposite, whichever is less, lest a large triangle tear at a small one.
+    Like the energy, this is an integral over the surface: the weight of a contact is the smaller of the areas of its
+    vertex and of the surface opposite, so that a large triangle does not distort a small one.
     """
     area = np.minimum(mass[ties.vertices], np.einsum("kc,kc->k", ties.blend, mass[ties.corners]))
-    return _tied(L, ties, area / (TOUCHING * diagonal) ** 2 * _nearness(ties, diagonal))
+    return _tied(L, ties, area / (TOUCH_DIAGONALS * diagonal) ** 2 * _nearness(ties, diagonal))
 
 
 def _nearness(ties: Contacts, diagonal: float) -> NDArray[np.float64]:
-    """Return 1 for parts that touch, and less with the square of the distance for those that keep one."""
-    touching = TOUCHING * diagonal
+    """Return 1 for contacts that touch, and less with the square of the distance for others."""
+    touching = TOUCH_DIAGONALS * diagonal
     return (touching / np.maximum(touching, ties.gap)) ** 2
 
 
 def _tied(L: "csr_matrix", ties: Contacts, weight: NDArray[np.float64]) -> "csr_matrix":
-    """Add Σ weight · jump² to the form of −L: rows still sum to zero, and L stays negative semidefinite."""
+    """Add Σ weight · jump² to the quadratic form of −L: rows still sum to zero, L stays negative semidefinite."""
     jump = ties.difference(L.shape[0])
     return scipy.sparse.csr_matrix(L - jump.T @ scipy.sparse.diags(weight) @ jump) if len(weight) else L
 
@@ -92,38 +90,45 @@ def _tied(L: "csr_matrix", ties: Contacts, weight: NDArray[np.float64]) -> "csr_
 def propagation_fields(
     L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64], count: int
 ) -> NDArray[np.float64]:
-    """Solve −L e = λ M e for the smoothest functions, the constant one left out.
+    """Solve −L e = λ M e for the smoothest functions except the constant one.
 
-    The generalised problem makes a field independent of how densely a region is triangulated. ARPACK works in
-    shift-invert mode from a fixed start, and each field's entry of largest size is made positive, so that a mesh always
-    gives the same fields; no result depends on that sign.
+    The generalised problem makes fields independent of the density of the mesh. ARPACK starts from a fixed vector, and
+    the entry of largest size is made positive in each field, so that a mesh always has the same fields. No result
+    depends on that sign.
 
     Parameters
     ----------
     L : (n, n) sparse
-        From `for_fields`.
+        From `field_operator`.
     mass : (n,) float64
     vertices : (n, 3) float64
-        Places by which the work is ordered; no result depends on them.
+        Positions for the elimination order; no result depends on them.
     count : int
         n_e, less than n − 1.
 
     Returns
     -------
     (n, count) float64
-        Orthonormal in the mass inner product, eigenvalues ascending.
+        Orthonormal in the mass inner product, by ascending eigenvalue.
 
     Raises
     ------
     RuntimeError
-        A matrix that is singular to SuperLU, or one on which ARPACK does not converge.
+        SuperLU finds the matrix singular, or ARPACK does not converge.
     """
-    n, shift = L.shape[0], SHIFT / mass.sum()
+    n, shift = L.shape[0], EIGENVALUE_SHIFT / mass.sum()
     ordered = _Ordered(L, mass, vertices)
     inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=ordered.factor(shift).solve, dtype=np.float64)
     start = np.cos(ordered.order.astype(np.float64))
     values, found = scipy.sparse.linalg.eigsh(
-        -ordered.L, k=count + 1, M=ordered.M, sigma=shift, OPinv=inverse, v0=start, tol=TOLERANCE, maxiter=RESTARTS
+        -ordered.L,
+        k=count + 1,
+        M=ordered.M,
+        sigma=shift,
+        OPinv=inverse,
+        v0=start,
+        tol=EIGENVALUE_TOLERANCE,
+        maxiter=MAX_RESTARTS,
     )
     vectors = np.empty((n, count))
     vectors[ordered.order] = found[:, np.argsort(values)[1:]]
@@ -143,13 +148,13 @@ def smoothed(
     Parameters
     ----------
     L : (n, n) sparse
-        From `for_fields`.
+        From `field_operator`.
     mass : (n,) float64
     vertices : (n, 3) float64
-        Places by which the work is ordered; no result depends on them.
+        Positions for the elimination order; no result depends on them.
     values : (n, k) float64
     length : float
-        Over which a step is spread, in the units of L.
+        Length over which a step is spread, in the units of L.
 
     Returns
     -------
@@ -164,7 +169,7 @@ def smoothed(
 
 
 class _Ordered:
-    """L and M with their rows in an order that keeps factors sparse."""
+    """L and M in an elimination order that keeps factors sparse."""
 
     def __init__(self, L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
         self.order = nested_dissection(L.indptr, L.indices, vertices)
@@ -173,14 +178,16 @@ class _Ordered:
 
     def factor(self, shift: float) -> "scipy.sparse.linalg.SuperLU":
         """Factor −L − shift M."""
-        # what is tied all over is no surface any more, and no plane cuts it at a line: COLAMD fills that in far less
+        # with contacts everywhere the graph is not a surface, so that planes do not cut it at a line: COLAMD is better
         ordering: Literal["NATURAL", "COLAMD"] = "NATURAL" if self.L.nnz <= 8 * len(self.order) else "COLAMD"
         matrix = scipy.sparse.csc_matrix(-self.L - shift * self.M)
-        return scipy.sparse.linalg.splu(matrix, permc_spec=ordering, panel_size=PANEL, options={"SymmetricMode": True})
+        return scipy.sparse.linalg.splu(
+            matrix, permc_spec=ordering, panel_size=PANEL_COLUMNS, options={"SymmetricMode": True}
+        )
 
 
 def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np.float64]:
-    """Say where each vertex stands between the isolines of each field.
+    """Compute the position of each vertex among the isolines of each field.
 
     Parameters
     ----------
@@ -191,7 +198,7 @@ def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np
     Returns
     -------
     (n, n_e) float64
-        In [0, n_iso − 1]; vertices beyond the outermost isolines belong to them wholly.
+        In [0, n_iso − 1]; vertices beyond the outermost isolines are clamped to them.
     """
     low, high = fields.min(axis=0), fields.max(axis=0)
     return np.clip((fields - low) / (high - low) * isolines - 0.5, 0.0, isolines - 1.0)
@@ -200,9 +207,9 @@ def ladder_coordinates(fields: NDArray[np.float64], isolines: int) -> NDArray[np
 def field_weights(
     vertices: NDArray[np.float64], mass: NDArray[np.float64], fields: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weigh each field by how much of the shape it carries (Eq. 2-3), in the mass inner product, with sum 1.
+    """Compute the weight of each field: its share of the shape (Eq. 2-3) in the mass inner product, with sum 1.
 
-    The weights scale columns of W and leave its span alone; they act through the interpolation of rotations W_δ and
+    The weights scale columns of W and do not change its span. They act through the interpolation of rotations W_δ, and
     where the blend of fields is ambiguous.
 
     Returns
@@ -214,7 +221,7 @@ def field_weights(
 
 
 def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Say which two isolines of each field a vertex lies between, and how far up.
+    """Split ladder coordinates into the isoline below and the fraction above it.
 
     Parameters
     ----------
@@ -226,21 +233,21 @@ def blends(ladder: NDArray[np.float64], isolines: int) -> tuple[NDArray[np.int64
     below : (n, n_e) int64
         At most n_iso − 2.
     upper : (n, n_e) float64
-        Share of the isoline above; that below has the rest.
+        Weight of the isoline above; that of the isoline below is the rest.
     """
     below = np.minimum(ladder.astype(np.int64), isolines - 2)
     return below, ladder - below
 
 
 def interpolation(ladder: NDArray[np.float64], isolines: int) -> "csr_matrix":
-    """Return φ, the local interpolation scheme: each vertex blends the two isolines of a field that it lies between.
+    """Return φ, the local interpolation: each vertex blends the two isolines of a field that it lies between.
 
-    Used in pre-computation only; at run time the ladder coordinates say the same.
+    It is used in pre-computation only; at run time ladder coordinates replace it.
 
     Returns
     -------
     (n, n_e · n_iso) sparse float64
-        Column i · n_iso + k belongs to isoline k of field i; a field's columns sum to 1 in each row.
+        Column i · n_iso + k belongs to isoline k of field i; the columns of a field sum to 1 in each row.
     """
     n, count = ladder.shape
     below, upper = blends(ladder, isolines)

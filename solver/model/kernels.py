@@ -1,20 +1,20 @@
-"""The loops that touch every vertex: control variables to positions and normals.
+"""The loops over all vertices: control variables to positions and normals.
 
-X = W R without W: a vertex blends the transforms of two isolines a field and applies the sum to its rest position.
-Each transform is a row of a table, field weights multiplied in; a vertex sums 16 of them (`row`).
+X = W R without W: a vertex blends the transforms of two isolines per field and applies the sum to its rest position.
+Each transform, times its field's weight, is a row of a table; a vertex adds up 16 rows (`simd_vector`).
 """
 
-import numba
 import numpy as np
 
-from solver.model.row import item, load, plus_scaled, zeros
+from puppetline.compiled import compiled
+from solver.model.simd_vector import add_scaled, item, load, zeros
 
 ZERO, ONE = np.float32(0), np.float32(1)
 
 
-@numba.njit(cache=True, nogil=True)
-def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write each transform as a row, the field weights multiplied in."""
+@compiled
+def _fill(rows, controls, weights):
+    """Write each transform, times its field's weight, as a row."""
     isolines = len(controls) // len(weights)
     for j in range(len(controls)):
         weight = np.float32(weights[j // isolines])
@@ -23,8 +23,8 @@ def _fill(rows, controls, weights):  # type: ignore[no-untyped-def]  # noqa: ANN
                 rows[j, 4 * row + column] = weight * controls[j, row, column]
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(fastmath=True, error_model="numpy")
+def blend_positions(rest, ladder, controls, weights, rows, out):
     """Write the positions of vertices.
 
     Parameters
@@ -33,9 +33,9 @@ def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore
     ladder : (n, n_e) float32
     controls : (m, 3, 4) float32
     weights : (n_e,) float64
-        Of the fields.
+        Field weights.
     rows : (m, 16) float32
-        A place for the table; written to, its last four columns left alone.
+        Buffer for the table of transforms; its last four columns are zero.
     """
     _fill(rows, controls, weights)
     isolines = len(controls) // len(weights)
@@ -45,19 +45,19 @@ def blend_positions(rest, ladder, controls, weights, rows, out):  # type: ignore
         for i in range(ladder.shape[1]):
             below = int(min(ladder[v, i], last))
             upper = ladder[v, i] - np.float32(below)
-            total = plus_scaled(total, ONE - upper, load(rows, i * isolines + below))
-            total = plus_scaled(total, upper, load(rows, i * isolines + below + 1))
+            total = add_scaled(total, ONE - upper, load(rows, i * isolines + below))
+            total = add_scaled(total, upper, load(rows, i * isolines + below + 1))
         x, y, z = _moved(total, rest[v, 0], rest[v, 1], rest[v, 2], ONE)
         out[v, 0], out[v, 1], out[v, 2] = x, y, z
 
 
-@numba.njit(cache=True, fastmath=True, nogil=True, error_model="numpy")
-def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(fastmath=True, error_model="numpy")
+def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, normals):
     """Write the positions and the unit normals of vertices.
 
-    x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so that the derivative along a tangent a is
-    Σ_i (T_i a + (∂t_i/∂a) (T_i,k+1 − T_i,k) x₀): the tangents are carried by the surface itself, not only by its
-    transforms. Their cross product is the normal.
+    x(t) = Σ_i T_i(t_i) x₀ with T_i(t_i) linear between two isolines, so the derivative along a tangent a is
+    Σ_i (T_i a + (∂t_i/∂a) (T_i,k+1 − T_i,k) x₀): the tangents also follow the change of the blend along the surface.
+    Their cross product is the normal.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, 
     tangents : (n, 2, 3) float32
         Their cross product is the rest normal.
     slopes : (n, n_e, 2) float32
-        How fast each ladder coordinate changes along them.
+        Derivative of each ladder coordinate along them.
     normals : (n, 3) float32
-        Zero where the surface is squashed to a line.
+        Zero where the surface is degenerate.
     """
     _fill(rows, controls, weights)
     isolines = len(controls) // len(weights)
@@ -78,10 +78,10 @@ def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, 
         for i in range(ladder.shape[1]):
             below = int(min(ladder[v, i], last))
             lower, upper = load(rows, i * isolines + below), load(rows, i * isolines + below + 1)
-            step = plus_scaled(upper, -ONE, lower)
-            total = plus_scaled(plus_scaled(total, ONE, lower), ladder[v, i] - np.float32(below), step)
-            along_a = plus_scaled(along_a, slopes[v, i, 0], step)
-            along_b = plus_scaled(along_b, slopes[v, i, 1], step)
+            step = add_scaled(upper, -ONE, lower)
+            total = add_scaled(add_scaled(total, ONE, lower), ladder[v, i] - np.float32(below), step)
+            along_a = add_scaled(along_a, slopes[v, i, 0], step)
+            along_b = add_scaled(along_b, slopes[v, i, 1], step)
         x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
         out[v, 0], out[v, 1], out[v, 2] = _moved(total, x, y, z, ONE)
         ax, ay, az = _moved(along_a, x, y, z, ONE)
@@ -95,9 +95,9 @@ def blend_normals(rest, tangents, slopes, ladder, controls, weights, rows, out, 
         normals[v, 0], normals[v, 1], normals[v, 2] = nx * scale, ny * scale, nz * scale
 
 
-@numba.njit(inline="always")
-def _moved(transform, x, y, z, w):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Apply a row's transform to (x, y, z, w)."""
+@compiled(inner=True, inline="always")
+def _moved(transform, x, y, z, w):
+    """Apply a vector's 3 × 4 transform to (x, y, z, w)."""
     return (
         item(transform, 0) * x + item(transform, 1) * y + item(transform, 2) * z + item(transform, 3) * w,
         item(transform, 4) * x + item(transform, 5) * y + item(transform, 6) * z + item(transform, 7) * w,

@@ -1,8 +1,8 @@
-"""Fields along the limbs of a character: each limb has isolines of its own.
+"""Fields along the limbs of a character, which give each limb its own isolines.
 
-The smoothest fields of a surface hardly tell a short arm from the chest beside it: few of their isolines cross it, and
-those lie on other limbs as well. Where bones say what a limb is, a field that is 0 on the rest of the character and
-rises from bone to bone gives it all the isolines of one field, each with a transform that nothing else uses.
+Few isolines of a surface's smoothest fields cross a short arm, and these also cross other limbs. A field that is 0 on
+the rest of the character and rises from bone to bone gives a limb all isolines of one field, with transforms that no
+other limb uses.
 """
 
 from typing import TYPE_CHECKING
@@ -17,19 +17,22 @@ from solver.surface.contacts import Contacts
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-SMOOTHEST = 3
-"""Number of the surface's own fields that are kept beside those of the limbs: they carry the trunk and its bends."""
+SURFACE_FIELD_COUNT = 3
+"""Number of the surface's smoothest fields that are kept besides those of the limbs, for the trunk and its bends."""
 
-BLUR = 0.006
-"""Length over which a field rises where a limb begins, as a fraction of the diagonal: about 1 cm on a person."""
+BLUR_DIAGONALS = 0.006
+"""Length over which a limb's field is smoothed, as a fraction of the diagonal: about 1 cm on a person."""
 
-WITHIN = 0.5
-"""Part of a bone's share of its field that is left to the bone itself where a skin says where joints bend."""
+MAX_SEAM_DIAGONALS = 1e-3
+"""Greatest distance at which two parts are sewn together, as a fraction of the diagonal: 2 mm on a person."""
+
+BONE_RISE_SHARE = 0.5
+"""Share of a bone's step of its field that is along the bone itself if there is a skin; the rest is at its joints."""
 
 
 def limb_field_count(bones: Bones, regions: BoneRegions, fields: int) -> int:
-    """Return how many of a model's fields run along limbs."""
-    return min(len(_limbs(bones, regions)), max(0, fields - SMOOTHEST))
+    """Return the number of a model's fields that are along limbs."""
+    return min(len(_limbs(bones, regions)), max(0, fields - SURFACE_FIELD_COUNT))
 
 
 def limb_fields(
@@ -43,34 +46,33 @@ def limb_fields(
 ) -> NDArray[np.float64]:
     """Make fields that rise along the limbs of a character.
 
-    A field is 0 where the limb is not, (1 + k + s) / (1 + n) on its bone k of n at the share s of the bone's length,
-    and 1 on what hangs on the limb; then it is smoothed over `BLUR`. Where there is a skin, each vertex has the mean
-    of its bones, and s keeps to the middle `WITHIN`: the field rises at the joints as the skin says, or jumps.
+    A field is 0 outside its limb, (1 + k + s) / (1 + n) at the share s of the length of the limb's bone k of n, and 1
+    on the limb's children; then it is smoothed over `BLUR_DIAGONALS`. If there is a skin, each vertex has the mean of
+    its bones, and s stays within the middle `BONE_RISE_SHARE`, so that the field rises at the joints as the skin does.
 
-    Where there are more limbs than fields, those of the fewest bones share a field in pairs, one with the sign turned
-    round; limbs beyond two a field get none.
+    If there are more limbs than fields, the limbs with the fewest bones share a field in pairs, one of them with a
+    negative sign. Limbs beyond two per field have none.
 
     Parameters
     ----------
     L : (n, n) sparse float64
-        Operator of the surface, model units, from `solver.model.fields.for_fields`.
+        Operator of the surface, model units, from `fields.field_operator`.
     mass : (n,) float64
         Area of each vertex.
     vertices : (n, 3) float64
         In the units of the bones.
     bones : Bones
     regions : BoneRegions
-        Of the bones on that surface.
     count : int
         Number of fields, from `limb_field_count`.
     shares : (n, b) float64, optional
-        Of each bone in the motion of each vertex, by a skin.
+        Skin weight of each bone in each vertex.
 
     Returns
     -------
     (n, count) float64
     """
-    within = 1.0 if shares is None else WITHIN
+    within = 1.0 if shares is None else BONE_RISE_SHARE
     if shares is None:
         shares = np.eye(len(bones) + 1)[regions.owner, :-1]
     limbs = _limbs(bones, regions)[: 2 * count]
@@ -79,31 +81,38 @@ def limb_fields(
     alone = fields[: len(fields) - 2 * pairs]
     shared = fields[len(alone) :]
     both = [one - other for one, other in zip(shared[:pairs], shared[pairs:], strict=True)]
-    return smoothed(L, mass, vertices, np.column_stack([*alone, *both]), BLUR)
+    return smoothed(L, mass, vertices, np.column_stack([*alone, *both]), BLUR_DIAGONALS)
 
 
-def move_together(ties: Contacts, regions: BoneRegions, bones: Bones, *, skinned: bool) -> NDArray[np.bool_]:
-    """Say which contacts between parts (k,) hold while bones move.
+def contacts_that_hold(
+    ties: Contacts, rest: NDArray[np.float64], regions: BoneRegions, bones: Bones, *, skinned: bool
+) -> NDArray[np.bool_]:
+    """Return which contacts between parts (k,) hold while bones move.
 
     Parameters
     ----------
     ties : Contacts
+    rest : (n, 3) float64
+        In model units.
     regions : BoneRegions
     bones : Bones
     skinned : bool
-        The regions are those of a skin: whoever made it decided which part follows which bone, and between two parts
-        on different bones there is a joint. Otherwise parts on neighbouring bones hold together.
+        Whether the regions are those of a skin: parts on different bones are then separated by a joint. Otherwise
+        contacts between parts on neighbouring bones of a limb hold. Those of a limb and the trunk hold where the parts
+        have a seam: an arm that is stuck into a body turns in it.
     """
     one, other = regions.owner[ties.links].T
     together = (one == other) | (one < 0) | (other < 0)
     if not skinned and len(bones):
         parents = bones.parents
-        together |= (parents[one] == other) | (parents[other] == one) | (parents[one] == parents[other])
+        neighbours = (parents[one] == other) | (parents[other] == one) | (parents[one] == parents[other])
+        seam = np.linalg.norm(ties.difference(len(rest)) @ rest, axis=1) < MAX_SEAM_DIAGONALS
+        together |= neighbours & (seam | (bones.limbs[one] == bones.limbs[other]))
     return together
 
 
 def _limbs(bones: Bones, regions: BoneRegions) -> list[int]:
-    """Return the numbers of the limbs to which surface belongs, those of the most bones first."""
+    """Return the numbers of the limbs that own vertices, those with the most bones first."""
     size = np.bincount(bones.limbs[bones.limbs >= 0])
     there = np.unique(bones.limbs[np.unique(regions.owner[regions.owner >= 0])])
     return sorted((limb for limb in there.tolist() if limb >= 0), key=lambda limb: (-size[limb], limb))
@@ -112,7 +121,7 @@ def _limbs(bones: Bones, regions: BoneRegions) -> list[int]:
 def _along(
     limb: int, vertices: NDArray[np.float64], bones: Bones, shares: NDArray[np.float64], within: float
 ) -> NDArray[np.float64]:
-    """Return what the field of a limb (n,) is before it is smoothed."""
+    """Return the (n,) field of a limb before it is smoothed."""
     chain = np.flatnonzero(bones.limbs == limb)
     start, slope = np.zeros(len(bones)), np.zeros(len(bones))
     start[chain], slope[chain] = np.arange(1, len(chain) + 1) / (1 + len(chain)), 1 / (1 + len(chain))

@@ -1,29 +1,28 @@
-"""The rotations nearest to many 3 × 3 matrices at once: the loop inside the solver's iteration.
+"""The rotations nearest to many 3 × 3 matrices: the inner loop of the solver's iteration.
 
-R = U Vᵀ of the singular value decomposition S = U Σ Vᵀ, with the direction of the smallest singular value turned over
-where that is what makes R a rotation. V comes from Jacobi rotations of SᵀS, U from S V; a cross product on either side
-then gives the third axis, so that the determinant is +1 without asking.
+R = U Vᵀ of the singular value decomposition S = U Σ Vᵀ. V comes from Jacobi rotations of SᵀS, U from S V. The third
+axis of both is a cross product, so the determinant of R is +1.
 
-Nothing here branches, and 16 matrices lie side by side in memory, so that the compiler does as many of them at once as
-the processor's registers hold: that is worth a factor of eight. See `lanes` for the layout.
+The code has no branches and 16 matrices are interleaved in memory (`matrix_blocks`), so that the compiler computes
+several at a time in vector registers. That is eight times as fast.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.model import lanes
-from solver.model.lanes import BLOCK, LANES
+from puppetline.compiled import compiled
+from solver.model import matrix_blocks
+from solver.model.matrix_blocks import MATRICES, NUMBERS
 
-OPEN = 1e-8
-"""A singular value below this share of the largest leaves a turn open."""
+MIN_SINGULAR_VALUE_RATIO = 1e-8
+"""Ratio of a singular value to the largest one below which the matrix does not determine a rotation about one axis."""
 
 TINY = 1e-300
-"""Keeps quotients of zeros finite."""
+"""Smallest denominator, so that quotients of zeros are finite."""
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always", error_model="numpy")
+def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):
     """Make a symmetric matrix's entry pq zero by a rotation of axes p and q, and turn the columns p and q of V."""
     difference = aqq - app
     t = 2 * apq / (abs(difference) + np.sqrt(difference * difference + 4 * apq * apq) + TINY)
@@ -38,9 +37,9 @@ def _turn(app, aqq, apq, arp, arq, v0p, v0q, v1p, v1q, v2p, v2q):  # type: ignor
     )
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _sweep(a, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn each pair of axes once; a is the upper triangle (00, 11, 22, 01, 02, 12), v is V by rows."""
+@compiled(inner=True, inline="always", error_model="numpy")
+def _sweep(a, v):
+    """Rotate each pair of axes once; a is the upper triangle (00, 11, 22, 01, 02, 12), v is V by rows."""
     a00, a11, a22, a01, a02, a12 = a
     v00, v01, v02, v10, v11, v12, v20, v21, v22 = v
     a00, a11, a02, a12, v00, v01, v10, v11, v20, v21 = _turn(a00, a11, a01, a02, a12, v00, v01, v10, v11, v20, v21)
@@ -49,8 +48,8 @@ def _sweep(a, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return (a00, a11, a22, a01, a02, 0.0), (v00, v01, v02, v10, v11, v12, v20, v21, v22)
 
 
-@numba.njit(inline="always")
-def _larger_first(x, y, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _larger_first(x, y, a, b):
     """Exchange two eigenvalues and their vectors where the second is larger."""
     later = x < y
     first = (b[0] if later else a[0], b[1] if later else a[1], b[2] if later else a[2])
@@ -58,9 +57,9 @@ def _larger_first(x, y, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
     return max(x, y), min(x, y), first, second
 
 
-@numba.njit(inline="always", error_model="numpy")
-def _across(wanted, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the part of a vector across a unit vector, of unit length, and how long it was."""
+@compiled(inner=True, inline="always", error_model="numpy")
+def _across(wanted, other):
+    """Return the direction and the length of the part of a vector at a right angle to a unit vector."""
     along = wanted[0] * other[0] + wanted[1] * other[1] + wanted[2] * other[2]
     x, y, z = wanted[0] - along * other[0], wanted[1] - along * other[1], wanted[2] - along * other[2]
     length = np.sqrt(x * x + y * y + z * z)
@@ -68,18 +67,18 @@ def _across(wanted, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
     return (x * scale, y * scale, z * scale), length
 
 
-@numba.njit(inline="always")
-def _either(condition, a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _either(condition, a, b):
     return (a[0] if condition else b[0], a[1] if condition else b[1], a[2] if condition else b[2])
 
 
-@numba.njit(inline="always")
-def _cross(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@numba.njit(inline="always")
-def _image(s, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _image(s, v):
     return (
         s[0] * v[0] + s[1] * v[1] + s[2] * v[2],
         s[3] * v[0] + s[4] * v[1] + s[5] * v[2],
@@ -87,23 +86,23 @@ def _image(s, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     )
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(error_model="numpy")
+def nearest_rotations(S, out):
     """Write the rotation nearest to each matrix.
 
     Parameters
     ----------
-    S, out : (blocks · BLOCK,) float64
-        Matrices in the layout of `lanes`, their entries zero or of a size whose square is a number, 1e-100 to 1e100.
-        Where one leaves a turn open, having rank 1 or 0, the result turns as little as it can.
+    S, out : (blocks · NUMBERS,) float64
+        Matrices in the layout of `matrix_blocks`, their entries zero or between 1e-100 and 1e100 in size. A matrix of
+        rank 1 or 0 has several nearest rotations; the result is the one with the smallest angle.
     """
-    for block in range(len(S) // BLOCK):
-        o = block * BLOCK
-        for lane in range(LANES):
+    for block in range(len(S) // NUMBERS):
+        o = block * NUMBERS
+        for k in range(MATRICES):
             s = (
-                *(S[o + lane], S[o + 3 * LANES + lane], S[o + 6 * LANES + lane]),
-                *(S[o + LANES + lane], S[o + 4 * LANES + lane], S[o + 7 * LANES + lane]),
-                *(S[o + 2 * LANES + lane], S[o + 5 * LANES + lane], S[o + 8 * LANES + lane]),
+                *(S[o + k], S[o + 3 * MATRICES + k], S[o + 6 * MATRICES + k]),
+                *(S[o + MATRICES + k], S[o + 4 * MATRICES + k], S[o + 7 * MATRICES + k]),
+                *(S[o + 2 * MATRICES + k], S[o + 5 * MATRICES + k], S[o + 8 * MATRICES + k]),
             )
             a = (
                 (s[0] * s[0] + s[3] * s[3] + s[6] * s[6]),
@@ -114,7 +113,7 @@ def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
                 (s[1] * s[2] + s[4] * s[5] + s[7] * s[8]),
             )
             v = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-            # convergence is quadratic: after five sweeps what is left is rounding, whatever the matrix
+            # convergence is quadratic: after five sweeps only rounding errors remain, for every matrix
             a, v = _sweep(a, v)
             a, v = _sweep(a, v)
             a, v = _sweep(a, v)
@@ -130,31 +129,31 @@ def nearest_rotations(S, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
             u1, second = _across(_image(s, v1), u0)
             least, length = _across(v1, u0)
             least = _either(length > 1e-4, least, _across(v2, u0)[0])
-            u1 = _either(second > OPEN * largest, u1, least)
+            u1 = _either(second > MIN_SINGULAR_VALUE_RATIO * largest, u1, least)
             u2 = _cross(u0, u1)
             for_row_0 = (u0[0], u1[0], u2[0])
             for_row_1 = (u0[1], u1[1], u2[1])
             for_row_2 = (u0[2], u1[2], u2[2])
             x, y, z = (v0[0], v1[0], v2[0]), (v0[1], v1[1], v2[1]), (v0[2], v1[2], v2[2])
-            out[o + lane] = _dot(for_row_0, x)
-            out[o + LANES + lane] = _dot(for_row_1, x)
-            out[o + 2 * LANES + lane] = _dot(for_row_2, x)
-            out[o + 3 * LANES + lane] = _dot(for_row_0, y)
-            out[o + 4 * LANES + lane] = _dot(for_row_1, y)
-            out[o + 5 * LANES + lane] = _dot(for_row_2, y)
-            out[o + 6 * LANES + lane] = _dot(for_row_0, z)
-            out[o + 7 * LANES + lane] = _dot(for_row_1, z)
-            out[o + 8 * LANES + lane] = _dot(for_row_2, z)
+            out[o + k] = _dot(for_row_0, x)
+            out[o + MATRICES + k] = _dot(for_row_1, x)
+            out[o + 2 * MATRICES + k] = _dot(for_row_2, x)
+            out[o + 3 * MATRICES + k] = _dot(for_row_0, y)
+            out[o + 4 * MATRICES + k] = _dot(for_row_1, y)
+            out[o + 5 * MATRICES + k] = _dot(for_row_2, y)
+            out[o + 6 * MATRICES + k] = _dot(for_row_0, z)
+            out[o + 7 * MATRICES + k] = _dot(for_row_1, z)
+            out[o + 8 * MATRICES + k] = _dot(for_row_2, z)
 
 
-@numba.njit(inline="always")
-def _dot(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(inner=True, inline="always")
+def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def of_matrices(S: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (m, 3, 3) rotations nearest to (m, 3, 3) matrices."""
-    place = lanes.of_matrices(len(S))
-    packed = lanes.pack(S.reshape(-1, 3), place)
+    place = matrix_blocks.matrix_row_places(len(S))
+    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), place)
     nearest_rotations(packed, packed)
-    return lanes.unpack(packed, place).reshape(-1, 3, 3)
+    return matrix_blocks.unpack_rows(packed, place).reshape(-1, 3, 3)

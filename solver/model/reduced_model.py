@@ -1,10 +1,10 @@
-"""What is pre-computed once for a mesh (Section 3.1): 320 unknowns and a few small matrices stand for every vertex.
+"""The reduced model, which is pre-computed once per mesh (Section 3.1): 320 unknowns and a few small matrices.
 
 X = W R, with R the stack of 4 × 3 affine transforms of the isolines (row vectors: x' = [x y z 1] · R_ik) and
 W = w_i φ_ik(v) [x y z 1]. The energy ‖M^(−1/2) (L X − δ)‖², an integral over the surface, becomes Rᵀ A R − 2 Rᵀ B Rot
-with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L; A and B are the two matrices that the paper stores.
+with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L. A and B are the two matrices that the paper stores.
 
-Everything here is in *model units*: the character centred on its bounding box, whose diagonal is 1.
+*Model units*: the origin is the centre of the character's bounding box, whose diagonal is 1.
 """
 
 from dataclasses import dataclass, replace
@@ -18,14 +18,14 @@ from puppetline.errors import MeshError
 from solver.model import clusters, energy_matrices, limb_fields, rotations
 from solver.model import fields as propagation
 from solver.model.bones import NO_BONES, BoneRegions, Bones, bone_regions, regions_of_shares
-from solver.surface.contacts import contacts, only
+from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh, snap
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-NULL_SPACE = 1e-14
-"""Eigenvalues of WᵀW below this fraction of the largest belong to directions that move no vertex."""
+MAX_NULL_EIGENVALUE_RATIO = 1e-14
+"""Largest ratio of an eigenvalue of WᵀW to the largest one for directions that move no vertex."""
 
 Controls = NDArray[np.float32]
 """(n_e · n_iso, 3, 4) float32: an affine transform [linear | translation] for each isoline, acting on rest positions in
@@ -34,14 +34,14 @@ the mesh file's coordinates. Field i's isolines are rows i · n_iso … (i + 1) 
 
 @dataclass(frozen=True)
 class ModelParameters:
-    """What a reduced model depends on besides the mesh.
+    """Parameters of a reduced model.
 
     Attributes
     ----------
     fields : int
-        n_e, propagation fields.
+        n_e, the number of propagation fields.
     isolines : int
-        n_iso, isolines a field.
+        n_iso, the number of isolines per field.
     """
 
     fields: int = 8
@@ -50,27 +50,27 @@ class ModelParameters:
 
 @dataclass(frozen=True)
 class ReducedModel:
-    """A mesh, reduced.
+    """The pre-computed matrices of a mesh.
 
     Attributes
     ----------
     center : (3,) float64
         Middle of the bounding box in the mesh file's coordinates.
     diagonal : float64 scalar array
-        Its diagonal: one model unit.
+        Diagonal of the bounding box: one model unit.
     weights : (n_e,) float64
         Field weights w_i.
     ladder : (n, n_e) float32
         Ladder coordinates t_i(v) of each solver vertex.
     A : (4m, 4m) float64
-        Energy, with m = n_e · n_iso isolines.
+        Matrix of the energy, with m = n_e · n_iso isolines.
     B : (4m, 3m) float64
         Energy against the stacked isoline rotations.
     gram : (4m, 4m) float64
-        WᵀW: what a difference of control variables is worth in vertices.
+        The Gram matrix WᵀW: the squared displacement of the vertices by a difference of control variables.
     null_space : (4m, 4m) float64
-        Projector on the directions that move no vertex (every field reproduces the same affine maps, so there are
-        always at least 4 (n_e − 1) of them).
+        Projector on the directions that move no vertex. Every field reproduces the same affine maps, so there are at
+        least 4 (n_e − 1) of them.
     covariance : (3m, 4m) float64
         Q of `rotations.covariance_map`.
     edges : (2 · m · 10, 4m) float64
@@ -78,13 +78,13 @@ class ReducedModel:
     cluster : (n,) int32
         Rotation cluster of each solver vertex, from 0 to r − 1.
     A_clusters : (4m, 4m) float64
-        Energy where vertices of a cluster turn together, from `clusters.energy`.
+        Matrix of the energy with a rotation per cluster, from `clusters.energy`.
     B_clusters : (4m, 3r) float64
-        That energy against the stacked rotations of the clusters; its transpose reads them off the surface.
+        That energy against the stacked rotations of the clusters; its transpose maps R to their covariances.
     bones : Bones
-        That the model was made for.
+        Bones for which the model was made.
     regions : BoneRegions
-        Which part of the surface belongs to each of them.
+        The part of the surface that belongs to each bone.
     """
 
     center: NDArray[np.float64]
@@ -105,7 +105,7 @@ class ReducedModel:
 
     @property
     def isolines(self) -> int:
-        """n_iso, isolines in each field."""
+        """n_iso, the number of isolines per field."""
         return self.B.shape[1] // 3 // len(self.weights)
 
     @property
@@ -119,14 +119,14 @@ class ReducedModel:
         Parameters
         ----------
         mesh : SolverMesh
-            The mesh that this model was made of.
+            The mesh of this model.
         points : (h, 3) float64
             In the mesh file's coordinates.
 
         Returns
         -------
         (h, 4m) float64
-            Times R: where those points are, in model units.
+            Times R, these are the positions of the surface points in model units.
         """
         corners, blend = snap(mesh, points)
         rest = self.to_model(mesh.vertices[corners.ravel()])
@@ -134,14 +134,14 @@ class ReducedModel:
         return np.einsum("hc,hcj->hj", blend, W.toarray().reshape(*corners.shape, -1))
 
     def to_model(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Turn (..., 3) points of the mesh file into model units."""
+        """Convert (..., 3) points of the mesh file to model units."""
         return (points - self.center) / self.diagonal
 
 
 def position_matrix(
     rest: NDArray[np.float64], ladder: NDArray[np.float64], weights: NDArray[np.float64], isolines: int
 ) -> "csr_matrix":
-    """Build W for some vertices.
+    """Build the rows of W for some vertices.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ def build(
     parameters : ModelParameters, optional
     bones : Bones, optional
     shares : (n, b) float64, optional
-        Share of each bone in the motion of each vertex, where the file has a skin that says so; by default what is
-        near a bone along the surface belongs to it.
+        Weight of each bone in each vertex, from the skin of a file; by default a vertex belongs to the bone nearest
+        along the surface.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def build(
     Raises
     ------
     MeshError
-        A mesh with too few vertices for that many fields.
+        A mesh with too few vertices for the number of fields, or one without smooth functions.
     """
     parameters = parameters or ModelParameters()
     if len(mesh.vertices) < 2 * (parameters.fields + 2):
@@ -207,9 +207,9 @@ def build(
     along_limbs = limb_fields.limb_field_count(bones, regions, parameters.fields)
     surface, mass = propagation.laplacian(unit)
     ties = replace(contacts(mesh), gap=contacts(mesh).gap / diagonal)
-    holds = limb_fields.move_together(ties, regions, bones, skinned=shares is not None)
+    holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     try:
-        tied = propagation.for_fields(surface, ties, unit.diagonal, holds)
+        tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
         modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
@@ -226,7 +226,7 @@ def build(
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
-    L = propagation.for_energy(surface, only(ties, holds), mass, unit.diagonal)
+    L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
     cluster = clusters.rotation_clusters(ladder, weights, mass)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
@@ -254,5 +254,5 @@ def build(
 
 def _null_projector(gram: NDArray[np.float64]) -> NDArray[np.float64]:
     values, vectors = np.linalg.eigh(gram)
-    null = vectors[:, values < NULL_SPACE * values[-1]]
+    null = vectors[:, values < MAX_NULL_EIGENVALUE_RATIO * values[-1]]
     return null @ null.T

@@ -1,15 +1,15 @@
-"""One rotation an isoline from the current surface, in the two ways that the literature has.
+"""One rotation per isoline from the deformed surface: from the covariance of edges, or from sampled triangles.
 
-Both read the surface through *strips*, the triangles that an isoline crosses, and both begin with a linear map of the
-control variables R, so that the iteration never touches a vertex. Rotations are kept for row vectors: x' = x · Rot.
+Both use *strips*, the triangles that an isoline crosses, and begin with a linear map of the control variables R, so
+that the iteration does not compute vertices. Rotations are for row vectors: x' = x · Rot.
 """
 
 from typing import TYPE_CHECKING, Literal
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model import polar
 from solver.model.fields import blends
 from solver.surface.mesh import SolverMesh
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 RotationMode = Literal["clusters", "covariance", "triangles"]
 
-SAMPLED_TRIANGLES = 10
-"""Triangles an isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
+TRIANGLES_PER_ISOLINE = 10
+"""Number of triangles per isoline in the paper's update; 80 isolines then have about the n_tri of its Table 1."""
 
 
 def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], isolines: int) -> list[NDArray[np.int64]]:
     """List the triangles that each isoline crosses.
 
-    An isoline that falls into the gap between two separate parts crosses none and gets the nearest ones instead.
+    An isoline in the gap between two separate parts crosses none and has the nearest triangles instead.
 
     Parameters
     ----------
@@ -47,20 +47,20 @@ def crossed_triangles(ladder: NDArray[np.float64], faces: NDArray[np.int64], iso
     for isoline in np.flatnonzero(counts == 0):
         field, level = divmod(int(isoline), isolines)
         away = np.abs(ladder[:, field][faces].mean(axis=1) - level)
-        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:SAMPLED_TRIANGLES])
+        crossed[isoline] = np.sort(np.argsort(away, kind="stable")[:TRIANGLES_PER_ISOLINE])
     return crossed
 
 
-@numba.njit(cache=True, nogil=True)
-def _levels(ladder, face, field):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _levels(ladder, face, field):
     """Return the first level of a field that a face reaches, and the one after the last."""
     a, b, c = ladder[face[0], field], ladder[face[1], field], ladder[face[2], field]
     low, high = min(a, b, c), max(a, b, c)
     return (int(np.ceil(low)), int(np.floor(high)) + 1) if low < high else (0, 0)
 
 
-@numba.njit(cache=True, nogil=True)
-def _count_crossed(ladder, faces, isolines, m):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _count_crossed(ladder, faces, isolines, m):
     counts = np.zeros(m, dtype=np.int64)
     for f in range(len(faces)):
         for field in range(ladder.shape[1]):
@@ -70,8 +70,8 @@ def _count_crossed(ladder, faces, isolines, m):  # type: ignore[no-untyped-def] 
     return counts
 
 
-@numba.njit(cache=True, nogil=True)
-def _crossed(ladder, faces, isolines, starts, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _crossed(ladder, faces, isolines, starts, total):
     """Return the faces that each isoline crosses, those of isoline j from starts[j] on."""
     crossed, place = np.empty(total, dtype=np.int64), starts.copy()
     for f in range(len(faces)):
@@ -108,9 +108,9 @@ def covariance_map(
     return Q
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_covariance(rest, faces, below, upper, weights, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the covariances of faces: a corner is in two edges, and counts twice against the sum of the other corners."""
+@compiled
+def _add_covariance(rest, faces, below, upper, weights, rows):
+    """Add the covariances of faces: each corner is in two edges."""
     isolines = rows.shape[1] // (4 * len(weights))
     edge, h = np.empty(3), np.ones(4)
     for f in range(len(faces)):
@@ -135,24 +135,27 @@ def _add_covariance(rest, faces, below, upper, weights, rows):  # type: ignore[n
 
 
 def sample_strips(mesh: SolverMesh, strips: list[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Take `SAMPLED_TRIANGLES` of each strip, each as far as possible from those already taken.
+    """Take a farthest-point sample of `TRIANGLES_PER_ISOLINE` triangles of each strip.
 
-    Spread round the isoline they stand for all of it; taken by number they may all lie on one side. A strip with fewer
-    triangles gives some of them more than once.
+    They are spread all round the isoline; triangles with evenly spaced indices may all be on one side. A strip with
+    fewer triangles repeats some of them.
 
     Returns
     -------
-    (isolines, SAMPLED_TRIANGLES) int64
+    (isolines, TRIANGLES_PER_ISOLINE) int64
         Indices of faces.
     """
     return np.stack(
-        [strip[_far_apart(mesh.vertices[mesh.faces[strip]].mean(axis=1), SAMPLED_TRIANGLES)] for strip in strips]
+        [
+            strip[_farthest_points(mesh.vertices[mesh.faces[strip]].mean(axis=1), TRIANGLES_PER_ISOLINE)]
+            for strip in strips
+        ]
     )
 
 
-@numba.njit(cache=True, nogil=True)
-def _far_apart(points, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Choose points: the farthest from the middle of all, then always the farthest from those chosen."""
+@compiled
+def _farthest_points(points, count):
+    """Choose points: the farthest from the mean, then the farthest from those already chosen."""
     n = len(points)
     away, target = np.full(n, np.inf), np.zeros(3)
     for i in range(n):
@@ -177,25 +180,25 @@ def edge_map(corners: "csr_matrix") -> NDArray[np.float64]:
 
     Parameters
     ----------
-    corners : (isolines · SAMPLED_TRIANGLES · 3, 4 · isolines) sparse float64
+    corners : (isolines · TRIANGLES_PER_ISOLINE · 3, 4 · isolines) sparse float64
         Rows of W for the corners of each triangle.
 
     Returns
     -------
-    (2 · isolines · SAMPLED_TRIANGLES, 4 · isolines) float64
+    (2 · isolines · TRIANGLES_PER_ISOLINE, 4 · isolines) float64
     """
     rows = corners.toarray().reshape(-1, 3, corners.shape[1])
     return (rows[:, 1:] - rows[:, :1]).reshape(-1, corners.shape[1])
 
 
 def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compare sampled triangles with their rest frames, average over each isoline, and make orthogonal.
+    """Return the mean rotation of each isoline's sampled triangles from their rest frames.
 
     Parameters
     ----------
-    edges : (2 · m · SAMPLED_TRIANGLES, 3) float64
+    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
         T R.
-    rest_frames : (m, SAMPLED_TRIANGLES, 3, 3) float64
+    rest_frames : (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
         `triangle_frames` of the rest pose.
 
     Returns
@@ -208,29 +211,29 @@ def from_edges(edges: NDArray[np.float64], rest_frames: NDArray[np.float64]) -> 
 
 
 def triangle_frames(edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return an orthonormal frame of each triangle, axes as rows: along its first edge, in its plane, its normal.
+    """Return an orthonormal frame of each triangle, axes as rows: its first edge, its normal × that edge, its normal.
 
     Parameters
     ----------
-    edges : (2 · m · SAMPLED_TRIANGLES, 3) float64
+    edges : (2 · m · TRIANGLES_PER_ISOLINE, 3) float64
 
     Returns
     -------
-    (m, SAMPLED_TRIANGLES, 3, 3) float64
+    (m, TRIANGLES_PER_ISOLINE, 3, 3) float64
     """
-    frames = np.empty((len(edges) // (2 * SAMPLED_TRIANGLES), SAMPLED_TRIANGLES, 3, 3))
+    frames = np.empty((len(edges) // (2 * TRIANGLES_PER_ISOLINE), TRIANGLES_PER_ISOLINE, 3, 3))
     _write_frames(np.ascontiguousarray(edges), frames.reshape(-1, 3, 3))
     return frames
 
 
-@numba.njit(cache=True, nogil=True)
-def _write_frames(edges, frames):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _write_frames(edges, frames):
     for k in range(len(frames)):
         _write_frame(edges[2 * k], edges[2 * k + 1], frames[k])
 
 
-@numba.njit(cache=True, nogil=True)
-def _write_frame(first, second, frame):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _write_frame(first, second, frame):
     along, across, normal = frame
     _unit_cross(first, second, normal)
     length = max(np.sqrt(first[0] ** 2 + first[1] ** 2 + first[2] ** 2), 1e-300)
@@ -239,16 +242,16 @@ def _write_frame(first, second, frame):  # type: ignore[no-untyped-def]  # noqa:
     _unit_cross(normal, along, across)
 
 
-@numba.njit(cache=True, nogil=True)
-def _unit_cross(a, b, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _unit_cross(a, b, out):
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     length = max(np.sqrt(x * x + y * y + z * z), 1e-300)
     out[0], out[1], out[2] = x / length, y / length, z / length
 
 
-@numba.njit(cache=True, nogil=True)
-def _add_turns(edges, rest_frames, total):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add what takes each sampled triangle's rest frame to its frame now, isoline by isoline."""
+@compiled
+def _add_turns(edges, rest_frames, total):
+    """Add up the rotations of each isoline's sampled triangles from their rest frames to their current frames."""
     frame = np.empty((3, 3))
     triangle = 0
     for isoline in range(len(rest_frames)):

@@ -1,21 +1,24 @@
-"""How much the edges of a character are stretched over a clip, in memory that does not grow with it."""
+"""Statistics of the stretch of a character's edges over a clip, in constant memory."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.mesh import SolverMesh
 
 BIN_WIDTH = 0.0005
-HIGHEST = 4.0
-"""Stretches beyond this are counted as this."""
+"""Width of a bin of the histogram."""
 
-TABLES = 4
-"""Counts that are added up only in the end: neighbours in time fall into the same bin, which would wait for itself."""
+MAX_STRETCH = 4.0
+"""Largest stretch of the histogram; a larger one is counted in the last bin."""
+
+TABLE_COUNT = 4
+"""Number of histograms that are added up at the end: successive frames fall into the same bin, and increments of one
+counter would wait for each other."""
 
 
 class EdgeStretch:
-    """Counts |e| / |e_rest| of every edge in every frame.
+    """A histogram of |e| / |e_rest| of every edge in every frame.
 
     Parameters
     ----------
@@ -27,22 +30,22 @@ class EdgeStretch:
         lengths = np.linalg.norm(rest[:, 0] - rest[:, 1], axis=1)
         self._edges = mesh.edges.astype(np.int32)
         self._bins_a_unit = (1 / (BIN_WIDTH * lengths)).astype(np.float32)
-        self._tables = np.zeros((TABLES, round(HIGHEST / BIN_WIDTH)), dtype=np.int64)
+        self._tables = np.zeros((TABLE_COUNT, round(MAX_STRETCH / BIN_WIDTH)), dtype=np.int64)
 
     def add(self, positions: NDArray[np.float32]) -> None:
-        """Count some frames: (n, 3, F) float32 solver vertices, in the units of the mesh."""
+        """Add frames: (n, 3, F) float32 solver vertices, in the units of the mesh."""
         _count(positions, self._edges, self._bins_a_unit, self._tables)
 
     def percentiles(self, *shares: float) -> tuple[float, ...]:
-        """Return the stretch that this percentage of all edges in all frames does not exceed, to half a bin."""
+        """Return percentiles of the stretch of all edges in all frames, accurate to half a bin."""
         cumulated = np.cumsum(self._tables.sum(axis=0))
         places = [int(np.searchsorted(cumulated, share / 100 * cumulated[-1])) for share in shares]
         return tuple(BIN_WIDTH * (place + 0.5) for place in places)
 
 
-@numba.njit(cache=True, nogil=True)
-def _count(positions, edges, bins_a_unit, tables):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Count edge lengths into bins; what is beyond the last or no number falls into it."""
+@compiled
+def _count(positions, edges, bins_a_unit, tables):
+    """Count edge lengths; the last bin includes larger lengths and NaN."""
     frames, last = positions.shape[2], np.float32(tables.shape[1] - 1)
     stretch = np.empty(frames, dtype=np.int32)
     for j in range(len(edges)):
@@ -52,4 +55,4 @@ def _count(positions, edges, bins_a_unit, tables):  # type: ignore[no-untyped-de
             place = np.sqrt(x * x + y * y + z * z) * scale
             stretch[f] = np.int32(place if place < last else last)
         for f in range(frames):
-            tables[f % TABLES, stretch[f]] += 1
+            tables[f % TABLE_COUNT, stretch[f]] += 1

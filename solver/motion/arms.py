@@ -1,28 +1,29 @@
-"""Arms of a body that is built otherwise: kept out of a wide body, and hands that meet where the performer's meet."""
+"""Corrections of arms for different proportions: they avoid a wide body, and hands meet as the performer's do."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
-from solver.motion.retarget import FARTHEST
-from solver.motion.two_bones import bend, carry_along, length, minus, moved, place, pole
+from solver.motion.retarget import is_position
+from solver.motion.two_bones import bend, carry_along, moved, place, pole
+from solver.motion.vectors import dot, in_axes, length, minus, scaled, unit
 
-TOGETHER, APART = 0.15, 0.4
-"""Distance between a performer's hands, in lengths of their arm, up to which the character's hands are drawn together
-in full, and from which they are left alone."""
+MEET_ARM_LENGTHS, APART_ARM_LENGTHS = 0.15, 0.4
+"""Distances between a performer's hands, in arm lengths, below which the character's hands have the same distance, and
+above which they are not corrected."""
 
 MEET_SECONDS = 0.1
-"""Time constant with which the pull comes and goes, in seconds."""
+"""Time constant with which the correction eases in and out, in seconds."""
 
-MOST = 0.75
-"""Greatest distance that a hand is drawn, in lengths of the character's arm."""
+MAX_SHIFT_ARM_LENGTHS = 0.75
+"""Largest correction of a hand's position, in lengths of the character's arm."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Arm:
     Attributes
     ----------
     upper, lower, last : int
-        Bones: upper arm, forearm, and the one at the tip, which may be the forearm.
+        Bones: upper arm, forearm, and the last bone, which may be the forearm.
     joint : int
         The performer's joint at the tip.
     """
@@ -44,7 +45,7 @@ class Arm:
 
 
 class _Plan(NamedTuple):
-    """What does not change from frame to frame."""
+    """Constants of the character and the performer."""
 
     arms: NDArray[np.int64]  # (2, 3): left and right; upper, lower and last bone
     joints: NDArray[np.int64]  # (2,)
@@ -60,25 +61,24 @@ class _Plan(NamedTuple):
 
 
 class _State(NamedTuple):
-    """What is carried from frame to frame."""
+    """The state between frames."""
 
-    clock: NDArray[np.float64]  # (2,): time; how much the hands are drawn together
+    clock: NDArray[np.float64]  # (2,): time; weight with which the hands are drawn together
 
 
 class Arms:
-    """Moves the arms of a character that is built otherwise than its performer.
+    """Corrects the arms of a character whose proportions differ from the performer's.
 
     Parameters
     ----------
     bones : Bones
     left, right : Arm
     performers : float
-        Length of the performer's arm from shoulder to wrist, metres.
+        Length of the performer's arm from shoulder to wrist, in metres.
     basis : (3, 3) float64, optional
         Rows: the mesh file's directions of the character's left, up and forward.
     space : float
-        Radians by which an arm that hangs down is held away from the body; less the more it is raised, and 0 for one
-        that is level.
+        Angle, in radians, by which a hanging arm is turned away from the body. It decreases to 0 for a level arm.
     meet : bool
         Whether the hands meet when the performer's do.
     """
@@ -120,7 +120,7 @@ class Arms:
         motions: NDArray[np.float64],
         heading: float = 0.0,
     ) -> None:
-        """Move the arms of one frame.
+        """Correct the arms of one frame.
 
         Parameters
         ----------
@@ -133,14 +133,14 @@ class Arms:
         motions : (b, 4, 3) float64
             Motions of the bones, mesh file's coordinates; written to.
         heading : float
-            Radians about the upright axis by which the performer turns and the character does not.
+            Angle about the upright axis, in radians, by which the performer is turned and the character is not.
         """
         _step(self._plan, self._state, float(time), positions, confidence, motions, float(heading))
 
 
-@numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, motions, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Bring the state up to a frame, and change its motions."""
+@compiled
+def _step(plan, state, time, positions, confidence, motions, heading):
+    """Update the state and the motions of a frame."""
     clock = state.clock
     elapsed = max(0.0, time - clock[0]) if math.isfinite(clock[0]) else math.inf
     clock[0] = time
@@ -149,7 +149,7 @@ def _step(plan, state, time, positions, confidence, motions, heading):  # type: 
             _hold_away(plan, arm, motions)
     gap = _gap(plan, positions, confidence, heading)
     if plan.meet and math.isfinite(gap[0]):
-        near = (APART - length(gap) / plan.performers) / (APART - TOGETHER)
+        near = (APART_ARM_LENGTHS - length(gap) / plan.performers) / (APART_ARM_LENGTHS - MEET_ARM_LENGTHS)
         near = min(max(near, 0.0), 1.0)
         near *= near * (3 - 2 * near)
         clock[1] = near + math.exp(-elapsed / MEET_SECONDS) * (clock[1] - near)
@@ -157,18 +157,18 @@ def _step(plan, state, time, positions, confidence, motions, heading):  # type: 
             _draw_together(plan, clock[1], gap, motions)
 
 
-@numba.njit
-def _hold_away(plan, arm, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn an arm about the forward axis of what it hangs on, the more the more it hangs down."""
+@compiled(inner=True)
+def _hold_away(plan, arm, motions):
+    """Turn an arm about its parent's forward axis, in proportion to how far it points down."""
     upper = plan.arms[arm, 0]
     shoulder = moved(motions[upper], plan.heads[upper])
-    along = quat.unit(minus(moved(motions[upper], plan.tails[upper]), shoulder))
+    along = unit(minus(moved(motions[upper], plan.tails[upper]), shoulder))
     turn = (1.0, 0.0, 0.0, 0.0)
     if plan.parents[upper] >= 0:
         turn = quat.of_rows(motions[plan.parents[upper]])
-    down = quat.rotated(turn, (-plan.basis[1, 0], -plan.basis[1, 1], -plan.basis[1, 2]))
-    forward = quat.rotated(turn, (plan.basis[2, 0], plan.basis[2, 1], plan.basis[2, 2]))
-    angle = plan.space * max(0.0, quat.dot(along, down)) * (1.0 if arm == 0 else -1.0)
+    down = quat.rotated(turn, scaled(plan.basis[1], -1.0))
+    forward = quat.rotated(turn, plan.basis[2])
+    angle = plan.space * max(0.0, dot(along, down)) * (1.0 if arm == 0 else -1.0)
     before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
     turned = quat.product(quat.about(forward, angle), quat.of_rows(motions[upper]))
     place(motions[upper], turned, plan.heads[upper], shoulder)
@@ -176,39 +176,31 @@ def _hold_away(plan, arm, motions):  # type: ignore[no-untyped-def]  # noqa: ANN
     carry_along(motions, before, plan.parents, changed)
 
 
-@numba.njit
-def _gap(plan, positions, confidence, heading):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the way from the performer's right hand to the left one, metres, mesh file's axes; NaN where unknown."""
+@compiled(inner=True)
+def _gap(plan, positions, confidence, heading):
+    """Return the vector from the performer's right to the left hand in metres, mesh file's axes; NaN if unknown."""
     left, right = plan.joints
-    if not (confidence[left] > 0 and confidence[right] > 0):
-        return (np.nan, np.nan, np.nan)
     gap = minus(positions[left], positions[right])
-    if not max(abs(gap[0]), abs(gap[1]), abs(gap[2])) < FARTHEST:
+    if not (confidence[left] > 0 and confidence[right] > 0 and is_position(gap)):
         return (np.nan, np.nan, np.nan)
     c, s = math.cos(heading), math.sin(heading)
-    x, y, z = c * gap[0] - s * gap[2], gap[1], s * gap[0] + c * gap[2]
-    B = plan.basis
-    return (
-        x * B[0, 0] + y * B[1, 0] + z * B[2, 0],
-        x * B[0, 1] + y * B[1, 1] + z * B[2, 1],
-        x * B[0, 2] + y * B[1, 2] + z * B[2, 2],
-    )
+    return in_axes((c * gap[0] - s * gap[2], gap[1], s * gap[0] + c * gap[2]), plan.basis)
 
 
-@numba.njit
-def _draw_together(plan, share, gap, motions):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Move both hands by half of what is missing, so that they are as far apart as the performer's."""
+@compiled(inner=True)
+def _draw_together(plan, share, gap, motions):
+    """Move both hands by half of the difference to the performer's distance."""
     left, right = plan.arms[0, 2], plan.arms[1, 2]
     now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))
     scale = plan.own / plan.performers
-    missing = minus(quat.scaled(gap, scale), now)
-    share *= 0.5 * min(1.0, 2 * MOST * plan.own / max(length(missing), 1e-300))
+    missing = minus(scaled(gap, scale), now)
+    share *= 0.5 * min(1.0, 2 * MAX_SHIFT_ARM_LENGTHS * plan.own / max(length(missing), 1e-300))
     before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
     for arm in range(2):
         upper, lower = plan.arms[arm, 0], plan.arms[arm, 1]
-        shift = quat.scaled(missing, share if arm == 0 else -share)
+        shift = scaled(missing, share if arm == 0 else -share)
         if length(shift) > 1e-12 * plan.own:
-            # the hand keeps its direction, so its tip goes where the wrist goes
+            # the hand keeps its rotation, so its tip moves as the wrist does
             hand = lower + 1 if plan.arms[arm, 2] != lower else -1
             end = bend(motions, plan.heads, plan.tails, upper, lower, plan.poles[arm], shift)
             changed[upper] = changed[lower] = True

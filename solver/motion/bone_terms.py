@@ -1,4 +1,4 @@
-"""What bones add to a reduced model: the surface that they hold, and the turns that they draw the rotations to."""
+"""Terms of bones in the normal equations: the surface that they hold, and priors of the rotations."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,25 +16,26 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 BONE_STIFFNESS = 40.0
-"""λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b): limbs of a cartoon body are then off by 2 to 6°, at 10 by 8°."""
+"""Weight λ in units of trace(A) / trace(Σ_b W_bᵀ M_b W_b). Errors of a cartoon body's limbs are 2 to 6°, at 10 they are
+8°."""
 
-PRIOR = 1.0
-"""μ: what a bone's rotation counts against the surface's covariance; at 4 the result is the same."""
+PRIOR_WEIGHT = 1.0
+"""Weight μ of a bone's rotation relative to the surface's covariance; at 4 the result is the same."""
 
-ELSEWHERE = 1e-3
-"""What the mean rotation of all bones counts beside that of the bones nearby."""
+DISTANT_BONE_WEIGHT = 1e-3
+"""Weight of the mean rotation of all bones relative to that of nearby bones."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoneTerms:
-    """The surface that b bones hold, in the normal equations.
+    """Terms of the surface that b bones hold in the normal equations.
 
     Attributes
     ----------
     normal : (4m, 4m) float64
         λ Σ_b W_bᵀ M_b W_b.
     pull : (4m, 4b) float64
-        λ W_bᵀ M_b [X_b 1] for each bone: times the stack of T_b, in model units, the right-hand side.
+        λ W_bᵀ M_b [X_b 1] for each bone; times the stack of T_b in model units, it is the right-hand side.
     """
 
     normal: NDArray[np.float64]
@@ -42,9 +43,9 @@ class BoneTerms:
 
 
 def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms:
-    """Add up the rows of the vertices that each bone holds, weighted by their share of its area.
+    """Add up the terms of the vertices that each bone holds, weighted by their share of its area.
 
-    So each bone counts the same: by area, the head and the hands of a cartoon body would outweigh its arms.
+    All bones have the same weight: with weights by area, the head and hands of a cartoon body would outweigh its arms.
 
     Parameters
     ----------
@@ -74,8 +75,8 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
     return BoneTerms(stiffness * normal, stiffness * pull)
 
 
-def turned_together(model: ReducedModel, mode: RotationMode) -> "csr_matrix":
-    """Return by how much each vertex takes part in each rotation: (n, r) sparse float64, rows sum to 1 or n_e."""
+def rotation_weights(model: ReducedModel, mode: RotationMode) -> "csr_matrix":
+    """Return the weight of each rotation in each vertex: (n, r) sparse float64, rows sum to 1 or n_e."""
     if mode != "clusters":
         return interpolation(model.ladder.astype(np.float64), model.isolines)
     n = len(model.cluster)
@@ -85,15 +86,15 @@ def turned_together(model: ReducedModel, mode: RotationMode) -> "csr_matrix":
 def bone_shares(
     together: "csr_matrix", area: NDArray[np.float64], bone: NDArray[np.int64], count: int
 ) -> NDArray[np.float64]:
-    """Return the share of the area of what turns together that each bone has.
+    """Return the share of each bone in the area of each rotation.
 
     Parameters
     ----------
     together : (n, r) sparse float64
-        From `turned_together`.
+        From `rotation_weights`.
     area : (n,) float64
     bone : (n,) int64
-        That each vertex counts for; −1 for none.
+        Bone of each vertex; −1 for none.
     count : int
         Number of bones.
 
@@ -107,8 +108,8 @@ def bone_shares(
     return (together.T @ of_bone) / np.maximum(together.T @ area, 1e-300)[:, None]
 
 
-def blended(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]:
-    """Return the map from the stack of the bones' T_b to the mean of those near each isoline, by their shares.
+def nearby_motions(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]:
+    """Return the map from the stack of the bones' T_b to the mean of those near each isoline.
 
     Returns
     -------
@@ -116,7 +117,7 @@ def blended(model: ReducedModel, mesh: SolverMesh) -> NDArray[np.float64]:
     """
     count = len(model.bones)
     around = interpolation(model.ladder.astype(np.float64), model.isolines)
-    shares = _with_the_rest(bone_shares(around, mesh.vertex_areas, model.regions.owner, count))
+    shares = _with_mean(bone_shares(around, mesh.vertex_areas, model.regions.owner, count))
     total = shares.sum(axis=1, keepdims=True)
     whole: NDArray[np.float64] = np.where(total > 0, shares / np.maximum(total, 1e-300), 1 / count)
     return np.kron(whole, np.eye(4)).astype(np.float64)
@@ -136,27 +137,27 @@ def prior(shares: NDArray[np.float64], size: NDArray[np.float64]) -> NDArray[np.
     -------
     (3r, 4b) float64
     """
-    return _of_linear_parts(PRIOR * shares * size[:, None])
+    return _of_linear_parts(PRIOR_WEIGHT * shares * size[:, None])
 
 
-def turns_nearby(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+def nearby_rotations(shares: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the map from the stack of the bones' T_b to the mean of the rotations of the bones nearby.
 
     Parameters
     ----------
     shares : (r, b) float64
-        Of the area that belongs to the bones, held or not.
+        Shares of the bones in the area, held or not.
 
     Returns
     -------
     (3r, 4b) float64
     """
-    return _of_linear_parts(_with_the_rest(shares))
+    return _of_linear_parts(_with_mean(shares))
 
 
-def _with_the_rest(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Add a little of what all bones do on average: some surface has no bone."""
-    return shares + ELSEWHERE * shares.mean(axis=0)
+def _with_mean(shares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Add a small share of the mean of all bones, for surface without a bone."""
+    return shares + DISTANT_BONE_WEIGHT * shares.mean(axis=0)
 
 
 def _of_linear_parts(weights: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,37 +1,38 @@
-"""A reduced model bound to handles and bones: their motion in, 80 affine transforms out (Section 3.4, Eq. 8-9)."""
+"""Deformation of a reduced model by handles and bones: their motion to 80 affine transforms (Section 3.4, Eq. 8-9)."""
 
 from copy import copy
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from puppetline.errors import MeshError
-from solver.model import lanes, rotations
-from solver.model.lanes import ROWS, add_product, place_of_row, turn_on
+from solver.model import matrix_blocks, rotations
+from solver.model.matrix_blocks import ROWS, add_product, apply_change, place_of_row
 from solver.model.polar import nearest_rotations
 from solver.model.reduced_model import Controls, ReducedModel
 from solver.model.rotations import RotationMode
 from solver.motion import twist
-from solver.motion.bone_terms import blended, bone_shares, bone_terms, prior, turned_together, turns_nearby
+from solver.motion.bone_terms import bone_shares, bone_terms, nearby_motions, nearby_rotations, prior, rotation_weights
 from solver.surface.mesh import SolverMesh
 
 HANDLE_STIFFNESS: dict[RotationMode, float] = {"clusters": 10.0, "covariance": 1.0, "triangles": 1.0}
-"""λ in units of trace(A) / trace((ΦW)ᵀ(ΦW)): the Armadillo's handles are met to 3e-5 of its diagonal. The energy of
-clusters withstands them more."""
+"""Weight λ of handles in units of trace(A) / trace((ΦW)ᵀ(ΦW)), larger for the stiffer energy of clusters. The
+Armadillo's handles are met to 3e-5 of its diagonal."""
 
-ON_A_LINE = 0.02
-"""Handles that leave a line by less than this share of the diagonal do not hold the character against rolling."""
+MIN_HANDLE_SPREAD_DIAGONALS = 0.02
+"""Smallest spread of handles across a line, as a share of the diagonal, with which they determine the character's roll
+about that line."""
 
-NEAR_BONES = 3e-5
-"""What a transform's distance from the mean motion of the bones nearby counts, in units of trace(A) / 4m: directions
-that hardly move a vertex do not run away, and no limb turns by 0.5° less."""
+NEARBY_BONE_WEIGHT = 3e-5
+"""Weight of the distance between a transform and the mean motion of nearby bones, in units of trace(A) / 4m. It bounds
+directions that hardly move a vertex, and changes the rotation of limbs by less than 0.5°."""
 
 
 class _Affine(NamedTuple):
-    """Something that depends on the rotations, the handles' targets and the bones' motions, laid out by `lanes`."""
+    """An affine function of the rotations and the inputs (targets and motions), in the layout of `matrix_blocks`."""
 
     turns: NDArray[np.float64]
     inputs: NDArray[np.float64]
@@ -39,43 +40,41 @@ class _Affine(NamedTuple):
 
 
 class Deformer:
-    """Moves a reduced model by its handles and bones, each frame starting where the last one ended.
+    """Deforms a reduced model by its handles and bones; each frame starts from the previous one.
 
-    The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + the null-space projector is factored once. W always has
-    directions that move no vertex, and Eq. 8 says nothing about them; the projector pins just these, so that N is
-    positive definite and no deformation is biased: to the rest pose, or where there are bones to the mean motion of
-    those nearby, to which `NEAR_BONES` draws all directions a little. G_b = λ W_bᵀ M_b W_b holds the surface around
-    bone b to its motion T_b. Since all of W R is an affine map of the rest pose where every transform is that map, its
-    right-hand side W_bᵀ M_b [X_b 1] T_b is G_b times a stack of T_b.
+    The normal matrix N = A + λ (ΦW)ᵀ(ΦW) + Σ_b G_b + P is factored once. W always has directions that move no vertex,
+    which Eq. 8 does not determine. The projector P pins these directions only, so N is positive definite and the
+    deformation is not biased. They are pinned to the rest pose, or with bones to the mean motion of nearby bones, to
+    which `NEARBY_BONE_WEIGHT` also draws all other directions. G_b = λ W_bᵀ M_b W_b holds the surface around bone b to
+    its motion T_b. W R is an affine map of the rest pose if all transforms are that map, so the right-hand side
+    W_bᵀ M_b [X_b 1] T_b is G_b times a stack of T_b.
 
-    The iteration of Eq. 9 is folded into the space of rotations: with P the linear map that reads the surface
-    (`rotations`, `clusters`), P R = P N⁻¹ (B Rot + λ (ΦW)ᵀ C + Σ_b G_b T_b + …), so an iteration is one small product
-    and a polar decomposition for each rotation, and R itself is solved for once a frame. What turns together is drawn
-    to the rotation of the bone that holds it: S_c + μ Σ_b a_cb s_c Q_b is decomposed instead of S_c, with a_cb the
-    share of c's area that bone b holds, s_c a third of the trace of S_c at rest, and Q_b the linear part of T_b. From
-    frame to frame rotations turn on with the bones nearby, so that a character that turns as a whole stays as it is.
+    The iteration of Eq. 9 runs in the space of rotations. With the linear map Q from R to covariances (`rotations`,
+    `clusters`), Q R = Q N⁻¹ (B Rot + λ (ΦW)ᵀ C + Σ_b G_b T_b + …). An iteration is one small product and one polar
+    decomposition per rotation; R itself is solved for once per frame. Rotations are drawn to those of the bones that
+    hold their vertices: S_c + μ Σ_b a_cb s_c Q_b is decomposed instead of S_c, with a_cb the share of bone b in the
+    area of c, s_c a third of the trace of S_c at rest, and Q_b the linear part of T_b. Before each frame, rotations are
+    multiplied by the change of nearby bones, so that turning the whole character does not change its shape.
 
     Parameters
     ----------
     model : ReducedModel
-        Made for the bones that move the mesh, if any.
+        Built for the bones that move the mesh, if any.
     mesh : SolverMesh
-        What the model was made of.
+        The mesh of the model.
     handles : (h, 3) float64
-        Rest positions in the mesh file's coordinates, taken to the nearest surface point; at least one if there is no
-        bone.
+        Rest positions in the mesh file's coordinates, moved to the nearest surface points; at least one without bones.
     iterations : int
-        Rotation updates a frame.
+        Rotation updates per frame.
     mode : {"clusters", "covariance", "triangles"}, optional
-        A rotation for each cluster of vertices, the default where there are bones; or for each isoline, from all
-        triangles that it crosses, the default where there are none; or from 10 of them as in the paper, which are
-        not drawn to the bones. Clusters stretch edges least, but what no bone holds follows its handles with a delay:
-        it takes many iterations to settle.
+        One rotation per cluster of vertices, the default with bones; one per isoline, from all triangles that it
+        crosses, the default without bones; or one from 10 of these triangles as in the paper, not drawn to the bones.
+        Clusters stretch edges least, but surface that no bone holds takes many iterations to follow its handles.
 
     Raises
     ------
     MeshError
-        A surface so broken that its energy has no minimum, or bones that hold nothing of it where there is no handle.
+        A surface whose energy has no unique minimum, or bones that hold no surface and no handle.
     """
 
     def __init__(
@@ -90,7 +89,7 @@ class Deformer:
         handles = np.asarray(handles, dtype=np.float64).reshape(-1, 3)
         self.bones = model.bones
         if not len(handles) and not len(self.bones):
-            raise ValueError("a deformer needs at least one handle or bone")
+            raise ValueError("found no handle and no bone; expected at least one")
         self.model = model
         self.iterations = iterations
         rest = model.rest_controls
@@ -117,23 +116,25 @@ class Deformer:
         stiffness = HANDLE_STIFFNESS[self._mode] * scale / max(np.einsum("hj,hj->", rows, rows), 1e-300)
         pinned = scale / len(A) * model.null_space
         if len(self.bones):
-            pinned[np.diag_indices_from(pinned)] += NEAR_BONES * scale / len(A)
+            pinned[np.diag_indices_from(pinned)] += NEARBY_BONE_WEIGHT * scale / len(A)
         try:
             factor = scipy.linalg.cho_factor(A + stiffness * rows.T @ rows + held.normal + pinned)
         except np.linalg.LinAlgError as error:
             raise MeshError(
                 mesh.name,
-                found=f"a surface whose deformation has no single answer ({error})",
-                expected="one whose triangles are not all needles or crossed",
+                found=f"a surface whose deformation is not unique ({error})",
+                expected="a surface whose triangles are not all needles or crossed",
                 fix="Remesh it, or ask for fewer fields.",
             ) from error
         from_turns = scipy.linalg.cho_solve(factor, B)
-        anchor = blended(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
+        anchor = nearby_motions(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull + pinned @ anchor]))
         constant = np.zeros_like(rest) if len(self.bones) else scipy.linalg.cho_solve(factor, pinned @ rest)
-        self._place_of_turns = lanes.of_matrices(B.shape[1] // 3)
-        self._place_of_seen = lanes.of_rows(len(reader)) if self._mode == "triangles" else self._place_of_turns
-        place_of_inputs = lanes.of_rows(from_inputs.shape[1])
+        self._place_of_turns = matrix_blocks.matrix_row_places(B.shape[1] // 3)
+        self._place_of_seen = (
+            matrix_blocks.row_places(len(reader)) if self._mode == "triangles" else self._place_of_turns
+        )
+        place_of_inputs = matrix_blocks.row_places(from_inputs.shape[1])
 
         def laid_out(
             reader: NDArray[np.float64], row: NDArray[np.int64], prior: NDArray[np.float64] | float
@@ -141,16 +142,16 @@ class Deformer:
             from_all = reader @ from_inputs
             from_all[:, len(rows) :] += prior
             return _Affine(
-                lanes.matrix(reader @ from_turns, row, self._place_of_turns),
-                lanes.matrix(from_all, row, place_of_inputs),
-                lanes.pack(reader @ constant, row),
+                matrix_blocks.pack_matrix(reader @ from_turns, row, self._place_of_turns),
+                matrix_blocks.pack_matrix(from_all, row, place_of_inputs),
+                matrix_blocks.pack_rows(reader @ constant, row),
             )
 
-        together = turned_together(model, self._mode)
+        together = rotation_weights(model, self._mode)
         area, count = mesh.vertex_areas, len(self.bones)
         held_shares = bone_shares(together, area, np.where(regions.held, regions.owner, -1), count)
-        near = turns_nearby(bone_shares(together, area, regions.owner, count))
-        self._near_bones = lanes.matrix(
+        near = nearby_rotations(bone_shares(together, area, regions.owner, count))
+        self._near_bones = matrix_blocks.pack_matrix(
             np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )
         drawn: NDArray[np.float64] | float = 0.0
@@ -158,16 +159,16 @@ class Deformer:
             size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
             drawn = prior(held_shares, size)
         self._surface = laid_out(reader, self._place_of_seen, drawn)
-        self._controls = laid_out(np.eye(len(rest)), lanes.of_rows(len(rest)), 0.0)
-        self._inputs = lanes.pack(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
+        self._controls = laid_out(np.eye(len(rest)), matrix_blocks.row_places(len(rest)), 0.0)
+        self._inputs = matrix_blocks.pack_rows(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
         self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))
         self._rest_frames = rotations.triangle_frames(model.edges @ rest)
         spread = (
             np.linalg.svd(self.handles - self.handles.mean(axis=0), compute_uv=False) if len(handles) else np.zeros(3)
         )
-        on_a_line = len(handles) < 3 or spread[1] < ON_A_LINE * float(model.diagonal)
+        on_a_line = len(handles) < 3 or spread[1] < MIN_HANDLE_SPREAD_DIAGONALS * float(model.diagonal)
         self._rolls = on_a_line and not len(self.bones)
-        self._unturned = lanes.pack(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
+        self._unturned = matrix_blocks.pack_rows(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
         self._turns, self._near, self._carried, self._now_carried = (self._unturned.copy() for _ in range(4))
         self._started = False
         self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
@@ -175,11 +176,11 @@ class Deformer:
 
     @property
     def turns(self) -> NDArray[np.float64]:
-        """(3r, 3) float64: the rotations in the last frame, for row vectors: of the clusters, or of the isolines."""
-        return lanes.unpack(self._turns, self._place_of_turns)
+        """(3r, 3) float64: the rotations of clusters or isolines in the last frame, for row vectors."""
+        return matrix_blocks.unpack_rows(self._turns, self._place_of_turns)
 
     def another(self, iterations: int) -> "Deformer":
-        """Return one of the same character, handles and bones, with a state of its own."""
+        """Return a deformer of the same character, handles and bones with its own state."""
         other = copy(self)
         other.iterations = iterations
         for buffer in ("_inputs", "_turns", "_near", "_carried", "_now_carried", "_fixed", "_now", "_result"):
@@ -188,7 +189,7 @@ class Deformer:
         return other
 
     def reset(self) -> None:
-        """Forget the last frame: the next one starts from the bones, or the rigid motion that fits the handles best."""
+        """Forget the last frame: the next one starts from the bones, or from the rigid motion that fits the handles."""
         self._started = False
         self._turns[:], self._carried[:] = self._unturned, self._unturned
 
@@ -198,14 +199,14 @@ class Deformer:
         motions: NDArray[np.float64] | None = None,
         out: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float64]:
-        """Return the control variables R that bring the handles to their targets, and what the bones hold with them.
+        """Return the control variables R that move the handles to their targets, and held surface with its bones.
 
         Parameters
         ----------
         targets : (h, 3) float64
             In the mesh file's coordinates.
         motions : (b, 4, 3) float64, optional
-            T_b of x' = [x 1] T_b, in the mesh file's coordinates; by default all bones are at rest.
+            T_b of x' = [x 1] T_b, in the mesh file's coordinates; by default the rest pose.
         out : (4m, 3) float64, optional
             Written to, and returned.
 
@@ -223,16 +224,20 @@ class Deformer:
         targets = np.ascontiguousarray(targets, dtype=np.float64)
         motions = self._at_rest if motions is None else np.ascontiguousarray(motions, dtype=np.float64)
         if targets.shape != self.handles.shape or out.shape != (len(self.model.A), 3):
-            raise ValueError(f"{targets.shape} targets into {out.shape}: there are {self.handles.shape} handles")
+            raise ValueError(
+                f"found {targets.shape} targets into {out.shape}; expected targets for {self.handles.shape} handles"
+            )
         if motions.shape != self._at_rest.shape:
-            raise ValueError(f"{motions.shape} motions: there are {len(self.bones)} bones")
+            raise ValueError(f"found {motions.shape} motions; expected {self._at_rest.shape}")
         if not _pack_inputs(targets, motions, self.model.center, float(self.model.diagonal), self._inputs):
-            raise ValueError("a handle's target or a bone's motion is not a finite number")
+            raise ValueError("found a target or a motion that is not finite; expected finite numbers")
         if len(self.bones):
             _carry(self._near_bones, self._inputs, self._near, self._carried, self._now_carried, self._turns)
         elif not self._started:
             start = twist.rigid_fit(self.handles, targets)
-            self._turns[:] = lanes.pack(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
+            self._turns[:] = matrix_blocks.pack_rows(
+                np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns
+            )
         self._started = True
         if self._mode == "triangles":
             self._compare_triangles()
@@ -240,21 +245,21 @@ class Deformer:
             _turn(*self._surface, self._inputs, self.iterations, self._turns, self._fixed, self._now)
         if self._rolls:
             start = twist.rigid_fit(self.handles, targets)
-            twist.take_back(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
+            twist.remove_roll(self._turns, len(self._place_of_turns) // 3, start, _line_through(targets))
         _settle(*self._controls, self._inputs, self._turns, self._result, out)
         return out
 
     def _compare_triangles(self) -> None:
-        """Update the turns as the paper does, from sampled triangles."""
+        """Update the rotations from sampled triangles, as in the paper."""
         _fix(self._surface.inputs, self._surface.constant, self._inputs, self._fixed)
         for _ in range(self.iterations):
             self._now[:] = self._fixed
             add_product(self._surface.turns, self._turns, self._now)
-            found = rotations.from_edges(lanes.unpack(self._now, self._place_of_seen), self._rest_frames)
-            self._turns[:] = lanes.pack(found.reshape(-1, 3), self._place_of_turns)
+            found = rotations.from_edges(matrix_blocks.unpack_rows(self._now, self._place_of_seen), self._rest_frames)
+            self._turns[:] = matrix_blocks.pack_rows(found.reshape(-1, 3), self._place_of_turns)
 
     def step(self, targets: NDArray[np.float64], motions: NDArray[np.float64] | None = None) -> Controls:
-        """Solve for the next frame, warm-started from the previous call.
+        """Solve for the next frame, starting from the previous one.
 
         Parameters
         ----------
@@ -272,14 +277,14 @@ class Deformer:
 
 
 def _line_through(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the direction (3,) in which points spread most; zero where all are at one place."""
+    """Return the direction (3,) in which points spread most; zero if all coincide."""
     _, spread, directions = np.linalg.svd(points - points.mean(axis=0))
     return directions[0] if spread[0] > 1e-12 * np.abs(points).max() else np.zeros(3)
 
 
-@numba.njit(cache=True, nogil=True)
-def _pack_inputs(targets, motions, center, diagonal, packed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Lay (h, 3) targets and (b, 4, 3) motions out in blocks, in model units; say whether all are finite."""
+@compiled
+def _pack_inputs(targets, motions, center, diagonal, packed):
+    """Write (h, 3) targets and (b, 4, 3) motions in blocks, in model units; return whether all are finite."""
     finite = True
     for h in range(len(targets)):
         place = place_of_row(h)
@@ -297,26 +302,26 @@ def _pack_inputs(targets, motions, center, diagonal, packed):  # type: ignore[no
     return finite
 
 
-@numba.njit(cache=True, nogil=True)
-def _fix(of_inputs, constant, inputs, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write what does not depend on the turns."""
+@compiled
+def _fix(of_inputs, constant, inputs, out):
+    """Write the part that does not depend on the rotations."""
     out[:] = constant
     add_product(of_inputs, inputs, out)
 
 
-@numba.njit(cache=True, nogil=True)
-def _carry(near_bones, inputs, near, carried, now, turns):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn everything on by as much as the bones nearby have turned since the last frame."""
+@compiled
+def _carry(near_bones, inputs, near, carried, now, turns):
+    """Multiply all rotations by the change of nearby bones since the last frame."""
     near[:] = 0
     add_product(near_bones, inputs, near)
-    nearest_rotations(near, now)  # into another array: in place, several could not be done at once
-    turn_on(turns, carried, now)
+    nearest_rotations(near, now)  # not in place, so that the compiler can vectorise
+    apply_change(turns, carried, now)
     carried[:] = now
 
 
-@numba.njit(cache=True, nogil=True)
-def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Look at the surface and turn with it, again and again."""
+@compiled
+def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):
+    """Update the rotations from the surface, several times."""
     _fix(of_inputs, constant, inputs, fixed)
     for _ in range(iterations):
         now[:] = fixed
@@ -324,9 +329,9 @@ def _turn(of_turns, of_inputs, constant, inputs, iterations, turns, fixed, now):
         nearest_rotations(now, turns)
 
 
-@numba.njit(cache=True, nogil=True)
-def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the (4m, 3) control variables for these turns."""
+@compiled
+def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):
+    """Write the (4m, 3) control variables for these rotations."""
     _fix(of_inputs, constant, inputs, packed)
     add_product(of_turns, turns, packed)
     for row in range(len(out)):
@@ -336,7 +341,7 @@ def _settle(of_turns, of_inputs, constant, inputs, turns, packed, out):  # type:
 
 
 def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | None = None) -> Controls:
-    """Turn control variables in model units into affine transforms of the mesh file's coordinates.
+    """Convert control variables in model units to affine transforms of the mesh file's coordinates.
 
     Parameters
     ----------
@@ -352,20 +357,20 @@ def to_file_units(R: NDArray[np.floating], model: ReducedModel, out: Controls | 
     Raises
     ------
     ValueError
-        An array of another shape to write to.
+        An output array of another shape.
     """
     shape = (*R.shape[:-2], R.shape[-2] // 4, 3, 4)
     out = np.empty(shape, dtype=np.float32) if out is None else out
     if out.shape != shape:
-        raise ValueError(f"control variables {R.shape} into transforms {out.shape}, expected {shape}")
+        raise ValueError(f"found transforms {out.shape} for control variables {R.shape}; expected {shape}")
     stack = np.ascontiguousarray(R).reshape(-1, 4, 3)
     _transforms(stack, model.center, float(model.diagonal), out.reshape(-1, 3, 4))
     return out
 
 
-@numba.njit(cache=True, nogil=True)
-def _transforms(R, center, diagonal, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write (k, 4, 3) control variables, which act on rows of model units, as (k, 3, 4) maps of the file's columns."""
+@compiled
+def _transforms(R, center, diagonal, out):
+    """Write (k, 4, 3) control variables, for rows in model units, as (k, 3, 4) maps of columns in file units."""
     for k in range(len(R)):
         for row in range(3):
             offset = R[k, 3, row] * diagonal + center[row]

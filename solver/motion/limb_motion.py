@@ -1,110 +1,68 @@
-"""A performer's joints to the motions of a character's bones: arrays only.
+"""A performer's joints to the motions of a character's bones.
 
-A limb is a chain of bones that follows a chain of the performer's joints. Its bones point where the performer's point
-(`follow = "direction"`), or turn from their rest as the performer's have turned from theirs (`"turn"`). The bones keep
-their own lengths: only directions are taken over.
+A limb is a chain of bones that follows a chain of the performer's joints. Its bones have the directions of the
+performer's (`follow = "direction"`), or turn from their rest as the performer's have turned from theirs (`"turn"`). The
+bones keep their lengths.
 
-Few sensors see how a limb is rolled about itself. A bone is carried by its parent and turned by the least
-rotation to where it should point; its roll is then corrected, a little in each frame, towards what is known about it:
-the two sides of the body for the trunk; the orientation of the performer's bone where a log has it; the plane of the
-elbow or knee where an arm or leg is bent; and otherwise the roll that the least rotation from rest gives. Each loses
-its weight where it is undefined, so that no roll flips.
+Few sensors measure the roll of a limb. A bone moves with its parent, and turns by the least rotation to its direction.
+Its roll is then eased to the best known reference: for the trunk the two sides of the body; the orientation of the
+performer's bone if a recording has it; the plane of the elbow or knee of a bent arm or leg; otherwise the roll of the
+least rotation from rest. The weight of each reference vanishes where it is undefined, so that no roll flips.
 """
 
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.motion import quaternions as quat
-from solver.motion.limb_plan import BENT, HINGE, SIDES, plan_of
+from solver.motion.limb_directions import (
+    HEADING,
+    TIME,
+    directions_of,
+    orientations_of,
+    remove_heading,
+    sides_of,
+    tracked_joints,
+)
+from solver.motion.limb_plan import plan_of
+from solver.motion.limb_turns import turn_bone
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
-from solver.motion.retarget import FARTHEST, RETURN_TIME
-from solver.motion.two_bones import length
-
-FASTEST = 25.0
-"""Radians per second that a limb turns at most against what it hangs on; a thrower's forearm reaches about 40."""
-
-FOOT_MOST = 0.9
-"""Radians that a foot turns at most from how the shin carries it; the joint of a foot is a sensor's noisiest."""
-
-FOOT_SECONDS = 0.05
-"""Time constant with which a foot turns to where the performer's points, in seconds. It begins as at rest."""
-
-HINGE_RATE = 20.0
-"""Per second, how fast the roll of an upper arm or thigh closes in on the plane of a limb that is bent."""
-
-TURNED_RATE = 30.0
-"""Per second, how fast a roll closes in on that of the performer's bone, where its orientation is known."""
-
-TURNED_COSINE = 0.5, 0.8
-"""Cosine of the angle between where a bone points and where its orientation has it, from which the orientation counts,
-and from which it counts in full."""
-
-SWING_RATE = 20.0
-"""Per second, how fast a roll closes in on the one that the least rotation from rest gives."""
-
-STRAIGHT_RATE = 0.5
-"""The same for an upper arm or thigh, whose roll stays nearly as it was while the limb is straight."""
-
-INNER_JOINT = 0.15, 0.35
-"""How far a joint within the trunk is from the trunk's ends, as a share of its length, to count, and to count in full.
-Kinect v1's spine is 7 cm above the hips and a few behind: the direction between them says nothing about the back."""
-
-NARROWEST = 0.12, 0.25
-"""Width of hips and of shoulders, as a share of the trunk's length, below which left and right cannot be told."""
-
-EXCHANGED_COSINE = -0.5
-"""Cosine of the angle beyond which a body that turns at once has had its sides exchanged by the sensor: 120°."""
-
-STEADY_SECONDS = 0.1
-"""Time constant of the mean direction that the sides of a body are compared with, in seconds."""
-
-STEADY = 0.75
-"""Length of that mean from which it is a body's heading and not noise; a turn at 8 rad/s has 0.78."""
-
-EXCHANGED_PAUSE = 0.25
-"""Seconds between two frames above which a body may have turned that far."""
-
-EXCHANGED_SECONDS = 1.5
-"""How long an exchange of left and right is undone, in seconds; then the sensor is believed."""
+from solver.motion.vectors import blend, in_axes, row_of, scaled, unit
 
 
 class _State(NamedTuple):
-    """What is carried from frame to frame."""
+    """The state between frames."""
 
-    local: NDArray[np.float64]  # (b + 1, 4): each bone's turn from rest against its base, as it is shown
-    gap: NDArray[np.float64]  # (b + 1, 3): what is left of the way from where a lost bone was held
-    roll_gap: NDArray[np.float64]  # (b + 1,)
-    known: NDArray[np.float64]  # (b + 1,): 1 where the bone was known in the last frame
+    local: NDArray[np.float64]  # (b + 1, 4): each bone's rotation from rest relative to its base
+    gap: NDArray[np.float64]  # (b + 1, 3): remaining rotation from where a lost bone was held
+    roll_gap: NDArray[np.float64]  # (b + 1,): remaining roll
+    known: NDArray[np.float64]  # (b + 1,): 1 for bones known in the last frame
     roll_known: NDArray[np.float64]  # (b + 1,)
     vector: NDArray[np.float64]  # (b + 1, 3): `local` as axis times angle, for the gain
-    mount: NDArray[np.float64]  # (b + 1, 4): from the performer's bone's own axes to the bone's rest; NaN before
+    mount: NDArray[np.float64]  # (b + 1, 4): from the axes of the performer's bone to the bone's rest; NaN before
     side: NDArray[np.float64]  # (3,): the mean direction from the body's right to its left
     clock: NDArray[np.float64]  # (5,): time; time of `side`; 1 while exchanged; since when; heading
 
 
-TIME, SIDE_TIME, EXCHANGED, SINCE, HEADING = range(5)
-
-
 class LimbMotion:
-    """Turns a performer's joints into the motions of a character's bones.
+    """Maps a performer's joints to the motions of a character's bones.
 
     Parameters
     ----------
     limbs : sequence of Limb
     performer : Performer
     rest : (j, 3) float64
-        The performer in the pose that stands for the character's rest pose; metres, character axes (left +x, up +y,
-        forward +z), NaN for unknown joints. Only limbs that follow by "turn" depend on it, and how far feet point up:
-        sensors have the joint of a foot at other heights than meshes, so feet are level where the performer's are.
+        The performer in the calibration pose, which maps to the character's rest pose; metres, character axes (left +x,
+        up +y, forward +z), NaN for unknown joints. It affects limbs that follow by "turn", and the pitch of feet:
+        sensors place the joint of a foot at other heights than meshes, so feet are level if the performer's are.
     basis : (3, 3) float64
         Rows: the mesh file's directions of the character's left, up and forward.
     turns : bool
-        Whether the character turns with the performer. It takes a trunk for that: without one it does not.
+        Whether the character turns with the performer. A character without a trunk does not.
     """
 
     def __init__(
@@ -145,22 +103,22 @@ class LimbMotion:
     ) -> NDArray[np.float64]:
         """Return the motions of the bones in one frame.
 
-        A bone whose joints are lost keeps its direction against the bone it hangs on; when they come back it closes
-        the distance smoothly. In the first frame every bone is where it should be at once.
+        A bone whose joints are lost keeps its direction relative to its parent; when they are tracked again, it eases
+        to its new direction. The first frame is not eased.
 
         Parameters
         ----------
         time : float
             Seconds, increasing from call to call.
         positions : (j, 3) float64
-            Metres, character axes. NaN, and more than `FARTHEST`, is a lost joint.
+            Metres, character axes. A joint without a valid position (`is_position`) is lost.
         confidence : (j,) float32
             0 where a joint is lost.
         out : (b, 4, 3) float64, optional
             Written to, and returned.
         orientations : (j, 4) float64, optional
-            Unit quaternions (w, x, y, z) of the bones that begin at the joints, from axes of their own to character
-            axes; NaN where unknown. A bone's roll follows how they turn from where they are first known.
+            Unit quaternions (w, x, y, z) of the bones that begin at the joints, from their own axes to character axes;
+            NaN if unknown. A bone's roll follows their rotation since they were first known.
 
         Returns
         -------
@@ -174,7 +132,7 @@ class LimbMotion:
 
     @property
     def heading(self) -> float:
-        """Radians about the upright axis by which the performer is turned and the character does not turn."""
+        """Angle about the upright axis, in radians, by which the performer is turned and the character is not."""
         return 0.0 if self._plan.turns else float(self._state.clock[HEADING])
 
     @property
@@ -183,357 +141,67 @@ class LimbMotion:
         return int(self._plan.trunk_rows[0]) - 1 if len(self._plan.trunk_rows) else None
 
 
-@numba.njit(cache=True, nogil=True)
-def _step(plan, state, time, positions, confidence, orientations, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Bring the state up to a frame, and write the motions of the bones."""
+@compiled
+def _step(plan, state, time, positions, confidence, orientations, out):
+    """Update the state, and write the motions of the bones in a frame."""
     began = math.isfinite(state.clock[TIME])
-    elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # a clock that is set back stands still here
+    elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # 0 if the clock is set back
     state.clock[TIME] = time
-    seen = _seen(plan, state, time, positions, confidence)
-    _take_heading_off(plan, state, seen)
+    seen = tracked_joints(plan, state, time, positions, confidence)
+    remove_heading(plan, state, seen)
     rows = len(plan.roll)
-    directions, counts = _directions(plan, seen, rows)
-    aims, across = plan.aims.copy(), _sides_of(plan, seen, rows)
+    directions, counts = directions_of(plan, seen, rows)
+    aims, across = plan.aims.copy(), sides_of(plan, seen, rows)
     for row in plan.trunk_rows:
-        aims[row] = quat.unit(_blend(plan.chords[row], plan.aims[row], counts))
-    turned = _turned(plan, state, orientations, rows)
+        aims[row] = unit(blend(plan.chords[row], plan.aims[row], counts))
+    turned = orientations_of(plan, state, orientations, rows)
     world = np.empty((rows, 4))
     for row in range(rows):
         base = (1.0, 0.0, 0.0, 0.0)
         if plan.base[row] >= 0:
-            base = _quaternion(world, plan.base[row])
-        local = _turn(plan, state, row, quat.inverse(base), aims, directions, across, turned, elapsed, began)
+            base = quat.row_of(world, plan.base[row])
+        local = turn_bone(plan, state, row, quat.inverse(base), aims, directions, across, turned, elapsed, began)
         world[row] = quat.product(base, local)
     _mount(state, turned, world)
     _write_motions(plan, state, out)
 
 
-@numba.njit(inline="always")
-def _quaternion(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (values[row, 0], values[row, 1], values[row, 2], values[row, 3])
-
-
-@numba.njit(inline="always")
-def _vector(values, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (values[row, 0], values[row, 1], values[row, 2])
-
-
-@numba.njit
-def _blend(a, b, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
-
-
-@numba.njit
-def _rise(value, limits):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return 0 below the first limit, 1 above the second, and a smooth step between."""
-    share = min(max((value - limits[0]) / (limits[1] - limits[0]), 0.0), 1.0)
-    return share * share * (3 - 2 * share)
-
-
-@numba.njit
-def _between(seen, tail, head):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    return (seen[head, 0] - seen[tail, 0], seen[head, 1] - seen[tail, 1], seen[head, 2] - seen[tail, 2])
-
-
-@numba.njit
-def _torso(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the vector from the middle of the hips to that of the shoulders."""
-    up = np.empty(3)
-    for axis in range(3):
-        hips = seen[pairs[0, 0], axis] + seen[pairs[0, 1], axis]
-        up[axis] = (seen[pairs[1, 0], axis] + seen[pairs[1, 1], axis] - hips) / 2
-    return (up[0], up[1], up[2])
-
-
-@numba.njit
-def _pair(pairs, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the directions from right to left of hips and shoulders; zero where they cannot be told."""
-    trunk = length(_torso(pairs, seen))
-    hips = _between(seen, pairs[0, 1], pairs[0, 0])
-    shoulders = _between(seen, pairs[1, 1], pairs[1, 0])
-    # comparisons with NaN are false: what is not known is too narrow
-    if not (length(hips) > quat.TINY and not length(hips) < NARROWEST[0] * trunk):
-        hips = (0.0, 0.0, 0.0)
-    if not (length(shoulders) > quat.TINY and not length(shoulders) < NARROWEST[1] * trunk):
-        shoulders = (0.0, 0.0, 0.0)
-    return quat.unit(hips), quat.unit(shoulders)
-
-
-@numba.njit
-def _seen(plan, state, time, positions, confidence):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the joints as they should be: NaN where lost, left and right where they belong."""
-    seen = np.full(positions.shape, np.nan)
-    for j in range(len(positions)):
-        farthest = max(abs(positions[j, 0]), abs(positions[j, 1]), abs(positions[j, 2]))
-        if confidence[j] > 0 and farthest < FARTHEST:
-            seen[j] = positions[j]
-    clock = state.clock
-    hips, shoulders = _pair(plan.pairs, seen)
-    if clock[EXCHANGED] > 0 and time - clock[SINCE] > EXCHANGED_SECONDS:
-        clock[EXCHANGED] = 0.0
-        clock[SIDE_TIME] = -np.inf
-        state.known[:] = 0.0  # and everything eases to where the sensor sees it
-        state.roll_known[:] = 0.0
-    sign = -1.0 if clock[EXCHANGED] > 0 else 1.0
-    side = quat.unit((hips[0] + shoulders[0], hips[1] + shoulders[1], hips[2] + shoulders[2]))
-    if quat.dot(side, side) > 0:
-        mean = (state.side[0], state.side[1], state.side[2])
-        pause = time - clock[SIDE_TIME]
-        if length(mean) > STEADY and pause <= EXCHANGED_PAUSE:
-            turned = sign * quat.dot(side, mean) < EXCHANGED_COSINE * length(mean)
-            # hips and shoulders alike: one alone is noise
-            if turned and sign * quat.dot(hips, mean) <= 0 and sign * quat.dot(shoulders, mean) <= 0:
-                clock[EXCHANGED], clock[SINCE] = 1 - clock[EXCHANGED], time
-                sign = -sign
-        kept = math.exp(-max(0.0, pause) / STEADY_SECONDS)
-        for axis in range(3):
-            state.side[axis] = kept * mean[axis] + (1 - kept) * sign * side[axis]
-        if side[0] ** 2 + side[2] ** 2 > 0.1:  # a body that lies on its side has no heading: it keeps the last one
-            clock[HEADING] = math.atan2(-sign * side[2], sign * side[0])
-        clock[SIDE_TIME] = time
-    return seen[plan.opposite] if clock[EXCHANGED] > 0 else seen
-
-
-@numba.njit
-def _take_heading_off(plan, state, seen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn the joints about the upright axis until the body faces +z, if the character does not turn."""
-    if plan.turns:
-        return
-    c, s = math.cos(state.clock[HEADING]), math.sin(state.clock[HEADING])
-    for j in range(len(seen)):
-        seen[j, 0], seen[j, 2] = c * seen[j, 0] - s * seen[j, 2], s * seen[j, 0] + c * seen[j, 2]
-
-
-@numba.njit
-def _directions(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where the bones point (rows, 3), zero where unknown, and how much the trunk's inner joints count."""
-    points = np.zeros((len(plan.joints), 3))
-    for p in range(len(plan.joints)):
-        count = 0
-        for j in plan.joints[p]:
-            if j >= 0:
-                points[p] += seen[j]
-                count += 1
-        points[p] /= count
-    directions = np.zeros((rows, 3))
-    directions[0] = _known_unit(_torso(plan.pairs, seen))
-    for row in range(1, rows):
-        direction = _known_unit(_between(points, plan.ends[row, 0], plan.ends[row, 1]))
-        directions[row] = _raised(direction, plan.pitch[row]) if plan.pitch[row] != 0 else direction
-    counts = 1.0
-    if len(plan.trunk) > 2:
-        first, last = plan.trunk[0], plan.trunk[-1]
-        chord = _between(points, first, last)
-        for k in range(1, len(plan.trunk) - 1):
-            near = length(_between(points, first, plan.trunk[k]))
-            near = min(near, length(_between(points, plan.trunk[k], last)))
-            share = _rise(near / max(length(chord), quat.TINY), INNER_JOINT)
-            counts = min(counts, share) if share == share else 0.0
-        chord = _known_unit(chord)
-        if counts < 1 and quat.dot(chord, chord) > 0:
-            for row in plan.trunk_rows:
-                directions[row] = quat.unit(_blend(chord, _vector(directions, row), counts))
-        elif counts < 1:
-            directions[plan.trunk_rows] = 0.0
-    return directions, counts
-
-
-@numba.njit
-def _raised(direction, angle):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return a direction that points further up by an angle, not over the upright."""
-    flat = math.sqrt(direction[0] * direction[0] + direction[2] * direction[2])
-    if flat < quat.TINY:
-        return direction
-    raised = min(max(math.atan2(direction[1], flat) + angle, -math.pi / 2), math.pi / 2)
-    scale = math.cos(raised) / flat
-    return (scale * direction[0], math.sin(raised), scale * direction[2])
-
-
-@numba.njit
-def _known_unit(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return a direction; zero where there is none, or where it is not known."""
-    return quat.unit(v) if math.isfinite(v[0] + v[1] + v[2]) else (0.0, 0.0, 0.0)
-
-
-@numba.njit
-def _sides_of(plan, seen, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the direction from right to left (rows, 3) that each bone's roll follows; zero where there is none."""
-    across = np.zeros((rows, 3))
-    hips, shoulders = _pair(plan.pairs, seen)
-    if quat.dot(hips, shoulders) < 0:  # a body is not twisted that far: the hips are the narrower ones
-        hips = (0.0, 0.0, 0.0)
-    for row in range(rows):
-        if plan.roll[row] == SIDES:
-            share = plan.hips[row]
-            if quat.dot(hips, hips) == 0:
-                share = 0.0
-            elif quat.dot(shoulders, shoulders) == 0:
-                share = 1.0
-            across[row] = quat.unit(_blend(shoulders, hips, share))
-    return across
-
-
-@numba.njit
-def _turned(plan, state, orientations, rows):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the orientation of the performer's bone that tells each roll (rows, 4); NaN where none does."""
-    turned = np.full((rows, 4), np.nan)
-    if state.clock[EXCHANGED] > 0:
-        return turned
-    heading = (1.0, 0.0, 0.0, 0.0)
-    if not plan.turns:
-        heading = quat.about((0.0, 1.0, 0.0), -state.clock[HEADING])
-    for row in range(rows):
-        if plan.oriented[row] >= 0:
-            turned[row] = quat.normalised(quat.product(heading, _quaternion(orientations, plan.oriented[row])))
-    return turned
-
-
-@numba.njit
-def _mount(state, turned, world):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Note where bones are in the axes of the performer's when their orientations are first known."""
+@compiled(inner=True)
+def _mount(state, turned, world):
+    """Store the bones' rotations in the axes of the performer's bones when these are first known."""
     for row in range(len(world)):
         if math.isfinite(turned[row, 0]) and state.known[row] > 0 and not math.isfinite(state.mount[row, 0]):
-            state.mount[row] = quat.product(quat.inverse(_quaternion(turned, row)), _quaternion(world, row))
+            state.mount[row] = quat.product(quat.inverse(quat.row_of(turned, row)), quat.row_of(world, row))
 
 
-@numba.njit
-def _turn(plan, state, row, from_base, aims, directions, across, turned, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Bring a bone's turn against its base up to date."""
-    aim, direction = _vector(aims, row), _vector(directions, row)
-    local = _quaternion(state.local, row)
-    known = quat.dot(aim, aim) > 0.5 and quat.dot(direction, direction) > 0.5
-    fading = math.exp(-elapsed / RETURN_TIME)
-    if known:
-        wanted = quat.rotated(from_base, direction)
-        if plan.foot[row]:
-            wanted = _eased_foot(aim, quat.rotated(local, aim), wanted, elapsed if began else 0.0)
-        local = _swing(state, row, local, aim, wanted, fading, elapsed, began)
-        if math.isfinite(turned[row, 0] + state.mount[row, 0]):
-            local = _as_turned(plan, state, row, local, from_base, aim, turned, elapsed)
-        else:
-            local = _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began)
-        local = quat.normalised(local)
-        state.local[row] = local
-    state.known[row] = 1.0 if known else 0.0
-    return local
-
-
-@numba.njit
-def _eased_foot(aim, now, wanted, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a foot points next on its way to where it should, against its shin and not too far from its rest."""
-    away = length(quat.to_vector(quat.least(aim, wanted)))
-    wanted = _on_the_way(aim, wanted, min(1.0, FOOT_MOST / max(away, quat.TINY)))
-    return _on_the_way(now, wanted, 1 - math.exp(-elapsed / FOOT_SECONDS))
-
-
-@numba.njit
-def _on_the_way(start, end, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the direction a share of the least rotation from one to another."""
-    way = quat.to_vector(quat.least(start, end))
-    return quat.unit(quat.rotated(quat.from_vector(quat.scaled(way, share)), start))
-
-
-@numba.njit
-def _swing(state, row, local, aim, wanted, fading, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn a bone by the least rotation to where it should point, or as near as it may."""
-    now = quat.rotated(local, aim)
-    gap = (0.0, 0.0, 0.0)
-    if began:
-        gap = quat.scaled(state.gap[row], fading)
-        if state.known[row] == 0:
-            gap = quat.to_vector(quat.least(wanted, now))
-        wanted = quat.rotated(quat.from_vector(gap), wanted)
-    state.gap[row] = gap
-    turn = quat.to_vector(quat.least(now, wanted))
-    angle = length(turn)
-    if angle > FASTEST * elapsed:
-        turn = quat.scaled(turn, FASTEST * elapsed / angle)
-    return quat.product(quat.from_vector(turn), local)
-
-
-@numba.njit
-def _rolled(plan, state, row, local, from_base, aims, directions, across, fading, elapsed, began):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Roll a bone about itself towards what the pose says about its roll."""
-    aim, side = _vector(aims, row), _vector(plan.sides, row)
-    axis, now = quat.rotated(local, aim), quat.rotated(local, side)
-    if plan.roll[row] == SIDES:
-        wanted = quat.rotated(from_base, _vector(across, row))
-        flat = quat.cross(axis, wanted)
-        known = length(flat) > 0.2
-        angle, gap = 0.0, 0.0
-        if known:
-            angle = quat.twist(now, wanted, axis)
-            if began:
-                gap = state.roll_gap[row] * fading if state.roll_known[row] > 0 else -angle
-        state.roll_gap[row], state.roll_known[row] = gap, 1.0 if known else 0.0
-        angle = (angle + gap + math.pi) % (2 * math.pi) - math.pi
-    else:
-        # the roll of the least rotation from rest, which is undefined where that is half a turn
-        swing = quat.rotated(quat.least(aim, axis), side)
-        error = quat.twist(now, swing, axis)
-        weight = STRAIGHT_RATE if plan.roll[row] == HINGE else SWING_RATE
-        weight *= (1 + quat.dot(aim, axis)) / 2
-        x, y = weight * math.cos(error), weight * math.sin(error)
-        if plan.roll[row] == HINGE:
-            hinge = quat.cross(_vector(directions, row), _vector(directions, row + 1))
-            bent = HINGE_RATE * _rise(length(hinge), BENT)
-            if bent > 0:
-                error = quat.twist(now, quat.rotated(from_base, hinge), axis)
-                if began:
-                    bent *= (1 + math.cos(error)) / 2  # the other way round is an error of the sensor's
-                x, y, weight = x + bent * math.cos(error), y + bent * math.sin(error), weight + bent
-        share = 1 - math.exp(-weight * elapsed) if began else 1.0
-        angle = share * math.atan2(y, x) if weight > 0 else 0.0
-    fastest = FASTEST * elapsed
-    return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
-
-
-@numba.njit
-def _as_turned(plan, state, row, local, from_base, aim, turned, elapsed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Roll a bone about itself as the performer's has rolled."""
-    there = quat.product(from_base, quat.product(_quaternion(turned, row), _quaternion(state.mount, row)))
-    axis, side = quat.rotated(local, aim), _vector(plan.sides, row)
-    weight = TURNED_RATE * _rise(quat.dot(axis, quat.rotated(there, aim)), TURNED_COSINE)
-    angle = quat.twist(quat.rotated(local, side), quat.rotated(there, side), axis)
-    angle *= 1 - math.exp(-weight * elapsed)
-    fastest = FASTEST * elapsed
-    return quat.product(quat.about(axis, min(max(angle, -fastest), fastest)), local)
-
-
-@numba.njit
-def _write_motions(plan, state, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the motions of the bones, from the root to the tips, each with its own length."""
+@compiled(inner=True)
+def _write_motions(plan, state, out):
+    """Write the motions of the bones, from the root to the tips."""
     rows = len(plan.roll)
     shown = np.empty((rows, 4))
     shown[0] = 1.0, 0.0, 0.0, 0.0
     for row in range(1, rows):
-        local = _quaternion(state.local, row)
+        local = quat.row_of(state.local, row)
         if plan.gain[row] != 1:
-            vector = quat.near_vector(local, _vector(state.vector, row))
+            vector = quat.near_vector(local, row_of(state.vector, row))
             state.vector[row] = vector
-            local = quat.from_vector(quat.scaled(vector, plan.gain[row]))
+            local = quat.from_vector(scaled(vector, plan.gain[row]))
         base = plan.shown_base[row]
-        shown[row] = quat.product(_quaternion(shown, base), local) if base >= 0 else local
+        shown[row] = quat.product(quat.row_of(shown, base), local) if base >= 0 else local
         bone = row - 1
-        turn = _in_file_axes(_quaternion(shown, row), plan.basis)
+        turn = _in_file_axes(quat.row_of(shown, row), plan.basis)
         _write_motion(turn, plan.heads, plan.parents[bone], bone, out)
 
 
-@numba.njit
-def _in_file_axes(q, basis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return a rotation in character axes as one in those of the mesh file."""
-    x, y, z = q[1], q[2], q[3]
-    return (
-        q[0],
-        x * basis[0, 0] + y * basis[1, 0] + z * basis[2, 0],
-        x * basis[0, 1] + y * basis[1, 1] + z * basis[2, 1],
-        x * basis[0, 2] + y * basis[1, 2] + z * basis[2, 2],
-    )
+@compiled(inner=True)
+def _in_file_axes(q, basis):
+    """Convert a rotation from character axes to those of the mesh file."""
+    return (q[0], *in_axes((q[1], q[2], q[3]), basis))
 
 
-@numba.njit
-def _write_motion(turn, heads, parent, bone, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the motion that turns a bone about its head, where the bone that it hangs on carries it."""
+@compiled(inner=True)
+def _write_motion(turn, heads, parent, bone, out):
+    """Write the motion that turns a bone about its head, which moves with the bone's parent."""
     quat.write_rows(turn, out[bone])
     for axis in range(3):
         place, kept = heads[bone, axis], 0.0

@@ -1,4 +1,4 @@
-"""What the motion of limbs needs to know of a character's bones and a performer at rest, worked out once."""
+"""Pre-computed constants of the motion of limbs, from a character's bones and a performer at rest."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -8,33 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.bones import Bones
-from solver.motion import quaternions as quat
 from solver.motion.limbs import TRUNK, Limb, Performer
+from solver.motion.vectors import perpendicular, unit
 
-BENT = 0.25, 0.6
-"""Sine of the angle at elbow or knee from which its plane counts, and from which it counts in full."""
+BENT_SINES = 0.25, 0.6
+"""Sines of the angle at elbow or knee above which its plane counts, and counts fully."""
 
 SWING, SIDES, HINGE = 0, 1, 2
-"""Where a bone's roll comes from: the least rotation from rest, the sides of the body, the plane of elbow or knee."""
+"""References of a bone's roll: the least rotation from rest, the sides of the body, the plane of elbow or knee."""
 
 
 class Plan(NamedTuple):
-    """What does not change from frame to frame. Row 0 is the performer's torso, row i + 1 the character's bone i."""
+    """Constants of the motion of limbs. Row 0 is the performer's torso, row i + 1 the character's bone i."""
 
-    joints: NDArray[np.int64]  # (p, m): the joints of each point, filled up with −1
+    joints: NDArray[np.int64]  # (p, m): the joints of each point, padded with −1
     ends: NDArray[np.int64]  # (b + 1, 2): the points of each bone
-    aims: NDArray[np.float64]  # (b + 1, 3): where each points at rest; zero where that is not known
-    chords: NDArray[np.float64]  # (b + 1, 3): the same for a trunk whose inner joints do not count
-    sides: NDArray[np.float64]  # (b + 1, 3): what is held against the reference of the roll, at rest
+    aims: NDArray[np.float64]  # (b + 1, 3): direction at rest; zero if unknown
+    chords: NDArray[np.float64]  # (b + 1, 3): the same if the trunk's inner joints do not count
+    sides: NDArray[np.float64]  # (b + 1, 3): direction that is compared with the roll's reference, at rest
     roll: NDArray[np.int64]  # (b + 1,): SWING, SIDES or HINGE
-    hips: NDArray[np.float64]  # (b + 1,): how much of the sides of the body is the hips', the rest is the shoulders'
-    base: NDArray[np.int64]  # (b + 1,): the row that each bone's turn is measured against, −1 for none
-    shown_base: NDArray[np.int64]  # (b + 1,): the row of the character's that it is applied on top of
+    hips: NDArray[np.float64]  # (b + 1,): weight of the hips in the sides of the body; the rest is the shoulders'
+    base: NDArray[np.int64]  # (b + 1,): row to which each bone's rotation is relative, −1 for none
+    shown_base: NDArray[np.int64]  # (b + 1,): the character's row to which it is applied
     gain: NDArray[np.float64]  # (b + 1,)
-    oriented: NDArray[np.int64]  # (b + 1,): the joint whose orientation tells the roll, −1 for none
-    pitch: NDArray[np.float64]  # (b + 1,): radians by which a direction is raised: a foot's
+    oriented: NDArray[np.int64]  # (b + 1,): joint whose orientation determines the roll, −1 for none
+    pitch: NDArray[np.float64]  # (b + 1,): angle in radians by which a foot's direction is raised
     foot: NDArray[np.bool_]  # (b + 1,): whether it is the foot of a leg
-    trunk: NDArray[np.int64]  # (q,): the points of the trunk, none if there is no trunk
+    trunk: NDArray[np.int64]  # (q,): points of the trunk, empty without a trunk
     trunk_rows: NDArray[np.int64]  # (q − 1,): its bones
     pairs: NDArray[np.int64]  # (2, 2): hips and shoulders, left and right
     opposite: NDArray[np.int64]  # (j,)
@@ -60,14 +60,14 @@ def plan_of(
     basis: NDArray[np.float64],
     turns: bool,
 ) -> Plan:
-    """Work out everything about the bones that no frame changes.
+    """Compute the constants of the motion of limbs.
 
     Parameters
     ----------
     limbs : sequence of Limb
-        As `limbs.parents_first` orders them.
+        In the order of `limbs.parents_first`.
     bones : Bones
-        Of these.
+        Of these limbs.
     performer : Performer
     rest : (j, 3) float64
     basis : (3, 3) float64
@@ -91,7 +91,7 @@ def plan_of(
         roll[row], sides[row] = HINGE, _hinge(aims[row], aims[row + 1], forward)
     aims = _units(aims)
     for swinging in np.flatnonzero(roll == SWING):
-        sides[swinging] = quat.across(tuple(aims[swinging]))
+        sides[swinging] = perpendicular(tuple(aims[swinging]))
     base, shown_base = _bases(places, bones)
     none = np.zeros(0, dtype=np.int64)
     return Plan(
@@ -130,7 +130,7 @@ def _places(limbs: Sequence[Limb]) -> list[_Place]:
 
 
 def _joints(limbs: Sequence[Limb]) -> NDArray[np.int64]:
-    """Return the joints of each point (p, m), filled up with −1."""
+    """Return the joints of each point (p, m), padded with −1."""
     chains = [joints for limb in limbs for joints in limb.joints]
     out = np.full((len(chains), max(map(len, chains), default=1)), -1, dtype=np.int64)
     for row, chain in zip(out, chains, strict=True):
@@ -145,10 +145,10 @@ def _aims(
     rest: NDArray[np.float64],
     basis: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return what is turned to where the performer's bones point (b + 1, 3): NaN where it is not known.
+    """Return the directions (b + 1, 3) that are turned to those of the performer's bones; NaN if unknown.
 
-    That is the character's bone at rest, or, for a limb that follows by "turn", the performer's: a trunk's as it was,
-    any other's against the torso.
+    These are the character's bones at rest, or the performer's for a limb that follows by "turn": in character axes for
+    a trunk, relative to the torso for other limbs.
     """
     torso = _torso(rest, performer)
     aims = np.vstack([[0.0, 1.0, 0.0], (bones.tails - bones.heads) @ basis.T])
@@ -160,7 +160,7 @@ def _aims(
 
 
 def _hinges(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[int, float]]:
-    """Go through the upper arms and thighs: their rows, and 1 for arms, which bend forwards, or −1."""
+    """Iterate over upper arms and thighs: their rows, and 1 for arms, which bend forwards, or −1 for legs."""
     forward = dict.fromkeys([(joint,) for joint in performer.shoulders], 1.0)
     forward |= dict.fromkeys([(joint,) for joint in performer.hips], -1.0)
     for limb, rows, _ in places:
@@ -171,7 +171,7 @@ def _hinges(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[in
 
 
 def _oriented(limb: Limb, bone: int) -> int:
-    """Return the joint at which the performer's bone begins, or −1 for a bone whose roll the sides of the body tell."""
+    """Return the joint at which the performer's bone begins, or −1 for a bone whose roll follows the body's sides."""
     joints = limb.joints[bone]
     return joints[0] if len(joints) == 1 and limb.name != TRUNK else -1
 
@@ -179,9 +179,9 @@ def _oriented(limb: Limb, bone: int) -> int:
 def _pitches(
     places: Sequence[_Place], aims: NDArray[np.float64], performer: Performer, rest: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return how much more a character's foot points upwards than the performer's while both stand (b + 1,).
+    """Return the pitch of the character's feet relative to the performer's at rest (b + 1,), radians.
 
-    A sensor has the foot's joint at another height than a mesh: Kinect v1's is nearly below the ankle.
+    Sensors place the joint of a foot at other heights than meshes: Kinect v1's is nearly below the ankle.
     """
     pitches = np.zeros(len(aims))
     for (limb, rows, _), k in _feet(places, performer):
@@ -193,7 +193,7 @@ def _pitches(
 
 
 def _feet(places: Sequence[_Place], performer: Performer) -> Iterator[tuple[_Place, int]]:
-    """Go through the feet: the third bones from a hip on, of which limb they are and the how manieth there."""
+    """Iterate over the feet, the third bones from a hip: their limb, and their index in it."""
     hips = {(joint,) for joint in performer.hips}
     for place in places:
         for k in range(2, len(place.rows)):
@@ -207,7 +207,7 @@ def _elevation(direction: NDArray[np.float64]) -> float:
 
 
 def _bases(places: Sequence[_Place], bones: Bones) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the row that each bone's turn is measured against, and the one that it is applied on top of."""
+    """Return the rows to which each bone's rotation is relative, and to which it is applied."""
     base, shown = np.full((2, len(bones.parents) + 1), -1, dtype=np.int64)
     trunk = {int(row) for limb, rows, _ in places if limb.name == TRUNK for row in rows}
     directed = {int(row) for limb, rows, _ in places if limb.follow == "direction" for row in rows}
@@ -225,12 +225,12 @@ def _bases(places: Sequence[_Place], bones: Bones) -> tuple[NDArray[np.int64], N
 
 
 def _units(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the directions of (n, 3) vectors; zero for those that are not known or have none."""
-    return np.array([quat.unit(tuple(vector)) for vector in np.nan_to_num(vectors)]).reshape(-1, 3)
+    """Return the directions of (n, 3) vectors; zero for unknown ones and those without a direction."""
+    return np.array([unit(tuple(vector)) for vector in np.nan_to_num(vectors)]).reshape(-1, 3)
 
 
 def _ancestors(bone: int, parents: NDArray[np.int64]) -> list[int]:
-    """Return the bones between a bone and the root, the nearest first."""
+    """Return the ancestors of a bone, its parent first."""
     found = []
     while parents[bone] >= 0:
         bone = int(parents[bone])
@@ -245,17 +245,17 @@ def _sides(pose: NDArray[np.float64], performer: Performer) -> NDArray[np.float6
 
 
 def _sides_at_rest(limbs: Sequence[Limb], performer: Performer, basis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the same of a character: between the roots of its legs and arms, or its own left if it has none."""
+    """Return the same directions of a character: between the roots of its legs and arms, or +x if it has none."""
     roots = {limb.joints[0]: limb.points[0] @ basis.T for limb in limbs}
     found = np.tile([1.0, 0.0, 0.0], (2, 1))
     for row, (left, right) in zip(found, (performer.hips, performer.shoulders), strict=True):
         if (left,) in roots and (right,) in roots:
-            row[:] = quat.unit(tuple(roots[(left,)] - roots[(right,)]))
+            row[:] = unit(tuple(roots[(left,)] - roots[(right,)]))
     return found
 
 
 def _torso(pose: NDArray[np.float64], performer: Performer) -> NDArray[np.float64]:
-    """Return a performer's torso as (3, 3) columns left, up and forward; NaN where it is not known."""
+    """Return a performer's torso as (3, 3) columns left, up and forward; NaN if unknown."""
     hips, shoulders = pose[list(performer.hips)], pose[list(performer.shoulders)]
     with np.errstate(invalid="ignore"):
         up = shoulders.mean(axis=0) - hips.mean(axis=0)
@@ -269,12 +269,12 @@ def _torso(pose: NDArray[np.float64], performer: Performer) -> NDArray[np.float6
 def _hinge(upper: NDArray[np.float64], lower: NDArray[np.float64], forward: float) -> NDArray[np.float64]:
     """Return the axis (3,) about which an elbow (forward = 1) or knee (−1) bends, at rest.
 
-    It is the limb's own where the limb is bent at rest. A straight arm bends forwards, and upwards if it points
-    forwards; a straight leg the other way.
+    For a limb that is bent at rest, it is the normal of the limb's plane. A straight arm bends forwards, and upwards if
+    it points forwards; a straight leg bends the other way.
     """
     upper, lower = _units(np.array([upper, lower]))
     axis: NDArray[np.float64] = np.cross(upper, lower)
-    if np.linalg.norm(axis) > BENT[0]:
+    if np.linalg.norm(axis) > BENT_SINES[0]:
         return axis
     bends_to = np.array([0, 0, forward])
     return np.cross(upper, bends_to if abs(upper[2]) < 0.9 else np.array([0, forward * np.sign(upper[2]), 0]))

@@ -12,26 +12,26 @@ from solver.model.bones import Bones
 Follow = Literal["direction", "turn"]
 
 TRUNK = "trunk"
-"""Name of the limb whose roll comes from the performer's hips and shoulders, and on which other limbs hang."""
+"""Name of the limb whose roll follows the performer's hips and shoulders; the default parent of other limbs."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """A chain of bones inside a character that does what a chain of the performer's joints does.
+    """A chain of bones inside a character that follows a chain of the performer's joints.
 
     Attributes
     ----------
     name : str
-        `TRUNK` for the limb whose roll comes from hips and shoulders.
+        `TRUNK` for the limb whose roll follows hips and shoulders.
     points : (k, 3) float64
         Root to tip, mesh file's coordinates; k ≥ 2, so k − 1 bones.
     joints : (k,) of tuple of int
-        The performer's joints, one for each point; a tuple of several joints is averaged.
+        The performer's joints, a tuple for each point, whose joints are averaged.
     follow : {"direction", "turn"}
     gain : float
-        Factor on the angle by which each bone turns from its rest against the bone it hangs on.
+        Factor of the angle by which each bone turns from rest relative to its parent.
     parent : str or None
-        The limb it hangs on.
+        Name of the parent limb.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Performer:
-    """What has to be known of a performer's joints to tell the sides of the body.
+    """The performer's joints from which the sides of the body follow.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ class Performer:
 
 
 def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
-    """Return limbs in an order in which each comes after the one that it hangs on.
+    """Sort limbs so that each comes after its parent.
 
     Raises
     ------
     ValueError
-        A parent that is not there, or limbs that hang on each other in a circle.
+        A parent that is missing, or a cycle of parents.
     """
     ordered: list[Limb] = []
     waiting = list(limbs)
@@ -73,16 +73,18 @@ def parents_first(limbs: Sequence[Limb]) -> list[Limb]:
         placed = {limb.name for limb in ordered}
         ready = [limb for limb in waiting if limb.parent is None or limb.parent in placed]
         if not ready:
-            raise ValueError(f"limbs without a way to a root: {[limb.name for limb in waiting]}")
+            raise ValueError(
+                f"found limbs without a root: {[limb.name for limb in waiting]}; expected no cycle of parents"
+            )
         ordered += ready
         waiting = [limb for limb in waiting if limb not in ready]
     return ordered
 
 
 def bones_of(limbs: Sequence[Limb]) -> Bones:
-    """Return the bones of limbs, limb after limb as in `parents_first`, from root to tip.
+    """Return the bones of limbs, in the order of `parents_first`, each limb from root to tip.
 
-    The first bone of a limb hangs on that bone of its parent limb which is nearest to the limb's first point.
+    The parent of a limb's first bone is the bone of the parent limb nearest to the limb's first point.
 
     Parameters
     ----------
@@ -121,7 +123,7 @@ def bones_of(limbs: Sequence[Limb]) -> Bones:
 
 
 def _distance(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
-    """Return how far a point is from a segment."""
+    """Return the distance of a point from a segment."""
     along = end - start
     share = min(max(float((point - start) @ along) / max(float(along @ along), 1e-300), 0.0), 1.0)
     return float(np.linalg.norm(point - start - share * along))

@@ -1,16 +1,17 @@
-"""Motions of bones between two others: bones turn on the shortest way against what they hang on, and stay joined."""
+"""Interpolation between motions of bones: each bone takes the shortest rotation relative to its parent."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
 from solver.motion.two_bones import moved
+from solver.motion.vectors import scaled
 
 
 def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what takes the motions `start` to the motions `end`.
+    """Return the difference between the motions `start` and `end`.
 
     Parameters
     ----------
@@ -21,7 +22,7 @@ def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64
     Returns
     -------
     (b, 6) float64
-        For each bone, the rotation against what it hangs on as axis times angle, and how far its head moves beside.
+        For each bone, the rotation relative to its parent as axis times angle, and the translation of its head.
     """
     out = np.empty((len(bones.parents), 6))
     _difference(bones.parents, bones.heads, start, end, out)
@@ -31,9 +32,9 @@ def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64
 def moved_by(
     bones: Bones, motions: NDArray[np.float64], apart: NDArray[np.float64], share: float
 ) -> NDArray[np.float64]:
-    """Return motions that have gone a share of a difference.
+    """Return motions plus a share of a difference.
 
-    With share 0 these are the motions, and with 1 and `difference(bones, motions, end)` they are `end`.
+    With share 0 the result is `motions`; with share 1 and `difference(bones, motions, end)` it is `end`.
 
     Parameters
     ----------
@@ -52,23 +53,23 @@ def moved_by(
     return out
 
 
-@numba.njit
-def _place(motions, bone, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a bone's motion takes a point; where the point is, for bone −1."""
+@compiled(inner=True)
+def _place(motions, bone, point):
+    """Return the image of a point under a bone's motion; the point itself for bone −1."""
     return moved(motions[bone], point) if bone >= 0 else (point[0], point[1], point[2])
 
 
-@numba.njit
-def _against_parent(motions, parents, bone):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return a bone's rotation against that of the bone that it hangs on."""
+@compiled(inner=True)
+def _against_parent(motions, parents, bone):
+    """Return a bone's rotation relative to that of its parent."""
     own = quat.of_rows(motions[bone])
     if parents[bone] < 0:
         return own
     return quat.product(quat.inverse(quat.of_rows(motions[parents[bone]])), own)
 
 
-@numba.njit(cache=True, nogil=True)
-def _difference(parents, heads, start, end, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _difference(parents, heads, start, end, out):
     for bone in range(len(parents)):
         before, after = _against_parent(start, parents, bone), _against_parent(end, parents, bone)
         turn = quat.to_vector(quat.product(after, quat.inverse(before)))
@@ -79,12 +80,12 @@ def _difference(parents, heads, start, end, out):  # type: ignore[no-untyped-def
             out[bone, 3 + axis] = (becomes[axis] - carried[1][axis]) - (was[axis] - carried[0][axis])
 
 
-@numba.njit(cache=True, nogil=True)
-def _move(parents, heads, motions, apart, share, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _move(parents, heads, motions, apart, share, out):
     turns = np.empty((len(parents), 4))
     for bone in range(len(parents)):
         parent = parents[bone]
-        turn = quat.from_vector(quat.scaled(apart[bone], share))
+        turn = quat.from_vector(scaled(apart[bone], share))
         turn = quat.product(turn, _against_parent(motions, parents, bone))
         if parent >= 0:
             turn = quat.product((turns[parent, 0], turns[parent, 1], turns[parent, 2], turns[parent, 3]), turn)

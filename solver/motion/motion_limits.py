@@ -1,4 +1,4 @@
-"""How far limbs may go before the character tears, found by trying it on the reduced model."""
+"""Limits of the motion of limbs, found by moving them on the reduced model until edges are strained too much."""
 
 from dataclasses import replace
 
@@ -10,45 +10,46 @@ from solver.model.reduced_model import ReducedModel
 from solver.motion.deformer import Deformer, to_file_units
 from solver.surface.mesh import SolverMesh
 
-PROBES = np.array([0.025, 0.05, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4])
-"""Displacements that are tried, fractions of the diagonal."""
+PROBE_DIAGONALS = np.array([0.025, 0.05, 0.08, 0.12, 0.17, 0.23, 0.3, 0.4])
+"""Displacements that are probed, as fractions of the diagonal."""
 
-STRAIN_LIMIT = 1.3
-"""Mean strain of the worst edges at which a limb has reached its end."""
+MAX_STRAIN = 1.3
+"""Largest mean strain of the most strained edges within a limb's reach."""
 
-WORST = 0.01
-"""Share of all edges that counts as the worst."""
+WORST_EDGE_SHARE = 0.01
+"""Share of all edges that are the most strained ones."""
 
-SAMPLED_EDGES = 4000
+MAX_SAMPLED_EDGES = 4000
+"""Largest number of edges whose strain is measured."""
 
-SETTLE = 8
-"""Rotation updates for each probe; each starts from the one before."""
+UPDATES_PER_PROBE = 8
+"""Rotation updates per probe, each of which starts from the previous one."""
 
 
 def limb_reach(deformer: Deformer, mesh: SolverMesh, limbs: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Measure how far each limb may go along the six axis directions.
+    """Measure the reach of each limb along the six axis directions.
 
-    A limb's handles are drawn away together while all others stay, until the worst hundredth of the edges is, on
-    average, stretched by `STRAIN_LIMIT` or squeezed to its inverse. Along its own length a limb has little room and
-    sideways much, so the directions differ.
+    A limb's handles are moved together while all others stay, until the mean strain of the most strained hundredth of
+    the edges is `MAX_STRAIN`: stretched by this factor or compressed to its inverse. Directions differ because a limb
+    can move less along its length than sideways.
 
     Parameters
     ----------
     deformer : Deformer
-        Of the character and its handles; it is not moved.
+        Of the character and its handles; its state does not change.
     mesh : SolverMesh
         The character.
     limbs : (l, h) float64
-        How far each handle goes when a limb goes 1; 0 for handles that are not of that limb.
+        Displacement of each handle per unit of the limb's; 0 for handles of other limbs.
 
     Returns
     -------
     (l, 3, 2) float64
-        Along −x, +x, −y, +y, −z, +z; mesh units, from the smallest probe to the largest, which is also what a limb
-        without handles gets.
+        Along −x, +x, −y, +y, −z, +z; mesh units, between the smallest and the largest probe. A limb without handles
+        has the largest.
     """
-    trial, strain = deformer.another(SETTLE), _EdgeStrain(deformer.model, mesh)
-    reach = np.full((len(limbs), 3, 2), PROBES[-1])
+    trial, strain = deformer.another(UPDATES_PER_PROBE), _EdgeStrain(deformer.model, mesh)
+    reach = np.full((len(limbs), 3, 2), PROBE_DIAGONALS[-1])
     for limb, along in enumerate(limbs):
         if not along.any():
             continue
@@ -59,15 +60,15 @@ def limb_reach(deformer: Deformer, mesh: SolverMesh, limbs: NDArray[np.float64])
 
 
 def _probe(deformer: Deformer, strain: "_EdgeStrain", direction: NDArray[np.float64]) -> float:
-    """Return how far, in model units, the handles can go along a (h, 3) direction."""
+    """Return the reach of the handles along a (h, 3) direction, in model units."""
     deformer.reset()
     before, worst_before = 0.0, 1.0
-    for distance in PROBES:
+    for distance in PROBE_DIAGONALS:
         R = deformer.solve(deformer.handles + distance * deformer.model.diagonal * direction)
         worst = strain.worst(R)
-        if worst > STRAIN_LIMIT:
-            share = (STRAIN_LIMIT - worst_before) / (worst - worst_before)
-            return float(max(before + share * (distance - before), PROBES[0]))
+        if worst > MAX_STRAIN:
+            share = (MAX_STRAIN - worst_before) / (worst - worst_before)
+            return float(max(before + share * (distance - before), PROBE_DIAGONALS[0]))
         before, worst_before = float(distance), worst
     return before
 
@@ -76,18 +77,18 @@ class _EdgeStrain:
     """Strain of a sample of edges."""
 
     def __init__(self, model: ReducedModel, mesh: SolverMesh) -> None:
-        edges = mesh.edges[np.linspace(0, len(mesh.edges) - 1, min(SAMPLED_EDGES, len(mesh.edges))).astype(int)]
+        edges = mesh.edges[np.linspace(0, len(mesh.edges) - 1, min(MAX_SAMPLED_EDGES, len(mesh.edges))).astype(int)]
         ends = edges.T.ravel()
-        # in model units, whatever the mesh's: far from the origin a float32 holds no edge
+        # in model units: far from the origin, float32 is too coarse for edges
         self._model = replace(model, center=np.zeros(3), diagonal=np.asarray(1.0))
         self._ends = Binding(self._model, model.to_model(mesh.vertices[ends]), ends)
         self._rest = self._lengths(self._ends.rest)
 
     def worst(self, R: NDArray[np.float64]) -> float:
-        """Return the mean strain max(stretch, 1 / stretch) over the worst hundredth of the edges."""
+        """Return the mean strain max(stretch, 1 / stretch) of the most strained hundredth of the edges."""
         stretch = self._lengths(self._ends.vertices(to_file_units(R, self._model))) / self._rest
         strain = np.maximum(stretch, 1 / np.maximum(stretch, 1e-6))
-        count = max(1, int(WORST * len(strain)))
+        count = max(1, int(WORST_EDGE_SHARE * len(strain)))
         return float(np.partition(strain, -count)[-count:].mean())
 
     def _lengths(self, positions: NDArray[np.float32]) -> NDArray[np.float32]:

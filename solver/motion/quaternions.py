@@ -5,16 +5,12 @@ A quaternion turns column vectors: `rotated(q, v)` is q v q⁻¹, and `product(a
 
 import math
 
-import numba
-import numpy as np
-from numpy.typing import NDArray
-
-TINY = 1e-12
-"""Smallest length that has a direction, in the unit of the vector."""
+from puppetline.compiled import compiled
+from solver.motion.vectors import cross, dot, length, perpendicular, plus, scaled, unit
 
 
-@numba.njit(inline="always")
-def product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True, inline="always")
+def product(a, b):
     """Return the rotation that turns by b and then by a."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -24,33 +20,15 @@ def product(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     )
 
 
-@numba.njit(inline="always")
-def inverse(q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the rotation that takes q back."""
+@compiled(inner=True, inline="always")
+def inverse(q):
+    """Return the inverse rotation."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
-@numba.njit(inline="always")
-def cross(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the cross product of two vectors."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@numba.njit(inline="always")
-def dot(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the scalar product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@numba.njit(inline="always")
-def scaled(v, factor):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return a vector times a number."""
-    return (factor * v[0], factor * v[1], factor * v[2])
-
-
-@numba.njit(inline="always")
-def rotated(q, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return a vector turned by a quaternion."""
+@compiled(inner=True, inline="always")
+def rotated(q, v):
+    """Return a vector rotated by a quaternion."""
     u = (q[1], q[2], q[3])
     t = cross(u, v)
     t = scaled(t, 2)
@@ -58,53 +36,40 @@ def rotated(q, v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     return (v[0] + q[0] * t[0] + s[0], v[1] + q[0] * t[1] + s[1], v[2] + q[0] * t[2] + s[2])
 
 
-@numba.njit
-def unit(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return a vector's direction; zero for one that is too short to have one."""
-    length = math.sqrt(dot(v, v))
-    if not length > TINY:
-        return (0.0, 0.0, 0.0)
-    return (v[0] / length, v[1] / length, v[2] / length)
+@compiled(inner=True, inline="always")
+def row_of(quaternions, row):
+    """Return a row of an array of quaternions as a tuple."""
+    return (quaternions[row, 0], quaternions[row, 1], quaternions[row, 2], quaternions[row, 3])
 
 
-@numba.njit
-def normalised(q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def normalised(q):
     """Return a quaternion of unit length."""
-    length = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+    size = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    return (q[0] / size, q[1] / size, q[2] / size, q[3] / size)
 
 
-@numba.njit
-def across(a):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return some direction at a right angle to a vector, always the same one."""
-    if abs(a[0]) <= abs(a[1]) and abs(a[0]) <= abs(a[2]):
-        return unit((0.0, a[2], -a[1]))
-    if abs(a[1]) <= abs(a[2]):
-        return unit((-a[2], 0.0, a[0]))
-    return unit((a[1], -a[0], 0.0))
-
-
-@numba.njit
-def least(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the least rotation from one direction to another; about `across` where they are opposite."""
+@compiled(inner=True)
+def least(a, b):
+    """Return the least rotation from one direction to another, about `perpendicular` if they are opposite."""
     w = 1 + dot(a, b)
     if w < 1e-9:
-        x, y, z = across(a)
+        x, y, z = perpendicular(a)
         return (0.0, x, y, z)
     x, y, z = cross(a, b)
     return normalised((w, x, y, z))
 
 
-@numba.njit
-def from_vector(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def from_vector(v):
     """Return the rotation about a vector by its length in radians."""
-    angle = math.sqrt(dot(v, v))
+    angle = length(v)
     s = math.sin(angle / 2) / angle if angle > 1e-8 else 0.5
     return (math.cos(angle / 2), s * v[0], s * v[1], s * v[2])
 
 
-@numba.njit
-def to_vector(q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def to_vector(q):
     """Return the axis of a rotation times its angle, 0 to π."""
     sign = -1.0 if q[0] < 0 else 1.0
     s = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
@@ -112,34 +77,32 @@ def to_vector(q):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     return scaled((q[1], q[2], q[3]), scale)
 
 
-@numba.njit
-def near_vector(q, before):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return `to_vector` with as many full turns, forwards or backwards, as take it nearest to the one before."""
+@compiled(inner=True)
+def near_vector(q, before):
+    """Return `to_vector` plus the number of full turns that brings it nearest to the vector before."""
     v = to_vector(q)
-    angle = math.sqrt(dot(v, v))
+    angle = length(v)
     axis = (v[0] / angle, v[1] / angle, v[2] / angle) if angle > 1e-9 else unit(before)
-    length = angle + 2 * math.pi * round((dot(before, axis) - angle) / (2 * math.pi))
-    return scaled(axis, length)
+    return scaled(axis, angle + 2 * math.pi * round((dot(before, axis) - angle) / (2 * math.pi)))
 
 
-@numba.njit
-def twist(a, b, axis):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def twist(a, b, axis):
     """Return the angle about a unit axis from vector a to vector b, −π to π."""
     along_a, along_b = dot(a, axis), dot(b, axis)
-    flat_a = (a[0] - along_a * axis[0], a[1] - along_a * axis[1], a[2] - along_a * axis[2])
-    flat_b = (b[0] - along_b * axis[0], b[1] - along_b * axis[1], b[2] - along_b * axis[2])
+    flat_a, flat_b = plus(a, axis, -along_a), plus(b, axis, -along_b)
     return math.atan2(dot(cross(flat_a, flat_b), axis), dot(flat_a, flat_b))
 
 
-@numba.njit
-def about(axis, angle):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def about(axis, angle):
     """Return the rotation about a unit axis by an angle in radians."""
     s = math.sin(angle / 2)
     return (math.cos(angle / 2), s * axis[0], s * axis[1], s * axis[2])
 
 
-@numba.njit
-def of_rows(A):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled(inner=True)
+def of_rows(A):
     """Return the quaternion of a (3, 3) rotation for row vectors, x' = x A."""
     # Shepperd's method: the largest of the four squares, so that nothing cancels
     trace = A[0, 0] + A[1, 1] + A[2, 2]
@@ -154,15 +117,8 @@ def of_rows(A):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     return normalised(q)
 
 
-@numba.njit
-def write_rows(q, A):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Write a rotation as a (3, 3) matrix for row vectors: row i is where axis i goes."""
+@compiled(inner=True)
+def write_rows(q, A):
+    """Write a rotation as a (3, 3) matrix for row vectors: row i is the rotated axis i."""
     for i, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
         A[i, 0], A[i, 1], A[i, 2] = rotated(q, axis)
-
-
-def rows(q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the (3, 3) matrix, for row vectors, of a (4,) quaternion."""
-    out = np.empty((3, 3))
-    write_rows((q[0], q[1], q[2], q[3]), out)
-    return out

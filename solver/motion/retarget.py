@@ -1,36 +1,37 @@
-"""Joint motion to handle targets (Section 3.3, Eq. 6-7): arrays only.
+"""Joint motion to handle targets (Section 3.3, Eq. 6-7).
 
-The paper adds up the joints' motion from frame to frame, C^t+1 = C + H^t. While every joint is tracked that sum is the
-displacement from the first pose, which is what `Retargeter` uses: unlike the sum it does not drift after a drop-out.
+The paper adds up the joints' motion from frame to frame, C^t+1 = C + H^t. While every joint is tracked, that sum is the
+displacement from the first pose. `Retargeter` uses the displacement, which does not drift after a joint was lost.
 """
 
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-LIMIT_KNEE = 0.7
-"""Share of a handle's reach within which it follows its joint in proportion; beyond, it comes softly to a stop."""
+from puppetline.compiled import compiled
 
-FARTHEST = 1e6
-"""Metres from the calibration pose, and more: no place of a joint."""
+LIMIT_KNEE_SHARE = 0.7
+"""Share of a handle's reach within which it follows its joint in proportion; beyond it, motion levels off."""
 
-RETURN_TIME = 0.15
-"""Seconds in which a joint that was lost closes 63 % of the way from where it was held to where it is."""
+MAX_JOINT_METRES = 1e6
+"""Smallest coordinate, in metres, that is not a valid position of a joint."""
+
+RETURN_SECONDS = 0.15
+"""Time constant, in seconds, with which a joint that was lost eases from its held to its tracked position."""
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """Which joints move which handles, and how.
+    """The joints that move each handle, and how far.
 
     Attributes
     ----------
     matrix : (h, j) float64
-        M of Eq. 7. Each row averages the joints of one handle; a row of zeros leaves the handle where it is.
+        M of Eq. 7. Each row averages the joints of one handle; the handle of a row of zeros does not move.
     axes : (h, 3) bool
-        Which of a joint's coordinates count.
+        Coordinates of the joints that are used.
     gain : (h,) float64
         Factor on each handle's motion.
     """
@@ -42,14 +43,15 @@ class Mapping:
 
 @dataclass(frozen=True)
 class Fit:
-    """The performer's size against the character's.
+    """The scale from the performer to the character, and limits of the handles.
 
     Attributes
     ----------
     scale : (h,) float64
-        Mesh units that a handle moves for a metre of its joints.
+        Mesh units that a handle moves per metre of its joints.
     reach : (h, 3, 2) float64
-        How far each handle may go along −x, +x, −y, +y, −z, +z of the mesh file, mesh units; infinite for no limit.
+        Largest displacement of each handle along −x, +x, −y, +y, −z, +z of the mesh file, mesh units; infinite for no
+        limit.
     """
 
     scale: NDArray[np.float64]
@@ -57,7 +59,7 @@ class Fit:
 
 
 class Retargeter:
-    """Turns a performer's joints into handle targets.
+    """Maps a performer's joints to handle targets.
 
     Parameters
     ----------
@@ -66,8 +68,8 @@ class Retargeter:
     mapping : Mapping
     fit : Fit
     calibration : (j, 3) float64
-        The performer's joints in the pose that stands for the character's rest pose; metres, character axes (y up,
-        facing +z). NaN for joints that are not known: they move nothing.
+        The performer's joints in the calibration pose, which maps to the character's rest pose; metres, character axes
+        (y up, facing +z). NaN for unknown joints, which move no handle.
     basis : (3, 3) float64
         Rows: the mesh file's direction of the performer's left (+x), up and forward. Identity for a glTF character.
     """
@@ -90,7 +92,7 @@ class Retargeter:
     def step(self, time: float, positions: NDArray[np.float64], confidence: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the handle targets of one frame.
 
-        A joint that is lost is held where it was; when it comes back it closes the distance smoothly.
+        A lost joint keeps its position; when it is tracked again, it eases to its new position.
 
         Parameters
         ----------
@@ -109,7 +111,7 @@ class Retargeter:
         return self.targets(self._return.step(time, positions - self.calibration, confidence > 0))
 
     def targets(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return where the handles go for joint displacements from the calibration pose.
+        """Return the handle targets for joint displacements from the calibration pose.
 
         Parameters
         ----------
@@ -125,7 +127,7 @@ class Retargeter:
 
 
 class SmoothReturn:
-    """Holds joints where they are lost, and closes the distance smoothly when they come back.
+    """Holds lost joints, and eases them to their positions when they are tracked again.
 
     Parameters
     ----------
@@ -147,25 +149,31 @@ class SmoothReturn:
             Seconds, increasing from call to call.
         displacement : (j, 3) float64
         known : (j,) bool
-            A displacement that is not finite, or farther than `FARTHEST`, is not known either.
+            Whether a joint is tracked. An invalid displacement (`is_position`) counts as lost.
 
         Returns
         -------
         (j, 3) float64
-            Zero for a joint that was never known.
+            Zero for a joint that was never tracked.
         """
-        fading = math.exp(-max(0.0, time - self._time) / RETURN_TIME)  # a clock that is set back stands still here
+        fading = math.exp(-max(0.0, time - self._time) / RETURN_SECONDS)  # 0 if the clock is set back
         began = math.isfinite(self._time)
         self._time = time
-        _close(displacement, known, fading, began, self._last, self._offset, self._known)
+        _ease(displacement, known, fading, began, self._last, self._offset, self._known)
         return self._last.copy()
 
 
-@numba.njit(cache=True, nogil=True)
-def _close(displacement, known, fading, began, last, offset, was_known):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Bring each joint's displacement up to date, and the offset at which it came back."""
+@compiled(inner=True)
+def is_position(p):
+    """Return whether three coordinates are a valid position: finite, and below `MAX_JOINT_METRES`."""
+    return abs(p[0]) < MAX_JOINT_METRES and abs(p[1]) < MAX_JOINT_METRES and abs(p[2]) < MAX_JOINT_METRES
+
+
+@compiled
+def _ease(displacement, known, fading, began, last, offset, was_known):
+    """Update each joint's displacement, and its offset since it was tracked again."""
     for j in range(len(displacement)):
-        now = known[j] and np.abs(displacement[j]).max() < FARTHEST  # which NaN is not
+        now = known[j] and is_position(displacement[j])
         for axis in range(3):
             offset[j, axis] *= fading
             if now and began and not was_known[j]:
@@ -176,10 +184,10 @@ def _close(displacement, known, fading, began, last, offset, was_known):  # type
 
 
 def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Keep motion within reach without a jolt: in proportion up to the knee, then levelling off.
+    """Limit motion to the reach smoothly: in proportion up to the knee, then levelling off.
 
-    The limit is an ellipsoid in each octant. With r the distance in units of the reach, r ≤ k stays and r > k becomes
-    k + (1 − k) tanh((r − k) / (1 − k)), which is smooth in value and slope and stays below 1.
+    The limit is an ellipsoid in each octant. With r the distance in units of the reach, r ≤ k is kept and r > k becomes
+    k + (1 − k) tanh((r − k) / (1 − k)), which is continuous with its derivative and below 1.
 
     Parameters
     ----------
@@ -197,15 +205,15 @@ def soft_limit(moved: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArra
     return out
 
 
-@numba.njit(cache=True, nogil=True)
-def levelled_off(ratio):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return a distance in units of the reach, 0 or more, after the soft limit: at most 1 (`soft_limit`)."""
-    room = 1 - LIMIT_KNEE
-    return ratio if ratio <= LIMIT_KNEE else LIMIT_KNEE + room * np.tanh((ratio - LIMIT_KNEE) / room)
+@compiled
+def levelled_off(ratio):
+    """Return a non-negative distance in units of the reach after the soft limit, at most 1 (`soft_limit`)."""
+    room = 1 - LIMIT_KNEE_SHARE
+    return ratio if ratio <= LIMIT_KNEE_SHARE else LIMIT_KNEE_SHARE + room * np.tanh((ratio - LIMIT_KNEE_SHARE) / room)
 
 
-@numba.njit(cache=True, nogil=True)
-def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _limit(moved, reach, out):
     """Limit (k, h, 3) motions."""
     for k in range(len(moved)):
         for h in range(len(reach)):
@@ -213,6 +221,6 @@ def _limit(moved, reach, out):  # type: ignore[no-untyped-def]  # noqa: ANN001, 
             for axis in range(3):
                 square += (moved[k, h, axis] / reach[h, axis, 0 if moved[k, h, axis] < 0 else 1]) ** 2
             ratio = np.sqrt(square)
-            scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE else 1.0
+            scale = levelled_off(ratio) / ratio if ratio > LIMIT_KNEE_SHARE else 1.0
             for axis in range(3):
                 out[k, h, axis] = moved[k, h, axis] * scale

@@ -1,19 +1,19 @@
-"""The turn that handles leave open: all of it with one handle, and with several on a line that about the line.
+"""Removal of rotations that handles do not determine: with one handle any, with several on a line those about it.
 
-Neither the deformation energy nor such handles hold a character against it. Left alone, it would roll a little with
-every motion and never come back.
+Neither the deformation energy nor such handles prevent this rotation. The character would roll a little with every
+motion and never roll back.
 """
 
-import numba
 import numpy as np
 
-from solver.model.lanes import BLOCK, LANES, ROWS, place_of_matrix
+from puppetline.compiled import compiled
+from solver.model.matrix_blocks import MATRICES, NUMBERS, ROWS, place_of_matrix
 from solver.model.polar import nearest_rotations
 
 
-@numba.njit(cache=True, nogil=True)
-def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the (3, 3) rotation, for row vectors, nearest to the motion of some points; the least that fits.
+@compiled
+def rigid_fit(rest, now):
+    """Return the least rotation that best fits the motion of points, (3, 3) for row vectors.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
         for i in range(3):
             for j in range(3):
                 S[i, j] += (rest[h, i] - middle[i]) * (now[h, j] - moved[j])
-    # handles at one point differ by rounding, which has no direction
+    # differences between handles at one point are rounding errors without a direction
     size = np.abs(rest).max() * np.abs(now).max()
     least = 1e-9 * np.sqrt((S * S).sum()) + 1e-24 * len(rest) * size + 1e-300
     for i in range(3):
@@ -36,53 +36,53 @@ def rigid_fit(rest, now):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN20
     return _nearest(S)
 
 
-@numba.njit(cache=True, nogil=True)
-def take_back(turns, count, start, line):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Turn all isolines until their mean has no roll left against a rotation.
+@compiled
+def remove_roll(turns, count, start, line):
+    """Rotate all isolines so that their mean has no roll relative to a rotation.
 
     Parameters
     ----------
-    turns : (blocks · BLOCK,) float64
-        The isolines' rotations in the layout of `lanes`, for row vectors; written to.
+    turns : (blocks · NUMBERS,) float64
+        The isolines' rotations in the layout of `matrix_blocks`, for row vectors; written to.
     count : int
-        How many there are.
+        Number of isolines.
     start : (3, 3) float64
-        What the mean is measured against, from `rigid_fit`.
+        Reference rotation, from `rigid_fit`.
     line : (3,) float64
-        Direction of the line through the handles, of unit length; zero for a single handle, which leaves all open.
+        Unit direction of the line through the handles; zero for a single handle, where any rotation is undetermined.
     """
     total = np.zeros((3, 3))
     for k in range(count):
         place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
-                total[i, j] += turns[place + j * ROWS + i * LANES]
+                total[i, j] += turns[place + j * ROWS + i * MATRICES]
     roll = _about(line, _product(_nearest(total).T, start))
     row = np.empty(3)
     for k in range(count):
         place = place_of_matrix(k)
         for i in range(3):
             for j in range(3):
-                row[j] = turns[place + j * ROWS + i * LANES]
+                row[j] = turns[place + j * ROWS + i * MATRICES]
             for j in range(3):
-                turns[place + j * ROWS + i * LANES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
+                turns[place + j * ROWS + i * MATRICES] = row[0] * roll[0, j] + row[1] * roll[1, j] + row[2] * roll[2, j]
 
 
-@numba.njit(cache=True, nogil=True)
-def _nearest(S):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    packed, R = np.zeros(BLOCK), np.empty((3, 3))
+@compiled
+def _nearest(S):
+    packed, R = np.zeros(NUMBERS), np.empty((3, 3))
     for i in range(3):
         for j in range(3):
-            packed[j * ROWS + i * LANES] = S[i, j]
+            packed[j * ROWS + i * MATRICES] = S[i, j]
     nearest_rotations(packed, packed)
     for i in range(3):
         for j in range(3):
-            R[i, j] = packed[j * ROWS + i * LANES]
+            R[i, j] = packed[j * ROWS + i * MATRICES]
     return R
 
 
-@numba.njit(cache=True, nogil=True)
-def _product(A, B):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _product(A, B):
     C = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -91,10 +91,10 @@ def _product(A, B):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return C
 
 
-@numba.njit(cache=True, nogil=True)
-def _about(line, R):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the part of a rotation that is about a line: swing and twist, taken apart by its quaternion."""
-    # four times the products of the components with each other; the row of the largest is the quaternion, to scale
+@compiled
+def _about(line, R):
+    """Return the twist of a rotation about a line, from the swing-twist decomposition of its quaternion."""
+    # four times the products of the components; the row of the largest square is the quaternion, up to scale
     squares = np.array(
         [
             1 + R[0, 0] + R[1, 1] + R[2, 2],

@@ -1,30 +1,32 @@
-"""Two bones that bend to take the end of the second one to a place: inverse kinematics of an arm or leg."""
+"""Motions of bones, and inverse kinematics of an arm or leg: two bones bend to move an end to a target."""
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.model.bones import Bones
 from solver.motion import quaternions as quat
+from solver.motion.vectors import dot, in_axes, length, minus, plus, unit
 
-STRAIGHT = 0.9995
-"""Share of a limb's length to which it is straightened at most."""
+MAX_REACH_SHARE = 0.9995
+"""Largest distance between the ends of a bent limb, as a share of its length."""
 
-POLE = 0.03
-"""How much a straight limb leans to the side it bends to, as a share of its first bone's length."""
+POLE_SHARE = 0.03
+"""Smallest offset of the joint of a bent limb, and the offset of a straight one when it bends, as a share of its first
+bone's length."""
 
 
 def pole(bones: Bones, upper: int, lower: int, towards: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the joint between two bones bends to at rest, a direction at a right angle to the limb.
+    """Return the direction in which the joint between two bones bends at rest, at a right angle to the limb.
 
     Parameters
     ----------
     bones : Bones
     upper, lower : int
     towards : (3,) float64
-        Where a straight limb bends to.
+        Direction in which a straight limb bends.
 
     Returns
     -------
@@ -33,44 +35,22 @@ def pole(bones: Bones, upper: int, lower: int, towards: NDArray[np.float64]) -> 
     start, joint, end = bones.heads[upper], bones.tails[upper], bones.tails[lower]
     along = (end - start) / np.linalg.norm(end - start)
     bent = (joint - start) - ((joint - start) @ along) * along
-    if np.linalg.norm(bent) < POLE * np.linalg.norm(joint - start):
+    if np.linalg.norm(bent) < POLE_SHARE * np.linalg.norm(joint - start):
         bent = towards - (towards @ along) * along
     out: NDArray[np.float64] = bent / max(np.linalg.norm(bent), 1e-300)
     return out
 
 
-@numba.njit
-def length(v):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the length of a vector."""
-    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+@compiled(inner=True)
+def moved(T, point):
+    """Return the image of a point under a motion."""
+    x, y, z = in_axes(point, T)
+    return (x + T[3, 0], y + T[3, 1], z + T[3, 2])
 
 
-@numba.njit
-def moved(T, point):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return where a motion takes a point."""
-    x, y, z = point[0], point[1], point[2]
-    return (
-        x * T[0, 0] + y * T[1, 0] + z * T[2, 0] + T[3, 0],
-        x * T[0, 1] + y * T[1, 1] + z * T[2, 1] + T[3, 1],
-        x * T[0, 2] + y * T[1, 2] + z * T[2, 2] + T[3, 2],
-    )
-
-
-@numba.njit
-def minus(a, b):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return the difference of two vectors."""
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-@numba.njit
-def plus(a, b, share):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Return a vector and a share of another."""
-    return (a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2])
-
-
-@numba.njit
-def bend(motions, heads, tails, upper, lower, pole, shift):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Move the end of the second of two bones, as far as they reach, and return where it is now.
+@compiled(inner=True)
+def bend(motions, heads, tails, upper, lower, pole, shift):
+    """Move the end of the second of two bones within their reach, and return its new position.
 
     The limb turns by the least rotation, and its joint stays on the side to which it is bent.
 
@@ -91,12 +71,12 @@ def bend(motions, heads, tails, upper, lower, pole, shift):  # type: ignore[no-u
     )
     first, second = length(minus(joint, start)), length(minus(end, joint))
     was, there = minus(end, start), minus(plus(end, shift, 1.0), start)
-    way = quat.unit(there)
-    # no farther than it reaches, nor than it did: a straight limb that is where it should be stays straight
-    farthest = max(STRAIGHT * (first + second), length(was))
-    reach = min(max(length(there), 1.001 * abs(first - second)), farthest)
-    side = _side(motions[upper], pole, minus(joint, start), quat.unit(was))
-    side = quat.rotated(quat.least(quat.unit(was), way), side)
+    way = unit(there)
+    # a limb that is straighter than that stays as straight as it is
+    longest = max(MAX_REACH_SHARE * (first + second), length(was))
+    reach = min(max(length(there), 1.001 * abs(first - second)), longest)
+    side = _side(motions[upper], pole, minus(joint, start), unit(was))
+    side = quat.rotated(quat.least(unit(was), way), side)
     along = (first * first - second * second + reach * reach) / (2 * reach)
     beside = math.sqrt(max(0.0, first * first - along * along))
     bent, now = plus(plus(start, way, along), side, beside), plus(start, way, reach)
@@ -105,44 +85,39 @@ def bend(motions, heads, tails, upper, lower, pole, shift):  # type: ignore[no-u
     return now
 
 
-@numba.njit
-def _side(T, rest, joint, way):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a limb's joint bends to, at a right angle to the way from its start to its end."""
-    pole = (
-        rest[0] * T[0, 0] + rest[1] * T[1, 0] + rest[2] * T[2, 0],
-        rest[0] * T[0, 1] + rest[1] * T[1, 1] + rest[2] * T[2, 1],
-        rest[0] * T[0, 2] + rest[1] * T[1, 2] + rest[2] * T[2, 2],
-    )
-    bent = plus(joint, pole, POLE * length(joint))
-    return quat.unit(plus(bent, way, -quat.dot(bent, way)))
+@compiled(inner=True)
+def _side(T, rest, joint, way):
+    """Return the direction in which a limb's joint bends, at a right angle to the way from its start to its end."""
+    bent = plus(joint, in_axes(rest, T), POLE_SHARE * length(joint))
+    return unit(plus(bent, way, -dot(bent, way)))
 
 
-@numba.njit
-def _aim(T, now, wanted, head, there):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Turn a motion by the least rotation from one direction to another, and take the bone's head to a place."""
-    turn = quat.product(quat.least(quat.unit(now), quat.unit(wanted)), quat.of_rows(T))
+@compiled(inner=True)
+def _aim(T, now, wanted, head, there):
+    """Turn a motion by the least rotation from one direction to another, and move the bone's head to a position."""
+    turn = quat.product(quat.least(unit(now), unit(wanted)), quat.of_rows(T))
     place(T, turn, head, there)
 
 
-@numba.njit
-def place(T, turn, head, there):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Write the motion that turns a bone and takes its head to a place."""
+@compiled(inner=True)
+def place(T, turn, head, there):
+    """Write the motion that turns a bone and moves its head to a position."""
     quat.write_rows(turn, T)
     for axis in range(3):
         T[3, axis] = there[axis] - head[0] * T[0, axis] - head[1] * T[1, axis] - head[2] * T[2, axis]
 
 
-@numba.njit
-def carry_along(motions, before, parents, changed):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Take along what hangs on bones that have changed.
+@compiled(inner=True)
+def carry_along(motions, before, parents, changed):
+    """Apply the changes of bones to their descendants.
 
     Parameters
     ----------
     motions, before : (b, 4, 3) float64
-        Now, written to, and before the change.
+        Motions now, written to, and before the change.
     parents : (b,) int64
     changed : (b,) bool
-        Bones that are as they should be; written to.
+        Bones whose motions have changed; written to.
     """
     for bone in range(len(motions)):
         parent = parents[bone]
@@ -151,9 +126,9 @@ def carry_along(motions, before, parents, changed):  # type: ignore[no-untyped-d
             changed[bone] = True
 
 
-@numba.njit
-def _carry(before, after, T):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Take a motion along with another one that has changed: T becomes T before⁻¹ after."""
+@compiled(inner=True)
+def _carry(before, after, T):
+    """Apply the change of a parent's motion: T becomes T before⁻¹ after."""
     rows = np.empty((4, 3))
     for i in range(4):
         v = (T[i, 0], T[i, 1], T[i, 2])

@@ -1,1 +1,1 @@
-"""The geometry of a surface: its mesh, contacts between its parts, their winding, its Laplacian."""
+"""Geometry of a surface: mesh, contacts between parts, winding, Laplacian."""

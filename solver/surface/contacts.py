@@ -1,10 +1,10 @@
-"""Where the separate parts of a character touch, and whether they stay together.
+"""Contacts between the separate parts of a character, and how far these parts drift apart.
 
-Eyes, clothes and armour are parts of their own in most files. What ties them is found here: a *contact* is a vertex
-and the nearest surface point of another part.
+In most files, eyes, clothes and armour are separate parts. A *contact* ties a vertex to the nearest surface point of
+another part.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
@@ -14,32 +14,32 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from solver.surface.mesh import SolverMesh
+from solver.surface.mesh import SolverMesh, connected_components
 from solver.surface.surface_tree import SurfaceTree
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-TOUCHING = 0.005
-"""Points of two parts no farther apart than this, as a fraction of the diagonal, touch: on a person of 1.8 m it is
-about 1 cm, more than there is between clothes and skin, less than between two legs."""
+TOUCH_DIAGONALS = 0.005
+"""Largest distance between two parts that touch, as a fraction of the diagonal: about 1 cm on a person of 1.8 m. The
+distance between clothes and skin is smaller, the distance between two legs is larger."""
 
-FACING = -0.5
-"""Cosine of two normals below which surfaces face each other."""
+MAX_FACING_COSINE = -0.5
+"""Cosine of the angle between two normals below which their surfaces face each other."""
 
-WIDE = 2.0
-"""What floats free is tied wherever it is no farther than this many times its least distance: held at a single point it
-could turn about it."""
+MAX_JOIN_DISTANCE_RATIO = 2.0
+"""A part that touches nothing is tied wherever it is no farther than this many times its smallest distance. Held at a
+single point, it could turn about that point."""
 
-GAP = 1e-4
-"""Height over the other surface, as a fraction of the diagonal, from which there is a gap between two parts."""
+MIN_GAP_DIAGONALS = 1e-4
+"""Smallest height over another surface, as a fraction of the diagonal, that counts as a gap between two parts."""
 
-DETOUR = 0.2
-"""Surfaces that face each other across a gap are parts of two limbs where the way from one to the other over the rest
-of the character is longer than this, as a fraction of the diagonal."""
+MAX_DETOUR_DIAGONALS = 0.2
+"""Longest way over the rest of the character, as a fraction of the diagonal, between surfaces that are tied across a
+gap. If the way is longer, the surfaces belong to two limbs."""
 
-LANDMARKS = 12
-"""Vertices, spread far apart, by whose distances a detour is judged."""
+LANDMARK_COUNT = 12
+"""Number of vertices, spread far apart, from whose distances a detour is estimated."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +64,16 @@ class Contacts:
 
     @cached_property
     def links(self) -> NDArray[np.int64]:
-        """(k, 2) vertex pairs: each contact's vertex and the corner nearest to its surface point."""
+        """(k, 2) int64: each contact's vertex, and the corner nearest to its surface point."""
         nearest = self.corners[np.arange(len(self.corners)), self.blend.argmax(axis=1)]
         return np.column_stack([self.vertices, nearest])
 
+    def only(self, chosen: NDArray[np.bool_]) -> "Contacts":
+        """Return the chosen (k,) contacts."""
+        return Contacts(self.vertices[chosen], self.corners[chosen], self.blend[chosen], self.gap[chosen])
+
     def difference(self, count: int) -> "csr_matrix":
-        """Return the (k, count) matrix that takes functions on the vertices to their jump over each contact."""
+        """Return the (k, count) matrix that maps functions on the vertices to their jump over each contact."""
         k = len(self.vertices)
         rows = np.repeat(np.arange(k), 4)
         columns = np.column_stack([self.vertices, self.corners]).ravel()
@@ -78,10 +82,10 @@ class Contacts:
 
 
 class PartSeparation:
-    """Measures how far the parts of a character drift apart where they touch at rest, no farther than `TOUCHING`.
+    """Measures how far the parts of a character drift apart where they touch at rest (`TOUCH_DIAGONALS`).
 
-    What floats free or is stuck deep into another part is tied over a distance, which changes as the surface bends
-    without anything coming apart that was together: it is not measured.
+    A part that floats free, or is deep inside another part, is tied over a distance. This distance changes when the
+    surface bends although nothing has come apart, so it is not measured.
 
     Parameters
     ----------
@@ -89,13 +93,13 @@ class PartSeparation:
     """
 
     worst: float
-    """Largest distance over all frames between points that touch at rest, as a fraction of the diagonal; 0 where none
-    do."""
+    """Largest distance over all frames between points that touch at rest, as a fraction of the diagonal; 0 if there are
+    no such points."""
 
     def __init__(self, mesh: SolverMesh) -> None:
         self.worst = 0.0
         ties = contacts(mesh)
-        self._jump = only(ties, ties.gap == 0).difference(len(mesh.vertices))
+        self._jump = ties.only(ties.gap == 0).difference(len(mesh.vertices))
         self._diagonal = mesh.diagonal
 
     def add(self, positions: NDArray[np.floating]) -> None:
@@ -107,41 +111,45 @@ class PartSeparation:
 
 
 def contacts(mesh: SolverMesh) -> Contacts:
-    """Find what ties the parts of a character to each other, so that all of it hangs together; once for a mesh.
+    """Find contacts that tie all parts of a character together; computed once per mesh.
 
-    1. A vertex is in contact with the nearest surface of another part where that is within `TOUCHING`, or where one of
-       the vertex's edges goes through it; not where the two surfaces face each other across a gap, as those of a hand
-       beside a hip do.
-    2. What is still separate is joined where it comes nearest to the rest, again and again until all is one (Borůvka's
-       algorithm).
-    3. Surfaces that face each other across a gap are tied as well, where they are close along the surface too. Where it
-       is a long way from one to the other they belong to two limbs, which will part.
+    1. A vertex is in contact with the nearest surface of another part if that is within `TOUCH_DIAGONALS`, or if one of
+       the vertex's edges crosses it. Surfaces that face each other across a gap, such as a hand beside a hip, are not
+       in contact.
+    2. Groups of parts that are still separate are joined where they are nearest to each other, until all parts are
+       connected (Borůvka's algorithm).
+    3. Surfaces that face each other across a gap are tied as well if they are also close along the surface. If the way
+       from one to the other is long, they belong to two limbs, which will move apart.
 
     Returns
     -------
     Contacts
         Empty for a mesh of one part.
     """
-    if mesh not in _found:
-        _found[mesh] = _contacts(mesh)
-    return _found[mesh]
+    if mesh not in _contacts_of_mesh:
+        _contacts_of_mesh[mesh] = _find_contacts(mesh)
+    return _contacts_of_mesh[mesh]
 
 
-_found: WeakKeyDictionary[SolverMesh, Contacts] = WeakKeyDictionary()
+_contacts_of_mesh: WeakKeyDictionary[SolverMesh, Contacts] = WeakKeyDictionary()
 
 
-def _contacts(mesh: SolverMesh) -> Contacts:
+def _find_contacts(mesh: SolverMesh) -> Contacts:
     part = mesh.components
     if part.max() == 0:
         nothing = np.zeros((0, 3))
         return Contacts(np.zeros(0, dtype=np.int64), nothing.astype(np.int64), nothing, np.zeros(0))
     tree = SurfaceTree(mesh.vertices[mesh.faces])
-    touching = TOUCHING * mesh.diagonal
+    touching = TOUCH_DIAGONALS * mesh.diagonal
     near = _nearest(mesh, tree, part, np.maximum(touching, _longest_edges(mesh)))
     height, cosine = _relief(mesh, near)
     through = _goes_through(mesh, near, height)
     close = near.distance <= touching
-    facing = close & ~through & _by_majority(mesh, near, close, (height > GAP * mesh.diagonal) & (cosine < FACING))
+    facing = (
+        close
+        & ~through
+        & _by_majority(mesh, near, close, (height > MIN_GAP_DIAGONALS * mesh.diagonal) & (cosine < MAX_FACING_COSINE))
+    )
     found = [near.contacts(mesh, (close & ~facing) | through)]
     while (group := _groups(mesh, found)).max() > 0:
         found.append(_join(mesh, tree, group))
@@ -149,8 +157,8 @@ def _contacts(mesh: SolverMesh) -> Contacts:
         facing[some.vertices] = False
     if facing.any():
         across = near.contacts(mesh, facing)
-        found.append(only(across, _detour(mesh, found, across) <= DETOUR * mesh.diagonal))
-    return _all(found)
+        found.append(across.only(_detour(mesh, found, across) <= MAX_DETOUR_DIAGONALS * mesh.diagonal))
+    return Contacts(*(np.concatenate([getattr(some, field.name) for some in found]) for field in fields(Contacts)))
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,7 @@ class _Near:
     Attributes
     ----------
     face : (n,) int64
-        −1 where there is none within reach; the others then mean nothing, and the distance is infinite.
+        −1 if there is none within reach; the blend is then undefined and the distance infinite.
     blend : (n, 3) float64
     distance : (n,) float64
     """
@@ -170,9 +178,9 @@ class _Near:
     distance: NDArray[np.float64]
 
     def contacts(self, mesh: SolverMesh, chosen: NDArray[np.bool_]) -> Contacts:
-        """Tie the vertices that are chosen; only what is farther than `TOUCHING` keeps a distance."""
+        """Tie the chosen vertices; only those farther away than `TOUCH_DIAGONALS` keep their distance."""
         distance = self.distance[chosen]
-        gap = np.where(distance > TOUCHING * mesh.diagonal, distance, 0.0)
+        gap = np.where(distance > TOUCH_DIAGONALS * mesh.diagonal, distance, 0.0)
         return Contacts(np.flatnonzero(chosen), mesh.faces[self.face[chosen]], self.blend[chosen], gap)
 
 
@@ -194,7 +202,7 @@ def _longest_edges(mesh: SolverMesh) -> NDArray[np.float64]:
 def _relief(mesh: SolverMesh, near: _Near) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return each vertex's height over the nearest surface, negative inside, and the cosine between the two normals.
 
-    The surface's normal is that of its vertices, blended, so that it is one for both sides of an edge.
+    The surface's normal is blended from those of its vertices, so that it does not jump at edges.
     """
     normals = igl.per_vertex_normals(mesh.vertices, mesh.faces)
     corners = mesh.faces[near.face]
@@ -204,21 +212,20 @@ def _relief(mesh: SolverMesh, near: _Near) -> tuple[NDArray[np.float64], NDArray
     return np.einsum("nx,nx->n", away, there), np.einsum("nx,nx->n", normals, there)
 
 
-def _by_majority(mesh: SolverMesh, near: _Near, close: NDArray[np.bool_], said: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Let neighbours that are close to the same part agree on what most of them say: corners and rims err."""
+def _by_majority(
+    mesh: SolverMesh, near: _Near, close: NDArray[np.bool_], votes: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Give connected vertices that are close to the same part the vote of most of them: corners and rims are wrong."""
     part = mesh.components[mesh.faces[near.face, 0]]
     a, b = mesh.edges[close[mesh.edges].all(axis=1) & (part[mesh.edges[:, 0]] == part[mesh.edges[:, 1]])].T
-    n = len(mesh.vertices)
-    patch = scipy.sparse.csgraph.connected_components(
-        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False
-    )[1]
-    return (np.bincount(patch, said) > 0.5 * np.bincount(patch))[patch]
+    region = connected_components(len(mesh.vertices), a, b)
+    return (np.bincount(region, votes) > 0.5 * np.bincount(region))[region]
 
 
 def _goes_through(mesh: SolverMesh, near: _Near, height: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Say which vertices are the nearer ends of edges that go through the surface of another part.
+    """Return which vertices are the nearer ends of edges that cross the surface of another part.
 
-    One end is outside, the other inside, and together they are no farther from the surface than the edge is long.
+    One end is outside, the other inside, and the sum of their distances to the surface is at most the edge's length.
     """
     a, b = mesh.edges.T
     part = mesh.components[mesh.faces[near.face, 0]]
@@ -230,32 +237,14 @@ def _goes_through(mesh: SolverMesh, near: _Near, height: NDArray[np.float64]) ->
     return through
 
 
-def only(some: Contacts, chosen: NDArray[np.bool_]) -> Contacts:
-    """Return the chosen (k,) contacts."""
-    return Contacts(some.vertices[chosen], some.corners[chosen], some.blend[chosen], some.gap[chosen])
-
-
-def _all(found: list[Contacts]) -> Contacts:
-    return Contacts(
-        np.concatenate([some.vertices for some in found]),
-        np.concatenate([some.corners for some in found]),
-        np.concatenate([some.blend for some in found]),
-        np.concatenate([some.gap for some in found]),
-    )
-
-
 def _groups(mesh: SolverMesh, found: list[Contacts]) -> NDArray[np.int32]:
     """Return the (n,) number of the group of tied parts that each vertex belongs to."""
-    part = mesh.components
-    a, b = part[np.concatenate([some.links for some in found])].T
-    count = int(part.max()) + 1
-    return scipy.sparse.csgraph.connected_components(
-        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
-    )[1][part]
+    a, b = mesh.components[np.concatenate([some.links for some in found])].T
+    return connected_components(mesh.parts, a, b)[mesh.components]
 
 
 def _join(mesh: SolverMesh, tree: SurfaceTree, group: NDArray[np.int32]) -> Contacts:
-    """Tie every group of parts to the one that it is nearest to."""
+    """Tie every group of parts to the group nearest to it."""
     near = _nearest(mesh, tree, group, np.inf)
     count = int(group.max()) + 1
     target = group[mesh.faces[near.face, 0]]
@@ -267,24 +256,23 @@ def _join(mesh: SolverMesh, tree: SurfaceTree, group: NDArray[np.int32]) -> Cont
     for one in np.divmod(pairs, count):
         np.minimum.at(least, one, gap)
     chosen = np.logical_or(*(gap == least[one] for one in np.divmod(pairs, count)))
-    reach = WIDE * gap + TOUCHING * mesh.diagonal
+    reach = MAX_JOIN_DISTANCE_RATIO * gap + TOUCH_DIAGONALS * mesh.diagonal
     return near.contacts(mesh, chosen[of_vertex] & (near.distance <= reach[of_vertex]))
 
 
 def _detour(mesh: SolverMesh, found: list[Contacts], across: Contacts) -> NDArray[np.float64]:
-    """Return how long the way over the character from one side of each contact to the other is at least.
+    """Return a lower bound of the way over the character from one side of each contact to the other.
 
-    Two points are no nearer to each other than their distances to any third one differ; landmarks at the ends of the
-    limbs make that a good estimate at the cost of a few searches.
+    The distance between two points is at least the difference of their distances to any third point. With landmarks at
+    the ends of the limbs, this is a good estimate at the cost of a few searches.
     """
-    edges = np.concatenate([mesh.edges, *(some.links for some in found)])
     n = len(mesh.vertices)
-    a, b = edges.T
+    a, b = np.concatenate([mesh.edges, *(some.links for some in found)]).T
     lengths = np.maximum(np.linalg.norm(mesh.vertices[a] - mesh.vertices[b], axis=1), 1e-12 * mesh.diagonal)
     graph = scipy.sparse.csr_matrix(scipy.sparse.coo_matrix((lengths, (a, b)), shape=(n, n)))
     longest, nearest = np.zeros(len(across.vertices)), np.full(n, np.inf)
     landmark = int(across.vertices[0])
-    for _ in range(LANDMARKS):
+    for _ in range(LANDMARK_COUNT):
         distance = np.asarray(scipy.sparse.csgraph.dijkstra(graph, directed=False, indices=np.array([landmark])))[0]
         nearest = np.minimum(nearest, distance)
         landmark = int(nearest.argmax())

@@ -1,28 +1,29 @@
-"""An order in which to eliminate the vertices of a surface, so that few entries are added to its factor.
+"""Nested dissection: an elimination order of a surface's vertices that keeps the factor of its matrix sparse.
 
-A. George, *Nested Dissection of a Regular Finite Element Mesh* (1973): a plane parts the surface, the few vertices
-along it come last, and both halves are parted likewise. On a million vertices of a finely subdivided character, minimum
-degree takes minutes and several times the memory.
+A. George, *Nested Dissection of a Regular Finite Element Mesh* (1973): a plane cuts the surface in two, the few
+vertices along the cut are eliminated last, and both halves are cut in the same way. For a finely subdivided character
+of a million vertices, a minimum-degree order takes minutes and several times the memory.
 """
 
-import numba
 import numpy as np
 
-LEAF = 16
-"""Vertices that are not parted any more."""
+from puppetline.compiled import compiled
 
-FEW = 2.0
-"""Vertices along a cut, over the root of those that it parts, with which no other axis is tried."""
+MAX_LEAF_VERTICES = 16
+"""Largest number of vertices in a region that is not cut further."""
 
-LEAST_SHARE = 0.2
-"""Of a region's vertices, on the smaller side of a cut."""
+GOOD_SEPARATOR_RATIO = 2.0
+"""Number of vertices along a cut, divided by the square root of the region's, up to which no other axis is tried."""
 
-LOW, HIGH, BETWEEN = 0, 1, 2
-"""Where a vertex is when a region is cut."""
+MIN_SIDE_SHARE = 0.2
+"""Smallest share of a region's vertices on either side of a cut."""
+
+LOW, HIGH, SEPARATOR = 0, 1, 2
+"""Sides of a cut: below it, above it, and along it."""
 
 
-@numba.njit(cache=True, nogil=True)
-def nested_dissection(starts, neighbours, places):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+@compiled
+def nested_dissection(starts, neighbours, places):
     """Order vertices by nested dissection.
 
     Parameters
@@ -31,12 +32,12 @@ def nested_dissection(starts, neighbours, places):  # type: ignore[no-untyped-de
     neighbours : (e,) int
         Compressed rows of a symmetric matrix.
     places : (n, 3) float64
-        Where the vertices are. They only guide: any are right.
+        Positions of the vertices. They affect the quality of the order, not its validity.
 
     Returns
     -------
     (n,) int64
-        The vertices, in the order in which to eliminate them.
+        The vertices in elimination order.
     """
     n = len(starts) - 1
     order, region = np.arange(n), np.zeros(n, dtype=np.int64)
@@ -45,37 +46,37 @@ def nested_dissection(starts, neighbours, places):  # type: ignore[no-untyped-de
     while waiting:
         name, first, last = waiting.pop()
         members = order[first:last].copy()
-        if len(members) <= LEAF:
+        if len(members) <= MAX_LEAF_VERTICES:
             continue
         _cut(starts, neighbours, places, members, region, name, side, best)
         begin = first
-        for part in (LOW, HIGH, BETWEEN):
+        for part in (LOW, HIGH, SEPARATOR):
             end = begin
             for v in members:
                 if best[v] == part:
                     order[end] = v
                     region[v] = regions
                     end += 1
-            if part != BETWEEN:
+            if part != SEPARATOR:
                 waiting.append((regions, begin, end))
             regions += 1
             begin = end
     return order
 
 
-@numba.njit(cache=True, nogil=True)
-def _cut(starts, neighbours, places, members, region, name, side, best):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Cut a region across the axis that leaves the fewest vertices between, or anyhow if none does."""
+@compiled
+def _cut(starts, neighbours, places, members, region, name, side, best):
+    """Cut a region across the axis with the smallest separator, or by index if no axis separates it."""
     fewest = len(members)
     for axis in _longest_first(places, members):
         middle = places[members, axis].mean()
         for v in members:
             side[v] = HIGH if places[v, axis] > middle else LOW
         between, smaller = _separate(starts, neighbours, members, region, name, side)
-        if between < fewest and smaller >= LEAST_SHARE * (len(members) - between):
+        if between < fewest and smaller >= MIN_SIDE_SHARE * (len(members) - between):
             fewest = between
             best[members] = side[members]
-        if fewest <= FEW * np.sqrt(len(members)):
+        if fewest <= GOOD_SEPARATOR_RATIO * np.sqrt(len(members)):
             return
     if fewest == len(members):
         best[members] = LOW
@@ -83,9 +84,9 @@ def _cut(starts, neighbours, places, members, region, name, side, best):  # type
         _separate(starts, neighbours, members, region, name, best)
 
 
-@numba.njit(cache=True, nogil=True)
-def _longest_first(places, members):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the three axes, first that along which a region reaches farthest."""
+@compiled
+def _longest_first(places, members):
+    """Return the three axes, that of a region's largest extent first."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for v in members:
         for axis in range(3):
@@ -94,11 +95,11 @@ def _longest_first(places, members):  # type: ignore[no-untyped-def]  # noqa: AN
     return np.argsort(low - high)
 
 
-@numba.njit(cache=True, nogil=True)
-def _separate(starts, neighbours, members, region, name, side):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Take out between two sides those vertices of one that touch the other: of the side that has fewer of them.
+@compiled
+def _separate(starts, neighbours, members, region, name, side):
+    """Move the vertices of one side that touch the other side to the separator, from the side with fewer of them.
 
-    Returns how many these are, and how many are on the smaller of the sides that are left.
+    Returns the sizes of the separator and of the smaller side that is left.
     """
     counts, touching = np.zeros(2, dtype=np.int64), np.zeros(2, dtype=np.int64)
     for v in members:
@@ -107,13 +108,13 @@ def _separate(starts, neighbours, members, region, name, side):  # type: ignore[
     fewer = LOW if touching[LOW] <= touching[HIGH] else HIGH
     for v in members:
         if side[v] == fewer and _touches(starts, neighbours, v, region, name, side, 1 - fewer):
-            side[v] = BETWEEN
+            side[v] = SEPARATOR
     counts[fewer] -= touching[fewer]
     return touching[fewer], counts.min()
 
 
-@numba.njit(cache=True, nogil=True)
-def _touches(starts, neighbours, v, region, name, side, other):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _touches(starts, neighbours, v, region, name, side, other):
     for entry in range(starts[v], starts[v + 1]):
         u = neighbours[entry]
         if region[u] == name and side[u] == other:

@@ -1,43 +1,43 @@
-"""The solver mesh: welded, clean and fine enough, and which render vertex follows which of its vertices."""
+"""The solver mesh: a welded, repaired and sufficiently fine copy of a render mesh."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import igl
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from puppetline.errors import MeshError
-from solver.surface.winding import edges_of, in_order, outwards, pieces
+from solver.surface.winding import edges_of, lexicographic_order, pieces, wound_outwards
 
-WELD_TOLERANCE = 1e-6
-"""Render vertices no farther apart than this, as a fraction of the diagonal, are one solver vertex."""
+WELD_TOLERANCE_DIAGONALS = 1e-6
+"""Largest distance between render vertices that become one solver vertex, as a fraction of the diagonal."""
 
-BLOCK = 64
-"""Cells, a weld tolerance wide, along each side of a block."""
+CELLS_PER_BLOCK_SIDE = 64
+"""Number of cells, each one weld tolerance wide, along each side of a block."""
 
-LEAST_VERTICES = 100
-"""A coarser surface is split until it has as many, so that isolines have triangles to cross: a cube has 8."""
+MIN_VERTICES = 100
+"""Fewest vertices of a solver mesh; a coarser surface is split, so that isolines have triangles to cross."""
 
 
 @dataclass(frozen=True)
 class Repairs:
-    """What was done to a render mesh to make the solver mesh of it; counts of vertices or faces.
+    """Counts of the vertices and faces that were changed to make a solver mesh of a render mesh.
 
     Attributes
     ----------
     welded : int
-        Vertices that follow the same solver vertex as an earlier one at their place.
+        Vertices that follow the same solver vertex as an earlier one at the same position.
     degenerate, doubled : int
-        Faces without area, and faces between the same three vertices as another one.
+        Faces without area, and faces with the same three vertices as another face.
     isolated : int
-        Vertices in no face that is left; they follow the nearest vertex that is.
+        Vertices without a remaining face; they follow the nearest vertex that has one.
     turned : int
-        Faces whose two sides were exchanged, so that neighbours agree and closed surfaces face outwards.
+        Faces that were flipped, so that neighbours agree and closed surfaces face outwards.
     split : int
-        Faces that were added because the surface was too coarse.
+        Faces added because the surface was too coarse.
     """
 
     welded: int = 0
@@ -48,7 +48,7 @@ class Repairs:
     split: int = 0
 
     def describe(self) -> list[str]:
-        """Say in words what was done: a line for each kind, none for a mesh that was fine."""
+        """Return one line for each kind of repair that was made."""
         lines = [
             (self.welded, "vertices that share a place with another are welded to it"),
             (self.degenerate, "faces without area are left out"),
@@ -62,21 +62,20 @@ class Repairs:
 
 @dataclass(frozen=True, eq=False)
 class SolverMesh:
-    """One surface to deform, and its relation to the mesh that is rendered. Equal to itself only.
+    """The surface to deform, and its relation to the render mesh. Instances are compared by identity.
 
     Attributes
     ----------
     vertices : (n, 3) float64
-        Welded positions in the mesh file's coordinates; every one belongs to a face, and all its faces to one part
-        that hangs together at edges.
+        Welded positions in the mesh file's coordinates. Every vertex belongs to a face, and all its faces belong to one
+        part that is connected at edges.
     faces : (t, 3) int64
-        Triangles without zero area and without doubles; neighbours over an edge of two faces agree on the outside.
+        Triangles with an area, each once. Neighbours at an edge of two faces agree on the outside.
     of_render : (N,) int64
-        For each render vertex the solver vertex whose motion it follows.
+        The solver vertex that each render vertex follows.
     name : str
-        What error messages call it.
+        Name of the mesh in error messages.
     repairs : Repairs
-        How it differs from the render mesh.
     """
 
     vertices: NDArray[np.float64]
@@ -87,22 +86,18 @@ class SolverMesh:
 
     @cached_property
     def diagonal(self) -> float:
-        """Length of the bounding box's diagonal, the unit of every tolerance."""
+        """Length of the bounding box's diagonal, in which tolerances are given."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     @cached_property
     def edges(self) -> NDArray[np.int64]:
-        """(e, 2) vertex indices, each undirected edge once."""
+        """(e, 2) int64 vertex indices, each undirected edge once."""
         return self._edges[0]
 
     @cached_property
     def components(self) -> NDArray[np.int32]:
-        """(n,) number of the connected part that each vertex belongs to."""
-        n = len(self.vertices)
-        a, b = self.edges.T
-        return scipy.sparse.csgraph.connected_components(
-            scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False
-        )[1]
+        """(n,) int32: number of the connected part that each vertex belongs to."""
+        return connected_components(len(self.vertices), *self.edges.T)
 
     @cached_property
     def vertex_areas(self) -> NDArray[np.float64]:
@@ -112,17 +107,17 @@ class SolverMesh:
 
     @property
     def parts(self) -> int:
-        """How many connected parts there are."""
+        """Number of connected parts."""
         return int(self.components.max()) + 1
 
     @property
     def border_edges(self) -> int:
-        """How many edges belong to one face only."""
+        """Number of edges that belong to one face only."""
         return int(np.count_nonzero(self._edges[2] == 1))
 
     @property
     def nonmanifold_edges(self) -> int:
-        """How many edges belong to three faces or more."""
+        """Number of edges that belong to three faces or more."""
         return int(np.count_nonzero(self._edges[2] > 2))
 
     @cached_property
@@ -130,16 +125,22 @@ class SolverMesh:
         return edges_of(self.faces)
 
 
+def connected_components(count: int, a: NDArray[np.integer], b: NDArray[np.integer]) -> NDArray[np.int32]:
+    """Return the (count,) number of the connected component of each node of a graph with edges from a to b, (e,)."""
+    graph = scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
+    return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
+
+
 def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str = "mesh") -> SolverMesh:
     """Make the solver mesh of a render mesh.
 
-    Vertices at one place become one, so that texture and normal seams do not tear; faces that then have no area or
-    stand there twice are dropped, the others turned so that neighbours agree on the outside. A surface with very few
-    vertices is split. Render vertices in no face follow the nearest solver vertex.
+    Vertices at the same position are merged, so that texture and normal seams do not tear. Faces without area and
+    repeated faces are dropped; the others are flipped so that neighbours agree on the outside. A surface with very few
+    vertices is split. Render vertices without a face follow the nearest solver vertex.
 
-    Parts that share no edge each have their own vertex where they meet: at a point an eye would turn out of its
-    socket, while `solver.surface.contacts.contacts` ties it all round. A render vertex of several such
-    parts follows one of them.
+    Parts that share no edge do not share vertices: an eye that is connected to its socket at a single point would turn
+    out of it. `solver.surface.contacts.contacts` ties such parts all round. A render vertex of several such parts
+    follows one of them.
 
     Parameters
     ----------
@@ -148,12 +149,12 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     triangles : (T, 3) int
         Indices into them.
     name : str
-        What an error message calls the mesh.
+        Name of the mesh in error messages.
 
     Raises
     ------
     MeshError
-        Positions that are not finite, indices out of range, or no surface left.
+        Positions that are not finite, indices out of range, or a mesh without a surface.
     """
     positions = np.asarray(positions, dtype=np.float64)
     triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
@@ -162,11 +163,11 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     number[used] = np.arange(len(used))
     corners = number[triangles]
     diagonal = float(np.linalg.norm(np.ptp(positions[used], axis=0)))
-    first, place_of = _places(positions[used], WELD_TOLERANCE * diagonal)
+    first, place_of = _places(positions[used], WELD_TOLERANCE_DIAGONALS * diagonal)
 
     given = place_of[corners]
     has_area = _has_area(positions[used[first]], given)
-    origin, solid = _parted_at_points(given[has_area], len(first))
+    origin, solid = _split_at_points(given[has_area], len(first))
     place_of[corners[has_area]] = solid
     vertices = positions[used[first[origin]]]
     faces = solid[_first_of_doubles(solid)]
@@ -186,9 +187,9 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
     isolated = of_render < 0
     if isolated.any():
         of_render[isolated] = scipy.spatial.cKDTree(vertices[kept]).query(positions[isolated])[1]
-    oriented = outwards(vertices, faces)
+    oriented = wound_outwards(vertices, faces)
     fine_vertices, fine_faces = vertices[kept], compact[oriented]
-    while len(fine_vertices) < LEAST_VERTICES:
+    while len(fine_vertices) < MIN_VERTICES:
         fine_vertices, fine_faces = _split(fine_vertices, fine_faces)
     repairs = Repairs(
         welded=len(used) - int(np.count_nonzero(np.bincount(place_of))),
@@ -202,26 +203,23 @@ def weld(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str
 
 
 def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Find points that are no farther apart than the tolerance.
+    """Group points that are no farther apart than the tolerance.
 
-    Cells alone would part neighbours on either side of a cell's wall; a search for pairs alone would drown in a file
-    that holds thousands of vertices at one point. So one point a cell goes into the search.
+    A grid of cells alone would separate neighbours in adjacent cells. A search for pairs alone would take too long in a
+    file with thousands of vertices at one position. So the search for pairs takes one point per cell.
 
     Returns
     -------
     first : (p,) int64
-        The first point of each place, ascending: in the file's order, so that neighbours in memory stay neighbours.
+        The first point of each group, ascending: in the file's order, so that neighbours in memory stay neighbours.
     place_of : (n,) int64
-        The place of each point.
+        The group of each point.
     """
     cells = np.round((points - points.min(axis=0)) / tolerance).astype(np.int64)
     _, first, cell_of = np.unique(_codes(cells), return_index=True, return_inverse=True)
     near = np.flatnonzero(_may_have_neighbours(cells[first]))
     a, b = near[scipy.spatial.cKDTree(points[first[near]]).query_pairs(tolerance, output_type="ndarray")].T
-    count = len(first)
-    label = scipy.sparse.csgraph.connected_components(
-        scipy.sparse.coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count)), directed=False
-    )[1]
+    label = connected_components(len(first), a, b)
     _, first, place_of = np.unique(label[cell_of], return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
@@ -230,20 +228,20 @@ def _places(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.i
 
 
 def _codes(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return one number for the three of each cell: each is at most 1 / `WELD_TOLERANCE`, less than 2²¹."""
+    """Combine the three coordinates of each cell, at most 1 / `WELD_TOLERANCE_DIAGONALS` < 2²¹, into one integer."""
     return (cells[:, 0] << 42) | (cells[:, 1] << 21) | cells[:, 2]
 
 
 def _may_have_neighbours(cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Tell which cells are at the wall of a block of cells, or share their block with others: the rest stands alone."""
-    block, inside = np.divmod(cells, BLOCK)
-    at_wall = ((inside == 0) | (inside == BLOCK - 1)).any(axis=1)
+    """Return which cells are at the boundary of their block of cells, or not the only one in it."""
+    block, inside = np.divmod(cells, CELLS_PER_BLOCK_SIDE)
+    at_wall = ((inside == 0) | (inside == CELLS_PER_BLOCK_SIDE - 1)).any(axis=1)
     _, block_of, cells_in = np.unique(_codes(block), return_inverse=True, return_counts=True)
     return at_wall | (cells_in[block_of] > 1)
 
 
 def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: str) -> NDArray[np.int64]:
-    """Return the vertices that triangles use, ascending, if all is as it should be."""
+    """Return the vertices that triangles use, ascending, after validating the mesh."""
     if not len(positions) or not len(triangles):
         raise MeshError(
             name,
@@ -266,7 +264,7 @@ def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: st
             name,
             found=f"vertex index {int(triangles[out][0])} in triangle {face}",
             expected=f"indices from 0 to {len(positions) - 1}",
-            fix="The file is damaged: export the mesh again.",
+            fix="Export the mesh again: the file is damaged.",
         )
     in_face = np.zeros(len(positions), dtype=bool)
     in_face[triangles] = True
@@ -281,9 +279,9 @@ def _used(positions: NDArray[np.float64], triangles: NDArray[np.int64], name: st
     return used
 
 
-@numba.njit(cache=True, nogil=True)
-def _has_area(vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Say which faces have three different corners that are not on a line."""
+@compiled
+def _has_area(vertices, faces):
+    """Return which faces have three different corners that are not on a line."""
     result = np.empty(len(faces), dtype=np.bool_)
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
@@ -299,46 +297,46 @@ def _has_area(vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001,
 
 
 def _first_of_doubles(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Say which faces are not between the same corners as an earlier one."""
+    """Return which faces do not have the same corners as an earlier face."""
     corners = np.sort(faces, axis=1)
-    order = in_order(corners, int(faces.max(initial=-1)) + 1)
+    order = lexicographic_order(corners, int(faces.max(initial=-1)) + 1)
     again = (corners[order[1:]] == corners[order[:-1]]).all(axis=1)
     first = np.ones(len(faces), dtype=bool)
     first[order[1:][again]] = False
     return first
 
 
-def _parted_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Give each part that hangs together at edges its own copy of a vertex that it shares with others.
+def _split_at_points(faces: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Give each part that is connected at edges its own copy of the vertices that it shares with other parts.
 
     Parameters
     ----------
     faces : (t, 3) int64
-        Doubled ones may be among them: they belong to the part of the face that they double.
+        May contain repeated faces.
     count : int
-        How many vertices there are.
+        Number of vertices.
 
     Returns
     -------
     origin : (n,) int64
-        The vertex that each one is a copy of: the vertices that were there, then the copies.
-    parted : (t, 3) int64
-        The faces between them.
+        The vertex that each one is a copy of; the original vertices come first.
+    split : (t, 3) int64
+        The faces with the new indices.
     """
     edges, of_side, _ = edges_of(faces)
     part = pieces(of_side, len(edges))[:, None]
     owner = np.zeros(count, dtype=np.int64)
-    owner[faces[::-1]] = part[::-1]  # the last one written stays: the part that comes first in the file
+    owner[faces[::-1]] = part[::-1]  # the last assignment wins: the part that is first in the file
     foreign = owner[faces] != part
     pairs = np.column_stack([faces[foreign], np.broadcast_to(part, faces.shape)[foreign]])
     copies, copy_of = np.unique(pairs, axis=0, return_inverse=True)
-    parted = faces.copy()
-    parted[foreign] = count + copy_of.reshape(-1)
-    return np.concatenate([np.arange(count), copies[:, 0]]), parted
+    split = faces.copy()
+    split[foreign] = count + copy_of.reshape(-1)
+    return np.concatenate([np.arange(count), copies[:, 0]]), split
 
 
 def _split(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Split every triangle into four at the middles of its sides, which come after the vertices that are there."""
+    """Split every triangle into four at the middles of its sides, which are added after the existing vertices."""
     edges, of_side, _ = edges_of(faces)
     a, b, c = faces.T
     ab, bc, ca = len(vertices) + of_side.reshape(-1, 3).T
@@ -362,7 +360,7 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
         Its barycentric coordinates.
     """
     points = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-    # only triangles that reach as near as the nearest vertex: to sort all of them takes longer than to look at each
+    # only triangles whose bounding box is as near as the nearest vertex: libigl's tree of all triangles costs more
     candidates = mesh.faces[_near_any(points, mesh.vertices, mesh.faces)]
     _, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertices, candidates)
     corners = candidates[np.atleast_1d(face)]
@@ -375,9 +373,9 @@ def snap(mesh: SolverMesh, points: NDArray[np.float64]) -> tuple[NDArray[np.int6
     return corners, np.column_stack([1 - weight_b - weight_c, weight_b, weight_c])
 
 
-@numba.njit(cache=True, nogil=True)
-def _near_any(points, vertices, faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Say of each face whether its bounding box is as near to one of the points as the nearest vertex is."""
+@compiled
+def _near_any(points, vertices, faces):
+    """Return which faces have a bounding box that is as near to one of the points as the nearest vertex is."""
     near = np.zeros(len(faces), dtype=np.bool_)
     for point in points:
         least = np.inf

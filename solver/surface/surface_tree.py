@@ -1,24 +1,25 @@
-"""Nearest surface points, where each point asks only for surface that bears another label than its own.
+"""Nearest surface points with a different label than the query point.
 
-libigl answers that question for a whole mesh; asked once for each of thousands of parts it would take minutes. Here one
-tree holds all triangles, and a branch that bears the asking point's label throughout is passed by.
+libigl finds nearest points on a whole mesh; a search for each of thousands of parts would take minutes. Here one tree
+holds all triangles, and a search skips branches whose triangles all have the label of the query point.
 """
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-MIXED = -1
-"""Label of a branch that holds several."""
+from puppetline.compiled import compiled
+
+MIXED_LABELS = -1
+"""Label of a branch whose triangles have several labels."""
 
 MORTON_BITS = 20
-"""Bits of each coordinate in the order in which triangles are laid out."""
+"""Bits per coordinate in the Morton code by which triangles are sorted."""
 
 
 class SurfaceTree:
     """A binary tree of bounding boxes over triangles, laid out as a heap: node k has the children 2k and 2k + 1.
 
-    Triangles are put in the order of a space-filling curve, so that neighbours in the tree are neighbours in space.
+    Triangles are sorted along a space-filling curve, so that neighbours in the tree are neighbours in space.
 
     Parameters
     ----------
@@ -60,24 +61,24 @@ class SurfaceTree:
             Labels, from 0.
         of_triangle : (t,) int
         within : (n,) float64
-            How far to look.
+            Search radius of each point.
 
         Returns
         -------
         triangle : (n,) int64
-            −1 where there is none that near.
+            −1 if there is none within the radius.
         blend : (n, 3) float64
             Barycentric coordinates of the surface point.
         distance : (n,) float64
-            Infinite where there is none.
+            Infinite if there is none.
         """
-        label = np.full(2 * self._leaves, MIXED)
-        # what fills the last level up takes the last triangle's label, lest it mix those above
+        label = np.full(2 * self._leaves, MIXED_LABELS)
+        # unused leaves take the last triangle's label, so that they do not mix the labels above them
         label[self._leaves :] = of_triangle[self._order[-1]]
         label[self._leaves : self._leaves + len(self._order)] = of_triangle[self._order]
         for level in self._levels():
             left, right = label[2 * level.start : 2 * level.stop].reshape(-1, 2).T
-            label[level] = np.where(left == right, left, MIXED)
+            label[level] = np.where(left == right, left, MIXED_LABELS)
         slot, blend, square = _search(
             np.ascontiguousarray(points, dtype=np.float64),
             np.asarray(of_point, dtype=np.int64),
@@ -91,7 +92,7 @@ class SurfaceTree:
 
 
 def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """Return each point's place along a space-filling curve: the bits of its three coordinates, interleaved."""
+    """Return each point's Morton code: the interleaved bits of its three coordinates."""
     low = points.min(axis=0)
     extent = max(float((points - low).max()), np.finfo(float).tiny)
     cells = ((points - low) / extent * (2**MORTON_BITS - 1)).astype(np.uint64)
@@ -102,8 +103,8 @@ def _morton(points: NDArray[np.float64]) -> NDArray[np.uint64]:
     return code
 
 
-@numba.njit(cache=True, nogil=True)
-def _search(points, of_point, triangles, low, high, label, within):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _search(points, of_point, triangles, low, high, label, within):
     """Return each point's leaf or −1, the barycentric coordinates there, and the squared distance."""
     n, leaves = len(points), len(label) // 2
     found, blends, squares = np.full(n, -1), np.zeros((n, 3)), np.full(n, np.inf)
@@ -134,8 +135,8 @@ def _search(points, of_point, triangles, low, high, label, within):  # type: ign
     return found, blends, squares
 
 
-@numba.njit(cache=True, nogil=True)
-def _box_distance(p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _box_distance(p, low, high):
     """Return the squared distance of a point to a box."""
     square = 0.0
     for c in range(3):
@@ -144,12 +145,12 @@ def _box_distance(p, low, high):  # type: ignore[no-untyped-def]  # noqa: ANN001
     return square
 
 
-@numba.njit(cache=True, nogil=True)
-def _closest(p, a, b, c, blend):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the barycentric coordinates of a triangle's point nearest to p, and return its squared distance.
+@compiled
+def _closest(p, a, b, c, blend):
+    """Write the barycentric coordinates of the triangle's point nearest to p, and return its squared distance.
 
-    Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: which corner, edge or inside it is follows from the
-    signs of a few products.
+    Ericson, *Real-Time Collision Detection* (2005), section 5.1.5: the signs of a few products tell whether that point
+    is a corner, on an edge, or inside.
     """
     d1, d2, d3, d4, d5, d6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for x in range(3):

@@ -1,28 +1,28 @@
-"""The Laplacian of a surface as it comes, with slivers, borders and edges of many faces.
+"""The tufted Laplacian, for surfaces with slivers, borders and edges of many faces.
 
-N. Sharp and K. Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020. Every triangle is there twice, once for
-each side, and at each edge a side is joined to that of the next triangle round the edge: this *tufted cover* has no
-border, and two faces at each edge. Its edges are flipped, by their lengths alone, until it is Delaunay.
+N. Sharp and K. Crane, *A Laplacian for Nonmanifold Triangle Meshes*, SGP 2020. Every triangle is doubled, one for each
+side, and at each edge a side is joined to that of the next triangle round the edge. This *tufted cover* has no border
+and two faces at each edge. Its edges are flipped intrinsically, by their lengths, until it is Delaunay.
 
 A *halfedge* 3 f + s is side s of face f of the cover, from its corner s to the next one.
 """
 
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from puppetline.compiled import compiled
 from solver.surface.winding import edges_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-MOLLIFICATION = 1e-5
-"""By how much two sides of a triangle are longer than the third at least, as a share of the mean length of edges."""
+MOLLIFICATION_EDGE_LENGTHS = 1e-5
+"""Smallest amount by which two sides of a triangle exceed the third, as a share of the mean edge length."""
 
-NOT_DELAUNAY = -1e-6
+MIN_DELAUNAY_WEIGHT = -1e-6
 """Cotangent weight below which an edge is flipped."""
 
 
@@ -38,9 +38,9 @@ def laplacian(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> "tuple
     Returns
     -------
     L : (n, n) sparse float64
-        Positive semidefinite, rows summing to zero, half of what the two sheets of the cover have together.
+        Positive semidefinite, rows sum to zero: half the Laplacian of the cover, which has two sheets.
     mass : (n,) float64
-        Area of each vertex: a third of that of its triangles.
+        Area of each vertex: a third of the area of its triangles.
     """
     edges, of_side, faces_of_edge = edges_of(faces)
     lengths = _mollified(np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1), of_side)
@@ -60,10 +60,10 @@ def laplacian(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> "tuple
 
 
 def _mollified(lengths: NDArray[np.float64], of_side: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Lengthen all (e,) edges alike until no triangle is flat."""
+    """Lengthen all (e,) edges by the same amount, so that no triangle is flat."""
     a, b, c = lengths[of_side.reshape(-1, 3)].T
     slack = np.minimum(np.minimum(a + b - c, b + c - a), c + a - b).min()
-    return lengths + max(0.0, MOLLIFICATION * float(lengths.mean()) - float(slack))
+    return lengths + max(0.0, MOLLIFICATION_EDGE_LENGTHS * float(lengths.mean()) - float(slack))
 
 
 def _round_edges(
@@ -88,8 +88,8 @@ def _round_edges(
     return np.lexsort((angle, of_side)) if len(crowded) else np.argsort(of_side, kind="stable")
 
 
-@numba.njit(cache=True, nogil=True)
-def _cover(faces, of_side, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _cover(faces, of_side, order):
     """Return the halfedge of the cover that each one is joined to; face t + f is the back of face f.
 
     Going round an edge, a face's halfedge along the edge's direction is joined to the next one's against it.
@@ -111,37 +111,37 @@ def _cover(faces, of_side, order):  # type: ignore[no-untyped-def]  # noqa: ANN0
     return twin
 
 
-@numba.njit(cache=True, nogil=True)
-def _is_along(faces, side):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _is_along(faces, side):
     return faces[side // 3, side % 3] < faces[side // 3, (side + 1) % 3]
 
 
-@numba.njit(cache=True, nogil=True)
-def _back(side, sides):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _back(side, sides):
     return sides + side // 3 * 3 + 2 - side % 3
 
 
-@numba.njit(cache=True, nogil=True)
-def _next(halfedge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _next(halfedge):
     return halfedge - 2 if halfedge % 3 == 2 else halfedge + 1
 
 
-@numba.njit(cache=True, nogil=True)
-def _quadrupled_area(a, b, c):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _quadrupled_area(a, b, c):
     """Heron's formula."""
     return np.sqrt(max(0.0, (a + b + c) * (b + c - a) * (a - b + c) * (a + b - c)))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _cotangent(length, halfedge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _cotangent(length, halfedge):
     """Return the cotangent of the angle opposite to a halfedge."""
     a, b, c = length[halfedge], length[_next(halfedge)], length[_next(_next(halfedge))]
     return (b * b + c * c - a * a) / _quadrupled_area(a, b, c)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _flip_to_delaunay(twin, tail, length):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Flip edges, in place, until no cotangent weight is negative. They wait in a ring; a flip wakes its neighbours."""
+@compiled(error_model="numpy")
+def _flip_to_delaunay(twin, tail, length):
+    """Flip edges, in place, until no cotangent weight is negative; a ring buffer queues the edges to check."""
     count = len(twin)
     ring = np.empty(count + 1, dtype=np.int64)
     waiting = np.zeros(count, dtype=np.bool_)
@@ -155,7 +155,9 @@ def _flip_to_delaunay(twin, tail, length):  # type: ignore[no-untyped-def]  # no
         h = ring[head]
         head = head + 1 if head < count else 0
         waiting[h] = False
-        if (_cotangent(length, h) + _cotangent(length, twin[h])) / 2 < NOT_DELAUNAY and _flip(twin, tail, length, h):
+        if (_cotangent(length, h) + _cotangent(length, twin[h])) / 2 < MIN_DELAUNAY_WEIGHT and _flip(
+            twin, tail, length, h
+        ):
             g = twin[h]
             for side in (_next(h), _next(_next(h)), _next(g), _next(_next(g))):
                 if not waiting[side]:
@@ -164,9 +166,9 @@ def _flip_to_delaunay(twin, tail, length):  # type: ignore[no-untyped-def]  # no
                     end = end + 1 if end < count else 0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _flip(twin, tail, length, h):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Replace the edge a-b of the faces a b c and b a d by c-d, and say whether that can be done."""
+@compiled(error_model="numpy")
+def _flip(twin, tail, length, h):
+    """Replace the edge a-b of the faces a b c and b a d by c-d; return False if both are the same face."""
     h1, g = _next(h), twin[h]
     h2, g1 = _next(h1), _next(g)
     g2 = _next(g1)
@@ -187,9 +189,9 @@ def _flip(twin, tail, length, h):  # type: ignore[no-untyped-def]  # noqa: ANN00
     return True
 
 
-@numba.njit(cache=True, nogil=True)
-def _moved(halfedge, h1, h2, g1, g2):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return where a halfedge is after the flip."""
+@compiled
+def _moved(halfedge, h1, h2, g1, g2):
+    """Return the number of a halfedge after the flip."""
     if halfedge == h2:
         return h1
     if halfedge == g1:
@@ -201,8 +203,8 @@ def _moved(halfedge, h1, h2, g1, g2):  # type: ignore[no-untyped-def]  # noqa: A
     return halfedge
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def _weights(twin, tail, length, n):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled(error_model="numpy")
+def _weights(twin, tail, length, n):
     """Return each edge's ends and its weight, halved, and the mass of each of n vertices, halved."""
     count = len(twin) // 2
     rows, columns, weights = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32), np.empty(count)

@@ -1,18 +1,22 @@
-"""Edges of triangles, and patches: triangles that meet two by two at their edges, and can be wound alike."""
+"""Edges of triangle meshes, and consistent winding of their manifold patches.
 
-import numba
+A *patch* is a set of triangles connected at edges of exactly two triangles.
+"""
+
 import numpy as np
 from numpy.typing import NDArray
 
-FLAT = 1e-6
-"""A patch that encloses less than this, against its area to the power of 3/2, has no inside."""
+from puppetline.compiled import compiled
 
-LEAST_AGREEMENT = 0.75
-"""Share of an open surface's area that has to face one way for the file to be believed about which way is out."""
+MIN_VOLUME_RATIO = 1e-6
+"""Smallest volume, divided by the area to the power of 3/2, of a patch that has an inside."""
+
+MIN_AGREEING_AREA_SHARE = 0.75
+"""Smallest share of an open patch's area with the same winding for which the file's winding is kept."""
 
 
-def in_order(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Sort rows of indices by their first entries, then by the second ones and so on, in linear time.
+def lexicographic_order(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Sort rows of indices lexicographically, in linear time.
 
     Parameters
     ----------
@@ -30,9 +34,9 @@ def in_order(rows: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return order
 
 
-@numba.njit(cache=True, nogil=True)
-def _by_key(keys, items, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Put items in the order of their keys by counting these."""
+@compiled
+def _by_key(keys, items, count):
+    """Sort items by their keys: a counting sort."""
     place = np.zeros(count + 1, dtype=np.int64)
     for item in items:
         place[keys[item] + 1] += 1
@@ -57,16 +61,16 @@ def edges_of(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.in
     edges : (e, 2) int64
         The smaller index first, in ascending order.
     of_side : (3t,) int64
-        The edge that each side of each face is, sides from the first to the second corner first.
+        The edge of each side of each face; a face's first side is between its first and second corner.
     faces_of_edge : (e,) int64
-        How many there are.
+        Number of faces at each edge.
     """
     sides = _sides(np.ascontiguousarray(faces))
-    return _runs(sides, in_order(sides, int(faces.max(initial=-1)) + 1))
+    return _runs(sides, lexicographic_order(sides, int(faces.max(initial=-1)) + 1))
 
 
-@numba.njit(cache=True, nogil=True)
-def _sides(faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _sides(faces):
     """Return the two ends of each side, the smaller index first."""
     sides = np.empty((3 * len(faces), 2), dtype=np.int64)
     for side in range(len(sides)):
@@ -75,9 +79,9 @@ def _sides(faces):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return sides
 
 
-@numba.njit(cache=True, nogil=True)
-def _runs(rows, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return pairs in some order, each once; which one each of them is; and how often each of them stands there."""
+@compiled
+def _runs(rows, order):
+    """Return the distinct pairs in the given order, the number of the pair in each row, and each pair's count."""
     distinct, number, times = np.empty_like(rows), np.empty_like(order), np.zeros_like(order)
     last = -1
     for row in order:
@@ -89,21 +93,21 @@ def _runs(rows, order):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return distinct[: last + 1].copy(), number, times[: last + 1].copy()
 
 
-@numba.njit(cache=True, nogil=True)
-def pieces(of_side, edges):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    """Tell the pieces of a surface that hang together at edges: each face is united with the first one at its edges.
+@compiled
+def pieces(of_side, edges):
+    """Find the pieces of a surface that are connected at edges (union-find).
 
     Parameters
     ----------
     of_side : (3t,) int64
-        See `edges_of`.
+        From `edges_of`.
     edges : int
-        How many there are.
+        Number of edges.
 
     Returns
     -------
     (t,) int64
-        Numbered from 0 in the order of their first faces.
+        Piece of each face, numbered from 0 in the order of their first faces.
     """
     t = len(of_side) // 3
     leader, first = np.arange(t), np.full(edges, -1)
@@ -124,19 +128,19 @@ def pieces(of_side, edges):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN
     return piece
 
 
-@numba.njit(cache=True, nogil=True)
-def _leader(leader, face):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _leader(leader, face):
     while leader[face] != face:
         leader[face] = leader[leader[face]]
         face = leader[face]
     return face
 
 
-def wound_alike(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def wound_consistently(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Wind the triangles of each patch like its first one.
 
-    An edge joins two triangles where it has no third. Time and memory grow with the number of triangles, however many
-    of them share an edge: `igl.bfs_orient` takes its square.
+    Time and memory are linear in the number of triangles, however many of them share an edge; those of
+    `igl.bfs_orient` are quadratic.
 
     Parameters
     ----------
@@ -146,25 +150,25 @@ def wound_alike(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np
     Returns
     -------
     wound : (t, 3) int64
-        The triangles of a patch that has one side only, such as a Möbius strip, stay as they are.
+        Triangles of a patch with one side only, such as a Möbius strip, are not changed.
     patch : (t,) int64
-        Numbered from 0 in the order of their first triangles.
+        Patch of each triangle, numbered from 0 in the order of their first triangles.
     """
     _, of_side, faces_of_edge = edges_of(faces)
     against, patch = _against(np.ascontiguousarray(faces), of_side, faces_of_edge)
-    return turned_over(faces, against), patch
+    return flipped_faces(faces, against), patch
 
 
-def turned_over(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return (t, 3) faces, those chosen wound the other way round."""
+def flipped_faces(faces: NDArray[np.int64], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return (t, 3) faces with the winding of the chosen ones reversed."""
     turned = faces.copy()
     turned[chosen] = faces[chosen, ::-1]
     return turned
 
 
-@numba.njit(cache=True, nogil=True)
-def _against(faces, of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Say which faces are wound against the first one of their patch, walking from face to face."""
+@compiled
+def _against(faces, of_side, faces_of_edge):
+    """Return which faces are wound against the first one of their patch, and each face's patch."""
     t = len(faces)
     across = _across(of_side, faces_of_edge)
     against, patch = np.zeros(t, dtype=np.bool_), np.full(t, -1)
@@ -195,9 +199,9 @@ def _against(faces, of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # 
     return against, patch
 
 
-@numba.njit(cache=True, nogil=True)
-def _across(of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the other side at an edge of two faces for each side, −1 at the others."""
+@compiled
+def _across(of_side, faces_of_edge):
+    """Return the opposite side of each side at an edge of two faces, −1 elsewhere."""
     across, first = np.full(len(of_side), -1), np.full(len(faces_of_edge), -1)
     for side in range(len(of_side)):
         edge = of_side[side]
@@ -209,12 +213,12 @@ def _across(of_side, faces_of_edge):  # type: ignore[no-untyped-def]  # noqa: AN
     return across
 
 
-def outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Turn faces over so that neighbours agree on the outside, patch by patch.
+def wound_outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Flip faces so that neighbours agree on the outside, patch by patch.
 
-    A patch ends at borders and where three or more faces meet. A closed one faces outwards, by the sign of the volume
-    that it encloses. An open one is left as most of its area is in the file, and where the file is of two minds it
-    takes the side that bulges.
+    A closed patch faces outwards, by the sign of its enclosed volume. An open patch keeps the winding that most
+    of its area has in the file. If the file's winding is mixed (`MIN_AGREEING_AREA_SHARE`), the convex side is the
+    outside.
 
     Parameters
     ----------
@@ -229,17 +233,17 @@ def outwards(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray
     _, of_side, faces_of_edge = edges_of(faces)
     against, patch = _against(np.ascontiguousarray(faces), of_side, faces_of_edge)
     count = int(patch.max(initial=-1)) + 1
-    area, agreeing, volume = _measures(vertices, turned_over(faces, against), patch, count, ~against)
+    area, agreeing, volume = _measures(vertices, flipped_faces(faces, against), patch, count, ~against)
     borders = np.bincount(patch[np.flatnonzero(faces_of_edge[of_side] != 2) // 3], minlength=count)
-    undecided = np.abs(agreeing / area - 0.5) < LEAST_AGREEMENT - 0.5
-    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > FLAT * area**1.5)
+    undecided = np.abs(agreeing / area - 0.5) < MIN_AGREEING_AREA_SHARE - 0.5
+    by_volume = ((borders == 0) | undecided) & (np.abs(volume) > MIN_VOLUME_RATIO * area**1.5)
     inside_out = np.where(by_volume, volume < 0, agreeing < 0.5 * area)
-    return turned_over(faces, against ^ inside_out[patch])
+    return flipped_faces(faces, against ^ inside_out[patch])
 
 
-@numba.njit(cache=True, nogil=True)
-def _measures(vertices, faces, patch, count, chosen):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the area of each patch, that of its chosen faces, and the volume that it encloses with its middle."""
+@compiled
+def _measures(vertices, faces, patch, count, chosen):
+    """Return the area of each patch, that of its chosen faces, and the volume between it and its centroid."""
     t = len(faces)
     middle, normal = np.empty((t, 3)), np.empty((t, 3))
     area, agreeing, volume, center = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros((count, 3))

@@ -63,9 +63,9 @@ def test_arrays_that_do_not_fit_each_other_are_refused(changes, says):
 def test_a_position_is_missing_exactly_where_confidence_is_zero():
     positions = np.zeros((4, 20, 3))
     positions[2, 3, 1] = np.nan
-    with pytest.raises(ValueError, match="exactly where its position is NaN"):
+    with pytest.raises(ValueError, match="exactly if its position is NaN"):
         make(positions=positions)
     confidence = np.ones((4, 20), dtype=np.float32)
     confidence[0, 0] = LOST
-    with pytest.raises(ValueError, match="exactly where its position is NaN"):
+    with pytest.raises(ValueError, match="exactly if its position is NaN"):
         make(confidence=confidence)

@@ -38,12 +38,12 @@ def test_in_character_axes_a_bone_points_where_its_joints_do(turns, vectors):
 
 def test_a_turned_frame_turns_what_is_in_it(turns, vectors):
     turn = Rotation.from_rotvec([0.3, -1.1, 0.4])
-    found = rotation(orientations.turned(turns, turn.as_matrix())).apply(vectors)
+    found = rotation(orientations.rotated(turns, turn.as_matrix())).apply(vectors)
     np.testing.assert_allclose(found, turn.apply(rotation(turns).apply(vectors)), atol=1e-12)
 
 
 def test_the_bone_that_begins_at_a_joint_ends_at_the_next_one_of_its_limb(turns):
-    found = orientations.of_bones_that_begin(turns)
+    found = orientations.move_to_bone_starts(turns)
     for joint, end in (("elbow_left", "wrist_left"), ("shoulder_right", "elbow_right"), ("ankle_left", "foot_left")):
         np.testing.assert_array_equal(found[JOINT_INDEX[joint]], turns[JOINT_INDEX[end]])
     np.testing.assert_array_equal(found[JOINT_INDEX["hip_center"]], turns[JOINT_INDEX["spine"]])
@@ -56,7 +56,7 @@ def test_the_bone_that_begins_at_a_joint_ends_at_the_next_one_of_its_limb(turns)
 def test_what_is_no_unit_quaternion_is_unknown(turns, bad):
     given = turns.copy()
     given[7] = bad
-    found = orientations.checked(given)
+    found = orientations.unit_or_unknown(given)
     assert np.isnan(found[7]).all()
     np.testing.assert_array_equal(np.delete(found, 7, axis=0), np.delete(turns, 7, axis=0))
 
@@ -64,10 +64,10 @@ def test_what_is_no_unit_quaternion_is_unknown(turns, bad):
 def test_half_way_between_two_turns_is_half_the_turn_the_shorter_way_round():
     start, half, end = (quaternion(Rotation.from_rotvec([[0, angle, 0]])) for angle in (3.0, 3.2, 3.4))
     part = np.array([[0.5]])
-    found = orientations.between(start, -end, part)
+    found = orientations.interpolated(start, -end, part)
     assert rotation(found).approx_equal(rotation(half), 1e-9).all()
-    np.testing.assert_array_equal(orientations.between(start, end, 0 * part), start)
-    assert np.isnan(orientations.between(start, np.full((1, 4), np.nan), part)).all()
+    np.testing.assert_array_equal(orientations.interpolated(start, end, 0 * part), start)
+    assert np.isnan(orientations.interpolated(start, np.full((1, 4), np.nan), part)).all()
 
 
 def test_mirroring_twice_changes_nothing(turns):

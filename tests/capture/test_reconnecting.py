@@ -3,9 +3,9 @@ import time
 
 import pytest
 
-from capture.events import TICK, Lost, Tick
-from capture.reconnecting import AGAIN, Reopening
-from capture.source import Counts, Silence, wait
+from capture.events import TICK_SECONDS, Lost, Tick
+from capture.reconnecting import RETRY_SECONDS, ReopeningSource
+from capture.source import Counts, SilentSource, wait
 from puppetline.errors import SourceError
 
 GONE = SourceError("device", found="nothing there", expected="a device", fix="Plug it in.")
@@ -53,7 +53,7 @@ def reopening():
                 raise found
             return found
 
-        source = Reopening("device:0", opener)
+        source = ReopeningSource("device:0", opener)
         source.left = left
         return source
 
@@ -78,7 +78,7 @@ def test_a_failed_source_is_closed_and_ticks_stand_for_it_until_it_is_open_again
     first, second = Scripted(RuntimeError("the cable"), clock=100.0), Scripted([Lost(0.0, 3)])
     source = reopening(first, second)
     assert source.receive() == []
-    assert (first.closed, type(source.inner), source.name) == (True, Silence, "device:0")
+    assert (first.closed, type(source.inner), source.name) == (True, SilentSource, "device:0")
     assert 0 < source.now() - time.monotonic() - 100.0 + 1e-3 < 1e-2  # the clock goes on
     events = run(source, lambda: source.inner is second and not second.script)
     assert events[-1] == Lost(0.0, 3)
@@ -118,10 +118,10 @@ def test_pictures_without_anybody_are_the_end_of_trouble(reopening):
     second = Scripted([Tick(0.0)], [Tick(1.0)])
     source = reopening(Scripted(GONE), second)
     run(source, lambda: source.inner is second)
-    assert source.trouble == str(GONE)
+    assert source.failure == str(GONE)
     second.counts.received += 1
     run(source, lambda: not second.script)
-    assert source.trouble == ""
+    assert source.failure == ""
 
 
 def test_a_recording_that_has_ended_is_not_opened_again(reopening):
@@ -129,7 +129,7 @@ def test_a_recording_that_has_ended_is_not_opened_again(reopening):
     assert source.receive() == []
     silence = source.inner
     ticks = []
-    while len(ticks) * TICK < 1.5 * AGAIN:
+    while len(ticks) * TICK_SECONDS < 1.5 * RETRY_SECONDS:
         wait(source, time.monotonic() + PATIENCE)
         ticks += source.receive()
     assert source.inner is silence

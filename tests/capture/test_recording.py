@@ -255,7 +255,7 @@ def test_cut_off_at_any_byte_the_clip_has_all_whole_frames_and_says_what_was_tor
         complete = sum(size >= end for end in ends[1:])
         torn = size not in ends and size > 0
         line = 1 + sum(size >= end for end in ends)
-        notes = (f"Line {line} was cut off in mid-write: left out.",) if torn else ()
+        notes = (f"Line {line} is incomplete and was skipped.",) if torn else ()
         if complete:
             clip = read_one(cut)
             assert_clip_is(clip, frames[:complete])
@@ -311,13 +311,13 @@ def test_recording_into_a_finished_recording_continues_it(tmp_path):
 @pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 2,", b": 1,"), b"\n"])
 def test_a_file_that_is_something_else_is_refused_and_left_alone(tmp_path, content):
     (tmp_path / "take").write_bytes(content)
-    with pytest.raises(OutputError, match="not a recording"):
+    with pytest.raises(OutputError, match="not a take"):
         Recorder(tmp_path / "take")
     assert (tmp_path / "take").read_bytes() == content
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(OutputError, match=re.escape(f"{tmp_path}: found Is a directory")):
+    with pytest.raises(OutputError, match=re.escape("found a file that cannot be written (Is a directory)")):
         Recorder(tmp_path)
 
 

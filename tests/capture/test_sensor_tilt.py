@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from capture.pose import Pose
-from capture.sensor_tilt import Level, level_of
+from capture.sensor_tilt import SensorTilt, estimate_tilt
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 
 from .network.conftest import STANDING
@@ -30,53 +30,53 @@ def upright():
 @pytest.mark.parametrize("height", [0.0, 0.9, 2.2])
 def test_somebody_who_stands_upright_tells_how_the_sensor_stands(upright, degrees, height):
     seen = turned(upright, degrees, height)
-    level = level_of(seen)
+    level = estimate_tilt(seen)
     assert level.tilt == pytest.approx(degrees, abs=1.5)
     np.testing.assert_allclose(level(seen)[:, 1], upright[:, 1], atol=0.04)
 
 
 def test_levelling_undoes_the_sensor_exactly(upright):
-    np.testing.assert_allclose(Level(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
+    np.testing.assert_allclose(SensorTilt(25.0, 1.4)(turned(upright, 25.0, 1.4)), upright, atol=1e-12)
 
 
 def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
-    level, turns = Level(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
+    level, turns = SensorTilt(25.0, 1.4, 5.0), Rotation.random(len(JOINTS), rng=2)
     ends = upright + turns.apply([0.0, 0.3, 0.0])
     seen = SkeletonFrame(1.0, 0, upright, np.ones(len(JOINTS)), turns.as_quat()[:, [3, 0, 1, 2]])
     frame = level.frame(seen)
     np.testing.assert_array_equal(frame.positions, level(upright))
     found = Rotation.from_quat(frame.orientations[:, [1, 2, 3, 0]]).apply([0.0, 0.3, 0.0])
     np.testing.assert_allclose(frame.positions + found, level(ends), atol=1e-12)
-    assert Level().frame(seen) is seen
+    assert SensorTilt().frame(seen) is seen
 
 
 @pytest.mark.parametrize(("tilt", "roll", "height"), [(25.0, 0.0, 1.4), (10.0, -7.0, 0.8), (-15.0, 90.0, 0.0)])
 def test_levelling_puts_a_sensor_where_a_pose_has_it(upright, tilt, roll, height):
     pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
     seen = (upright - pose.position) @ pose.rotation
-    np.testing.assert_allclose(Level(tilt, height, roll)(seen), upright, atol=1e-12)
+    np.testing.assert_allclose(SensorTilt(tilt, height, roll)(seen), upright, atol=1e-12)
 
 
 def test_a_level_sensor_changes_nothing(upright):
-    assert Level()(upright) is upright
+    assert SensorTilt()(upright) is upright
 
 
 def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
     bent = upright.copy()
     bent[[JOINT_INDEX[name] for name in ("shoulder_center", "head", "spine")], 2] += 0.4
-    assert level_of(bent) is None
+    assert estimate_tilt(bent) is None
     sitting = upright.copy()
     sitting[[JOINT_INDEX[name] for name in JOINTS if name.startswith(("knee", "ankle", "foot"))], 2] -= 0.5
-    assert level_of(sitting) is None
+    assert estimate_tilt(sitting) is None
     cut = upright.copy()
     cut[JOINT_INDEX["ankle_left"]] = np.nan
-    assert level_of(cut) is None
+    assert estimate_tilt(cut) is None
     lying = turned(upright, 80.0, 0.0)
-    assert level_of(lying) is None
+    assert estimate_tilt(lying) is None
 
 
 def test_json_says_it_as_it_is():
-    assert Level.of_json({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == Level(12.0, 1.3, -1.5)
+    assert SensorTilt.of_json({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == SensorTilt(12.0, 1.3, -1.5)
 
 
 @pytest.mark.parametrize(
@@ -84,17 +84,17 @@ def test_json_says_it_as_it_is():
 )
 def test_json_that_says_something_else_is_an_error(wrong):
     with pytest.raises(ValueError, match=r"."):
-        Level.of_json({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
+        SensorTilt.of_json({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
     with pytest.raises(ValueError, match="no tilt"):
-        Level.of_json({})
+        SensorTilt.of_json({})
 
 
 @pytest.mark.parametrize(
     ("level", "words"),
     [
-        (Level(12.2, 1.304, -2.6), "1.30 m above the floor, looks 12° down, leans by 3°"),
-        (Level(-7.0, 0.8, 0.6), "0.80 m above the floor, looks 7° up"),
-        (Level(0.4, 0.8), "0.80 m above the floor, level"),
+        (SensorTilt(12.2, 1.304, -2.6), "1.30 m above the floor, looks 12° down, leans by 3°"),
+        (SensorTilt(-7.0, 0.8, 0.6), "0.80 m above the floor, looks 7° up"),
+        (SensorTilt(0.4, 0.8), "0.80 m above the floor, level"),
     ],
 )
 def test_it_is_said_in_words(level, words):

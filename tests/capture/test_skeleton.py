@@ -9,16 +9,21 @@ def poses():
     return np.random.default_rng(0).normal(size=(5, 20, 3))
 
 
+KINECT_SDK = """
+hip_center spine shoulder_center head
+shoulder_left elbow_left wrist_left hand_left shoulder_right elbow_right wrist_right hand_right
+hip_left knee_left ankle_left foot_left hip_right knee_right ankle_right foot_right
+"""
+
+
 def test_joints_are_in_the_order_of_the_kinect_sdk():
-    assert len(JOINTS) == len(set(JOINTS)) == 20
-    assert [JOINT_INDEX[name] for name in ("hip_center", "head", "hand_left", "hand_right", "foot_right")] == [
-        0,
-        3,
-        7,
-        11,
-        19,
-    ]
+    assert tuple(KINECT_SDK.split()) == JOINTS
     assert [JOINTS[index] for index in JOINT_INDEX.values()] == list(JOINTS)
+
+
+def test_limbs_begin_at_the_trunk():
+    assert {PARENTS[joint] for joint in ("shoulder_left", "shoulder_right")} == {"shoulder_center"}
+    assert {PARENTS[joint] for joint in ("hip_left", "hip_right")} == {"hip_center"}
 
 
 def test_the_bones_are_a_tree_with_the_hips_as_root():

@@ -2,13 +2,13 @@ import itertools
 import time
 from select import select
 
-from capture.events import TICK, Tick
-from capture.source import Counts, Silence
+from capture.events import TICK_SECONDS, Tick
+from capture.source import Counts, SilentSource
 
 
 def test_silence_ticks_on_the_clock_of_the_source_that_it_stands_in_for():
     counts = Counts(received=7)
-    silence = Silence("osc:1", counts, 1000.0)
+    silence = SilentSource("osc:1", counts, 1000.0)
     assert silence.counts is counts
     assert silence.receive() == []
     ticks = []
@@ -17,5 +17,5 @@ def test_silence_ticks_on_the_clock_of_the_source_that_it_stands_in_for():
         ticks += silence.receive()
     assert all(isinstance(tick, Tick) for tick in ticks)
     times = [1000.0, *(tick.time for tick in ticks)]
-    assert all(later - earlier >= TICK - 1e-6 for earlier, later in itertools.pairwise(times))
+    assert all(later - earlier >= TICK_SECONDS - 1e-6 for earlier, later in itertools.pairwise(times))
     assert times[-1] <= silence.now()

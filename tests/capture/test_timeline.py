@@ -35,7 +35,7 @@ def test_a_clip_on_the_clock_is_unchanged(start):
     np.testing.assert_allclose(timeline.times, recorded.times - start, rtol=0, atol=1e-6)
     assert timeline.gaps == ()
     assert timeline.held == 0
-    assert timeline.summary() == "500 frames at 30 a second"
+    assert timeline.summary() == "500 frames at 30 per second"
 
 
 def test_interpolates_linearly_with_the_lower_confidence():
@@ -65,7 +65,7 @@ def test_a_gap_of_just_max_gap_is_bridged_and_a_longer_one_is_held_and_reported(
     np.testing.assert_allclose(timeline.gaps, [(0.25, 1.0)], rtol=0, atol=1e-12)
     assert timeline.held == 14 * 20
     assert timeline.summary() == (
-        "21 frames at 20 a second, 66.7 % of the joint positions held while lost, 1 gap (longest 0.75 s, from 0.25 s)"
+        "21 frames at 20 per second, 66.7 % of the joint positions held while lost, 1 gap (longest 0.75 s, from 0.25 s)"
     )
 
 
@@ -115,18 +115,20 @@ def test_one_tracked_frame_makes_one_frame():
     timeline = resample(clip([4.2], [1.5]))
     np.testing.assert_array_equal(timeline.times, [0.0])
     np.testing.assert_array_equal(timeline.positions[0, :, 0], np.full(20, 1.5))
-    assert timeline.summary() == "1 frame at 30 a second"
+    assert timeline.summary() == "1 frame at 30 per second"
 
 
 def test_a_clip_without_a_tracked_frame_is_refused():
-    with pytest.raises(SkeletonLogError, match="the test log, user 3: found no frame in which any joint is known"):
+    with pytest.raises(
+        SkeletonLogError, match="the test recording, user 3: found no frame in which any joint is known"
+    ):
         resample(clip([0.0, 1.0], [0.0, 1.0], 0.0, user=3))
 
 
 def test_a_clock_that_jumps_too_far_is_refused_with_the_place_of_the_jump():
     with pytest.raises(SkeletonLogError) as caught:
         resample(clip([0.0, 0.5, 40000.5], [0.0, 1.0, 2.0]))
-    assert "1.2e+06 frames at 30 a second (the longest gap is 40000 s, after 0.5 s)" in caught.value.found
+    assert "1.2e+06 frames at 30 per second (the longest gap is 40000 s, after 0.5 s)" in caught.value.found
     assert caught.value.expected == f"at most {MAX_FRAMES} frames"
 
 
@@ -152,7 +154,7 @@ def test_the_performer_tracked_in_most_frames_is_taken():
     taken, note = choose([longest_but_untracked, *clips])
     assert taken is clips[1]
     assert note == (
-        "Took user 2 (5 tracked frames); also in the log: 1 (0 tracked frames), 4 (1 tracked frame), "
+        "User 2 (5 tracked frames) was chosen; other performers: 1 (0 tracked frames), 4 (1 tracked frame), "
         "7 (3 tracked frames)."
     )
 
@@ -161,17 +163,17 @@ def test_the_performer_asked_for_is_taken():
     clips = performers()
     taken, note = choose(clips, user=7)
     assert taken is clips[2]
-    assert note == "Took user 7 (3 tracked frames); also in the log: 4 (1 tracked frame), 2 (5 tracked frames)."
+    assert note == "User 7 (3 tracked frames) was chosen; other performers: 4 (1 tracked frame), 2 (5 tracked frames)."
 
 
 def test_a_single_performer_has_nobody_beside():
-    assert choose(performers()[1:2])[1] == "Took user 2 (5 tracked frames); also in the log: nobody."
+    assert choose(performers()[1:2])[1] == "User 2 (5 tracked frames) was chosen; other performers: none."
 
 
 def test_an_unknown_performer_is_refused_with_those_that_there_are():
     with pytest.raises(SkeletonLogError) as caught:
         choose(performers(), user=5)
-    assert caught.value.where == "the test log, user"
+    assert caught.value.where == "the test recording, user"
     assert caught.value.found == "no user 5"
     assert caught.value.expected == "one of 4 (1 tracked frame), 2 (5 tracked frames), 7 (3 tracked frames)"
 

@@ -4,7 +4,7 @@ from puppetline.examples.kinect_noise import AWAY
 from puppetline.examples.performances import PERFORMANCES, clean
 from puppetline.examples.performer import REST, posed
 
-from capture.body import typical
+from capture.body import typical_bone_length
 from capture.formats import read_log
 from capture.recording import DECIMALS, Recorder
 from capture.skeleton import INFERRED, JOINT_INDEX, LOST, PARENTS, TRACKED
@@ -45,7 +45,7 @@ def test_bones_keep_their_length(name):
     joint = paths(clean(name))
     for child, parent in PARENTS.items():
         lengths = np.linalg.norm(joint[child] - joint[parent], axis=1)
-        np.testing.assert_allclose(lengths, typical(child), rtol=0, atol=1e-9, err_msg=child)
+        np.testing.assert_allclose(lengths, typical_bone_length(child), rtol=0, atol=1e-9, err_msg=child)
 
 
 @pytest.mark.parametrize("name", NAMES)

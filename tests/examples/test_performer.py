@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from puppetline.examples.performer import ANKLE_REST, FLOOR, REST, SIDES, played, posed
 
-from capture.body import typical
+from capture.body import typical_bone_length
 from capture.skeleton import JOINT_INDEX, OPPOSITE, PARENTS
 
 TIMES = np.linspace(0.0, 4.0, 401)
@@ -129,7 +129,7 @@ def test_bones_keep_their_length_in_every_pose():
     joint = paths(posed(swaying(200), 2.5))
     for child, parent in PARENTS.items():
         lengths = np.linalg.norm(joint[child] - joint[parent], axis=1)
-        np.testing.assert_allclose(lengths, typical(child), rtol=0, atol=1e-9, err_msg=child)
+        np.testing.assert_allclose(lengths, typical_bone_length(child), rtol=0, atol=1e-9, err_msg=child)
 
 
 def test_a_mirrored_pose_is_the_pose_in_a_mirror():
@@ -176,7 +176,7 @@ def test_the_pelvis_carries_the_whole_upper_body():
 
 
 def test_a_hand_within_reach_is_placed_and_one_beyond_is_drawn_in_on_its_line():
-    arm = typical("elbow") + typical("wrist") + typical("hand")
+    arm = typical_bone_length("elbow") + typical_bone_length("wrist") + typical_bone_length("hand")
     for wish in ([0.1, 0.1, 0.3], [0.5, -0.5, 1.0]):
         joint = paths(posed(parts(1, hand_right=wish), 2.5))
         hand = (joint["hand_right"] - joint["shoulder_right"])[0] * [1, 1, -1]

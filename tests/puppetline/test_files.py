@@ -19,7 +19,7 @@ def test_a_file_is_read_whole_or_an_error_of_the_family_says_why_not(tmp_path):
     for path, why in ((tmp_path / "none.obj", "No such file or directory"), (tmp_path, "Is a directory")):
         with pytest.raises(MeshError) as error:
             read_whole(path, "a mesh", MeshError, "Look for it.")
-        assert str(error.value) == f"{path}: found that it cannot be read ({why}); expected a mesh. Look for it."
+        assert str(error.value) == f"{path}: found a file that cannot be read ({why}); expected a mesh. Look for it."
 
 
 def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):
@@ -58,7 +58,7 @@ def test_a_block_that_writes_nothing_is_an_error_and_leaves_the_old_file(tmp_pat
 def test_what_the_operating_system_refuses_is_an_output_error(tmp_path):
     with pytest.raises(OutputError) as error, written_whole(tmp_path / "gone" / "out.glb") as beside:
         beside.write_text("new")
-    assert error.value.found == "that it cannot be written (No such file or directory)"
+    assert error.value.found == "a file that cannot be written (No such file or directory)"
     with pytest.raises(OutputError), written_whole(tmp_path) as beside:
         beside.write_text("a file cannot replace a folder")
     assert names(tmp_path) == []
@@ -95,8 +95,8 @@ def test_each_bad_place_says_what_to_do(tmp_path):
         (tmp_path, "a folder or device", "Add a file name to the path."),
         (tmp_path / "out.gltf", "the ending '.gltf'", "Call it out.glb."),
         (taken, "a folder or device", "Add a file name to the path."),
-        (folder / "out.glb", f"no folder {folder}", f"Make it: mkdir -p {folder}"),
-        (file / "out.glb", f"no folder {file}", "Choose another."),
+        (folder / "out.glb", f"no folder {folder}", f"Create it: mkdir -p {folder}"),
+        (file / "out.glb", f"no folder {file}", "Choose another folder."),
     ):
         with pytest.raises(OutputError) as error:
             check_writable(path, ".glb")
@@ -105,7 +105,7 @@ def test_each_bad_place_says_what_to_do(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder here that refuses files to everyone")
 def test_a_folder_that_takes_no_files_is_found_out_before_the_work():
-    with pytest.raises(OutputError, match="that it cannot be written") as error:
+    with pytest.raises(OutputError, match="a file that cannot be written") as error:
         check_writable(Path("/proc/out.glb"), ".glb")
     assert error.value.where == "/proc/out.glb"
 
@@ -118,7 +118,7 @@ def test_a_folder_without_permission_is_found_out_before_the_work(tmp_path):
 
 
 def test_a_name_that_is_too_long_for_the_file_system_is_an_output_error(tmp_path):
-    with pytest.raises(OutputError, match="that it cannot be written"):
+    with pytest.raises(OutputError, match="a file that cannot be written"):
         check_writable(tmp_path / ("a" * 300 + ".glb"), ".glb")
 
 
@@ -128,7 +128,7 @@ def test_a_file_that_is_read_from_is_not_replaced_under_any_of_its_names(tmp_pat
     other_name = tmp_path / "link.glb"
     other_name.symlink_to(source)
     for output in (source, other_name, tmp_path / ".." / tmp_path.name / "dog.glb"):
-        with pytest.raises(OutputError, match="a file that is read from"):
+        with pytest.raises(OutputError, match="an input file"):
             check_writable(output, ".glb", inputs=(tmp_path / "take.log", source))
     assert source.read_text() == "the only copy"
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.surface.winding import in_order
+from solver.surface.winding import lexicographic_order
 
 
 def unique_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -21,7 +21,7 @@ def unique_rows(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
     kind : (r,) int64
         Kind of each row, as an index into `first`.
     """
-    order = in_order(rows + 1, int(rows.max(initial=-1)) + 2)
+    order = lexicographic_order(rows + 1, int(rows.max(initial=-1)) + 2)
     new = np.zeros(len(rows), dtype=np.bool_)
     new[:1] = True
     for column in rows.T:

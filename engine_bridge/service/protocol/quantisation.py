@@ -1,8 +1,9 @@
 """Vertices in ten bytes: positions as 16 bits per axis of their bounding box, normals folded onto a square."""
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from puppetline.compiled import compiled
 
 BOX_STEPS = 65535
 """Number of steps along each side of the box."""
@@ -49,8 +50,8 @@ def normals_of(folded: NDArray[np.int16]) -> NDArray[np.float32]:
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-@numba.njit(cache=True, nogil=True)
-def _quantise(positions, normals, box, places, folded):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+@compiled
+def _quantise(positions, normals, box, places, folded):
     one, half = np.float32(1), np.float32(0.5)
     for axis in range(3):
         low = high = np.float64(positions[0, axis])

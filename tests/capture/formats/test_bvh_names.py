@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.formats.bvh_names import key_of, kinect_points
+from capture.formats.bvh_names import kinect_positions, normalised_name
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
 
@@ -30,7 +30,7 @@ from puppetline.errors import SkeletonLogError
     ],
 )
 def test_names_are_taken_apart(name: str, key: str) -> None:
-    assert key_of(name) == key
+    assert normalised_name(name) == key
 
 
 def sides(*names: str) -> list[str]:
@@ -173,7 +173,7 @@ def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple
     """Put node i at x = i (or as told), each the child of the one before, and say where the 20 joints then are."""
     x = [(places or {}).get(index, float(index)) for index in range(len(names))]
     tree = [(name, index - 1) for index, name in enumerate(names)]
-    points, _, notes = kinect_points(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
+    points, _, notes = kinect_positions(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])
     return dict(zip(JOINTS, points[0, :, 0].tolist(), strict=True)), notes
 
 
@@ -193,7 +193,7 @@ def test_missing_middle_joints_are_midpoints_and_hands_are_ends() -> None:
     assert found["spine"] == (8 + 4) / 2
     assert (found["hand_left"], found["foot_left"]) == (3, 7)
     assert [note for note in notes if "spine" in note] == [
-        "No joint for spine: half way between hip_center and shoulder_center."
+        "No joint for spine. It is placed half way between hip_center and shoulder_center."
     ]
 
 
@@ -201,7 +201,7 @@ def test_hands_without_an_end_are_lost() -> None:
     names = ["Hips", "Spine", "Neck", "Head", *sides("*UpLeg", "*Leg", "*Foot", "*Toe", "*Arm", "*ForeArm", "*Hand")]
     found, notes = points_of(names)
     assert np.isnan(found["hand_right"])
-    assert "No joint for hand_right: lost." in notes
+    assert "No joint for hand_right. It is lost." in notes
 
 
 def test_a_finger_joint_at_the_wrist_is_passed_over() -> None:
@@ -218,6 +218,6 @@ def test_a_finger_joint_at_the_wrist_is_passed_over() -> None:
 def test_names_of_no_human_are_refused() -> None:
     with pytest.raises(SkeletonLogError) as caught:
         points_of(["Root", "Trunk", "Tail"])
-    assert "no joint named as head, shoulder_left" in str(caught.value)
+    assert "no joint for head, shoulder_left" in str(caught.value)
     assert "Root, Trunk, Tail" in str(caught.value)
-    assert "Rename the joints" in str(caught.value)
+    assert "Use the joint names" in str(caught.value)

@@ -8,7 +8,7 @@ from capture.skeleton import JOINT_INDEX
 from puppetline.errors import SkeletonLogError
 
 MILLIMETRES = np.arange(1, 46).reshape(15, 3) * 64.0
-RATE = "The log has no clock: 30 frames a second assumed."
+RATE = "The recording has no clock; 30 frames per second are assumed."
 
 
 def _line(number, positions=MILLIMETRES, confidence=1):
@@ -42,7 +42,7 @@ def test_each_joint_is_found_by_its_place_in_metres(tmp_path):
     assert clip.positions[0, JOINT_INDEX["wrist_left"]] == pytest.approx(elbow / 4 + 3 * hand / 4)
     assert clip.confidence[0, JOINT_INDEX["wrist_left"]] == 0.5
     assert clip.notes[0] == RATE
-    assert "Hip centre, wrists and ankles" in clip.notes[1]
+    assert "no hip centre, wrists and ankles" in clip.notes[1]
     assert "may be mirrored" in clip.notes[2]
     assert len(clip.notes) == 3
 
@@ -65,29 +65,12 @@ def test_the_rate_can_be_given(tmp_path):
 
 def test_a_missing_end_is_noted(tmp_path):
     [clip] = cad60.read(_write(tmp_path, _line(1)), ReadOptions())
-    assert clip.notes[1] == "The log has no END line: frames after its last line may be missing."
+    assert clip.notes[1] == "The recording has no END line; frames after its last line may be missing."
 
 
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        (_line(2) + "1,", r"line 2: found 172 columns; expected 171 columns \(frame number"),
-        (_line("nan"), "line 2: found 'nan' in column 1; expected a finite number"),
-        ("END", r"line 2: found 1 columns; expected 171 columns"),
-    ],
-)
-def test_a_line_that_does_not_fit_is_refused(tmp_path, line, message):
-    with pytest.raises(SkeletonLogError, match=message):
-        cad60.read(_write(tmp_path, _line(1), line, "END"), ReadOptions())
-
-
-@pytest.mark.parametrize("torn", [_line(2)[:100], "-"])
-def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(tmp_path, assert_same_frames, torn):
-    [whole] = cad60.read(_write(tmp_path, _line(1), _line(4)), ReadOptions())
-    [clip] = cad60.read(_write(tmp_path, _line(1), _line(4), torn, end=""), ReadOptions())
-    note = "The file ends in the middle of line 3. This frame is omitted."
-    assert [text for text in clip.notes if text not in whole.notes] == [note]
-    assert_same_frames(clip, whole)
+def test_an_end_before_the_last_line_is_refused(tmp_path):
+    with pytest.raises(SkeletonLogError, match=r"line 2: found 1 columns; expected 171 columns \(frame number"):
+        cad60.read(_write(tmp_path, _line(1), "END", "END"), ReadOptions())
 
 
 def test_orientations_which_are_not_used_may_be_anything(tmp_path, assert_same_frames):
@@ -97,23 +80,7 @@ def test_orientations_which_are_not_used_may_be_anything(tmp_path, assert_same_f
     assert clip.notes == whole.notes
 
 
-def test_a_short_line_that_the_file_does_not_end_in_is_refused(tmp_path):
-    for lines, end in (([_line(2)[:100]], "\n"), ([_line(2)[:100], _line(3)], "")):
-        with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
-            cad60.read(_write(tmp_path, _line(1), *lines, end=end), ReadOptions())
-
-
-def test_a_log_cut_within_its_only_line_is_refused(tmp_path):
-    with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
-        cad60.read(_write(tmp_path, _line(1)[:100], end=""), ReadOptions())
-
-
 @pytest.mark.parametrize("lines", [["END"], [_line(1, 0 * MILLIMETRES), "END"]])
 def test_a_log_without_a_tracked_frame_is_refused(tmp_path, lines):
     with pytest.raises(SkeletonLogError, match=f"no tracked performer in any of {len(lines) - 1} frames"):
         cad60.read(_write(tmp_path, *lines), ReadOptions())
-
-
-@pytest.mark.parametrize("text", ["", "END\n", "1," * 170, "1," * 172, "1 " * 171, "x," + "1," * 170])
-def test_other_texts_do_not_match(text):
-    assert not cad60.matches(text.encode())

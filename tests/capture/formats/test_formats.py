@@ -1,10 +1,26 @@
+from importlib import import_module
+
 import numpy as np
 import pytest
 
-from capture.formats import FARTHEST, FORMATS, read_log, recognize
+from capture.formats import FORMATS, HEAD_BYTES, read_log
 from capture.recording import Recorder
-from capture.skeleton import SkeletonFrame
+from capture.skeleton import MAX_DISTANCE_METRES, SkeletonFrame
 from puppetline.errors import SkeletonLogError
+
+FORMAT_OF_FOLDER = {
+    "bvh": "bvh",
+    "kinect_own_recording": "utkinect",
+    "kinect_v2_json": "kinect_v2_json",
+    "kinect_v2_laban_csv": "kinect_v2_csv",
+    "kinect_v2_sparse": "kinect_v2_sparse",
+    "msr_action3d_screen": "msr_action3d",
+    "msr_action3d_world": "msr_action3d",
+    "msrc12": "msrc12",
+    "utd_mhad_mat": "utd_mhad",
+    "depth": "utd_mhad",
+    "utkinect": "utkinect",
+}
 
 
 def record(path, positions):
@@ -22,14 +38,16 @@ def test_a_log_is_found_by_content_and_not_by_its_name(tmp_path):
 
 def test_a_position_that_is_no_performers_is_refused_with_its_place(tmp_path):
     poses = np.zeros((3, 20, 3))
-    poses[2, 3, 1] = 10 * FARTHEST
+    poses[2, 3, 1] = 10 * MAX_DISTANCE_METRES
     with pytest.raises(SkeletonLogError) as error:
         read_log(record(tmp_path / "take.log", poses))
     assert error.value.where.endswith("frame 2 (second 0.0666667), head")
     assert error.value.found == "1e+04 m"
 
 
-@pytest.mark.parametrize(("content", "found"), [(b"", "an empty file"), (bytes(range(256)) * 9, "no skeleton log")])
+@pytest.mark.parametrize(
+    ("content", "found"), [(b"", "an empty file"), (bytes(range(256)) * 9, "an unknown file format")]
+)
 def test_what_is_no_log_is_refused_with_the_list_of_formats(tmp_path, content, found):
     (tmp_path / "take.log").write_bytes(content)
     with pytest.raises(SkeletonLogError) as error:
@@ -38,8 +56,11 @@ def test_what_is_no_log_is_refused_with_the_list_of_formats(tmp_path, content, f
     assert all(name in error.value.expected for name in FORMATS.values())
 
 
-def test_every_real_log_is_one_of_the_formats(real_data):
-    files = [path for kind in ("logs", "bvh") for path in (real_data / kind).rglob("*.*") if path.is_file()]
-    strangers = [path.name for path in files if recognize(path) is None]
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_format_matches_its_own_real_files_and_no_other_file(real_data, name):
+    files = {path for folder in ("logs", "bvh", "video") for path in (real_data / folder).rglob("*") if path.is_file()}
+    files.discard(real_data / "logs" / "utkinect" / "actionLabel.txt")
+    own = {path for path in files if FORMAT_OF_FOLDER.get(path.relative_to(real_data).parts[-2]) == name}
+    matches = import_module(f"capture.formats.{name}").matches
     assert len(files) > 150
-    assert strangers == ["actionLabel.txt"] * strangers.count("actionLabel.txt")
+    assert {path for path in files if matches(path.open("rb").read(HEAD_BYTES))} == own

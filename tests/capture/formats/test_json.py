@@ -46,12 +46,12 @@ def test_no_ordinary_number(tmp_path: Path, text: str) -> None:
     "text", ["true", "1.5", "9007199254740992.0", "-1.0", "-1", '"-1"', '"1.0"', '"²"', '""', "9223372036854775808"]
 )
 def test_no_whole_number(tmp_path: Path, text: str) -> None:
-    with pytest.raises(SkeletonLogError, match="expected a whole number, 0 or more"):
+    with pytest.raises(SkeletonLogError, match="expected an integer, 0 or more"):
         _json.load(write(tmp_path, text)).integer()
 
 
 def test_strings_of_digits_without_end_are_no_whole_number(tmp_path: Path) -> None:
-    with pytest.raises(SkeletonLogError, match="expected a whole number"):
+    with pytest.raises(SkeletonLogError, match="expected an integer"):
         _json.load(write(tmp_path, '"' + "9" * 10_000 + '"')).integer()
 
 
@@ -62,7 +62,7 @@ def test_long_values_are_not_repeated_in_full(tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_too_large_or_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_json, "MAX_BYTES", 10)
+    monkeypatch.setattr(_json, "MAX_FILE_BYTES", 10)
     assert _json.load(write(tmp_path, "[1, 2, 34]")).items()[2].number() == 34
     with pytest.raises(SkeletonLogError, match="more than 10 bytes of JSON"):
         _json.load(write(tmp_path, "[1, 2, 345]"))

@@ -85,7 +85,7 @@ def test_a_file_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path):
             np.testing.assert_array_equal(clip.times, whole.times[:frames])
             np.testing.assert_array_equal(clip.positions, whole.positions[:frames])
         else:
-            with pytest.raises(SkeletonLogError, match=r"The file seems cut off: delete .*, or record again\."):
+            with pytest.raises(SkeletonLogError, match=r"The file seems incomplete. Delete .*, or record again\."):
                 kinect_v2_sparse.read(log, ReadOptions())
 
 

@@ -15,7 +15,6 @@ FOLDERS = {
     "msr_action3d": ["msr_action3d_world", "msr_action3d_screen"],
     "kinect_v2_csv": ["kinect_v2_laban_csv"],
     "kinect_v2_sparse": ["kinect_v2_sparse"],
-    "cad60": [],
 }
 METRES = {
     ("shoulder_left", "shoulder_right"): (0.25, 0.45),
@@ -30,31 +29,32 @@ METRES = {
 }
 
 FRAMES = {
-    "kinect_v2_csv": lambda ticks: ",".join([str(ticks), *["0.25,0.5,2,2"] * 25]) + ",",
-    "msrc12": lambda microseconds: " ".join([str(microseconds), *["0.25 0.5 2 1"] * 20]),
-    "utkinect": lambda number: " ".join([str(number), *["0.25 0.5 2"] * 20]),
+    "cad60": (",", (["0.5"] * 10 + ["250", "500", "2000", "1"]) * 11 + ["250", "500", "2000", "1"] * 4, "frame number"),
+    "kinect_v2_csv": (",", ["0.25", "0.5", "2", "2"] * 25, "100 ns ticks"),
+    "msrc12": (" ", ["0.25", "0.5", "2", "1"] * 20, "microseconds"),
+    "utkinect": (" ", ["0.25", "0.5", "2"] * 20, "frame number"),
 }
-"""For each format that has a frame in a line, a line by its time."""
+"""For each format with one frame per line: the separator, the columns after the time, and the meaning of the time."""
 
 
 def _module(name):
     return importlib.import_module(f"capture.formats.{name}")
 
 
-def _logs(folder):
-    return {log for log in folder.iterdir() if log.name != "actionLabel.txt"}
-
-
 @pytest.fixture(params=FRAMES)
 def line_log(request, tmp_path):
-    """Write a log of a format that has a frame in a line, and read it."""
+    """Functions that return a line of a format with one frame per line, and that write lines to a file and read it."""
+    separator, columns, _ = FRAMES[request.param]
+
+    def line(time, columns=columns):
+        return separator.join([str(time), *columns])
 
     def read_lines(*lines, end="\n"):
         log = tmp_path / "log"
         log.write_text("\n".join(lines) + end)
         return _module(request.param).read(log, ReadOptions())
 
-    return FRAMES[request.param], read_lines
+    return line, read_lines
 
 
 @pytest.mark.parametrize("torn", [slice(70), slice(0)])
@@ -80,18 +80,45 @@ def test_a_log_cut_within_its_only_line_is_refused(line_log):
         read(line(1)[:70], end="")
 
 
-@pytest.mark.parametrize("name", FOLDERS)
-def test_a_format_matches_its_own_real_logs_and_no_other_file(real_data, name):
-    files = [path for part in ("logs", "bvh") for path in (real_data / part).rglob("*") if path.is_file()]
-    matched = {path for path in files if _module(name).matches(path.read_bytes()[: 64 * 1024])}
-    assert matched == {log for folder in FOLDERS[name] for log in _logs(real_data / "logs" / folder)}
+@pytest.mark.parametrize("name", FRAMES)
+def test_a_file_matches_by_the_separator_and_number_of_columns(name):
+    separator, columns, _ = FRAMES[name]
+    matches, other = _module(name).matches, " " if separator == "," else ","
+    assert matches(separator.join(["1", *columns]).encode())
+    for texts in ([], ["1", *columns[1:]], ["1", "1", *columns], ["x", *columns]):
+        assert not matches(separator.join(texts).encode())
+    assert not matches(other.join(["1", *columns]).encode())
+
+
+@pytest.mark.parametrize("time", ["nan", "inf"])
+def test_a_time_that_is_not_finite_is_refused(line_log, time):
+    line, read = line_log
+    with pytest.raises(SkeletonLogError, match=f"line 2: found '{time}' in column 1; expected a finite number"):
+        read(line(1), line(time))
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_another_number_of_columns_is_refused_with_their_meaning(name, tmp_path):
+    separator, columns, meaning = FRAMES[name]
+    count = len(columns) + 1
+    (tmp_path / "log").write_text(separator.join(["1", *columns, "1"]) + "\n")
+    message = rf"line 1: found {count + 1} columns; expected {count} columns \({meaning}"
+    with pytest.raises(SkeletonLogError, match=message):
+        _module(name).read(tmp_path / "log", ReadOptions())
+
+
+def test_a_recording_without_a_tracked_frame_is_refused(line_log):
+    line, read = line_log
+    columns = ["0"] * (len(line(1).replace(",", " ").split()) - 1)
+    with pytest.raises(SkeletonLogError, match="no tracked performer in any of 2 frames"):
+        read(line(1, columns), line(2, columns))
 
 
 @pytest.mark.parametrize(
     ("name", "folder"), [(name, folder) for name, folders in FOLDERS.items() for folder in folders]
 )
 def test_real_performers_have_human_bones_and_their_right_side_at_positive_x(real_logs, name, folder):
-    for log in _logs(real_logs / folder):
+    for log in set((real_logs / folder).iterdir()) - {real_logs / "utkinect" / "actionLabel.txt"}:
         [clip] = _module(name).read(log, ReadOptions())
         for (start, end), (shortest, longest) in METRES.items():
             bone = clip.positions[:, JOINT_INDEX[end]] - clip.positions[:, JOINT_INDEX[start]]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from capture.formats._mat5 import MAX_BYTES, Mat5Error, variables
+from capture.formats._mat5 import MAX_ARRAY_BYTES, Mat5Error, variables
 
 HEADER = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H2s", 0x100, b"IM")
 
@@ -72,22 +72,22 @@ def test_reads_real_files_as_scipy_does(real_logs: Path) -> None:
     ("content", "message"),
     [
         (b"\0" * 7, "the data end within an element"),
-        (element(9, b"12345678"), "type 9 stands in the place of an array"),
-        (struct.pack("<II", 14, 2**32 - 1), "an element of 4294967295 bytes is cut short"),
-        (struct.pack("<HHI", 1, 5, 0), "an element of 5 bytes is cut short"),
-        (packed(element(9, b"12345678")), "packed data are no array"),
-        (struct.pack("<II", 15, 8) + b"12345678", "packed data are damaged"),
+        (element(9, b"12345678"), "type 9 is in the place of an array"),
+        (struct.pack("<II", 14, 2**32 - 1), "an element of 4294967295 bytes is incomplete"),
+        (struct.pack("<HHI", 1, 5, 0), "an element of 5 bytes is incomplete"),
+        (packed(element(9, b"12345678")), "compressed data are not an array"),
+        (struct.pack("<II", 15, 8) + b"12345678", "compressed data are damaged"),
         (
             element(14, element(6, b"1234") + element(5, b"12345678") + element(1, b"a")),
             "the head of an array is damaged",
         ),
         (matrix(b"a", (), b""), "the dimensions ()"),
         (matrix(b"a", (2, -1), b""), "the dimensions (2, -1)"),
-        (matrix(b"a", (2, 2), b"\0" * 24), "2 × 2 are not all there"),
-        (matrix(b"a", (2, 2), b"\0" * 32, kind=10), "2 × 2 are not all there"),
-        (matrix(b"a", (2**31 - 1,) * 3, b"\0" * 32), "are not all there"),
-        (packed(matrix(b"a", (2, 2), b"\0" * 24)), "2 × 2 are not all there"),
-        (packed(matrix(b"a", (1, MAX_BYTES // 8), b"\0" * MAX_BYTES)), "bytes is cut short"),
+        (matrix(b"a", (2, 2), b"\0" * 24), "2 × 2 is incomplete"),
+        (matrix(b"a", (2, 2), b"\0" * 32, kind=10), "2 × 2 is incomplete"),
+        (matrix(b"a", (2**31 - 1,) * 3, b"\0" * 32), "is incomplete"),
+        (packed(matrix(b"a", (2, 2), b"\0" * 24)), "2 × 2 is incomplete"),
+        (packed(matrix(b"a", (1, MAX_ARRAY_BYTES // 8), b"\0" * MAX_ARRAY_BYTES)), "bytes is incomplete"),
     ],
 )
 def test_what_does_not_fit_is_an_error(content: bytes, message: str) -> None:

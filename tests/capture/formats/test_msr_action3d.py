@@ -8,7 +8,7 @@ from capture.skeleton import JOINT_INDEX, JOINTS
 from puppetline.errors import SkeletonLogError
 
 WORLD = np.column_stack([np.arange(20) / 8 - 1, 1 - np.arange(20) / 16, 2 + np.arange(20) / 32, np.ones(20)])
-NO_CLOCK = "The log has no clock: 15 frames a second assumed."
+NO_CLOCK = "The recording has no clock; 15 frames per second are assumed."
 
 
 def _write(tmp_path, *frames, end="\n"):
@@ -65,8 +65,8 @@ def test_an_incomplete_last_frame_seems_cut_off(tmp_path):
         msr_action3d.read(_write(tmp_path, WORLD, WORLD[:13]), ReadOptions())
     assert caught.value.where.endswith("a01_s01_e01.txt, line 21")
     assert caught.value.found == "13 lines for the last frame"
-    assert "20 lines a frame" in caught.value.expected
-    assert "cut off: delete line 21 and all after it" in caught.value.fix
+    assert "20 lines per frame" in caught.value.expected
+    assert "incomplete. Delete line 21 and all lines after it" in caught.value.fix
 
 
 def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_frame(tmp_path, assert_same_frames):
@@ -86,7 +86,7 @@ def test_a_log_cut_within_its_first_frame_is_refused(tmp_path):
     log = _write(tmp_path, WORLD, end="")
     log.write_text(log.read_text()[:-20])
     with pytest.raises(
-        SkeletonLogError, match=r"line 20: found the end of the file after 3 columns.*4 columns.*delete"
+        SkeletonLogError, match=r"line 20: found the end of the file after 3 columns.*4 columns.*Delete"
     ):
         msr_action3d.read(log, ReadOptions())
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from capture.events import Cue, Lost, Tick
 from capture.formats.options import ReadOptions
-from capture.formats.puppetline_log import events, is_of_an_earlier_version, matches, read
+from capture.formats.puppetline_log import events, has_old_state, matches, read
 from capture.recording import HEADER
 from capture.skeleton import JOINTS
 from puppetline.errors import SkeletonLogError
@@ -42,10 +42,10 @@ def test_is_told_by_its_first_line_of_any_version():
 def test_torn_lines_are_left_out_and_noted(tmp_path):
     (clip,) = read(log(tmp_path, HEADER, line(0.0), line(1.0)[:40] + b"\n", line(2.0)), ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
-    assert clip.notes == ("Line 3 was cut off in mid-write: left out.",)
+    assert clip.notes == ("Line 3 is incomplete and was skipped.",)
     (clip,) = read(log(tmp_path, HEADER, line(0.0), b"\0\0\0\n", line(2.0), line(3.0)[:-3]), ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
-    assert clip.notes == ("2 lines, the first of them line 3, were cut off in mid-write: left out.",)
+    assert clip.notes == ("2 lines are incomplete and were skipped; the first is line 3.",)
 
 
 def test_line_ends_of_another_system_are_fine(tmp_path):
@@ -59,7 +59,7 @@ def test_times_that_do_not_increase_for_a_performer_are_left_out_and_noted_there
     one, two = read(log(tmp_path, HEADER, *lines), ReadOptions())
     np.testing.assert_array_equal(one.times, [1.0, 1.1])
     np.testing.assert_array_equal(two.times, [0.5, 0.6])
-    assert one.notes == ("2 of 4 frames repeat or precede the time of an earlier one: left out.",)
+    assert one.notes == ("Skipped 2 of 4 frames that repeat or precede an earlier time.",)
     assert two.notes == ()
 
 
@@ -110,9 +110,9 @@ def test_a_recording_of_version_1_reads_as_ever(tmp_path):
     path = log(tmp_path, HEADER.replace(b": 2,", b": 1,"), line(0.0), line(1.0)[:-9] + b"\n", line(2.0))
     (clip,) = read(path, ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
-    assert clip.notes == ("Line 3 was cut off in mid-write: left out.",)
+    assert clip.notes == ("Line 3 is incomplete and was skipped.",)
     assert [event.time for event in events(path)] == [0.0, 2.0]
-    assert not is_of_an_earlier_version(path)
+    assert not has_old_state(path)
 
 
 def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
@@ -124,7 +124,7 @@ def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
     (clip,) = read(path, ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
     assert list(events(path))[1:-1] == [Tick(0.5), Lost(1.0, 1), Cue(1.5, "mirror", {"character": "dog"})]
-    assert is_of_an_earlier_version(path)
+    assert has_old_state(path)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_a_wrong_line_of_another_kind_is_an_error_with_line_and_field(tmp_path, 
 
 def test_a_confidence_that_is_nothing_in_single_precision_is_lost(tmp_path):
     error = error_of(log(tmp_path, HEADER, line(c=[1e-60] + [1.0] * 19)))
-    assert (error.where.rpartition(", ")[2], error.expected) == ("p[0]", "null, as its confidence is 0")
+    assert (error.where.rpartition(", ")[2], error.expected) == ("p[0]", "null, because its confidence is 0")
 
 
 @given(
@@ -161,7 +161,7 @@ def test_any_bytes_after_the_header_are_read_or_refused(tmp_path_factory, chunks
     for reader in (
         lambda: read(path, ReadOptions()),
         lambda: list(events(path)),
-        lambda: is_of_an_earlier_version(path),
+        lambda: has_old_state(path),
     ):
         with suppress(SkeletonLogError):
             reader()
@@ -179,4 +179,7 @@ def test_a_recording_without_a_performer_is_refused(tmp_path, content):
 
 def test_a_file_that_is_not_there_is_an_error_with_its_path(tmp_path):
     error = error_of(tmp_path / "none")
-    assert (error.where, error.found) == (str(tmp_path / "none"), "“No such file or directory”")
+    assert (error.where, error.found) == (
+        str(tmp_path / "none"),
+        "a file that cannot be read (No such file or directory)",
+    )

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.formats._rows import WHOLE_FRAME, CutOffError, RowLayout, confidence_of, head_lines, read_lines
+from capture.formats._rows import WHOLE_FRAME, CutOffError, RowLayout, confidence_from_states, head_lines, read_lines
 from puppetline.errors import SkeletonLogError
 
 TRIPLE = RowLayout(3, "x y z")
@@ -55,7 +55,7 @@ def test_an_empty_field_between_commas_is_refused():
 @pytest.mark.parametrize("text", ["1", "1 2", "1 -", "1 EN", "1 2 -", "1 2 1e", "1 2 1e-", "1 2 +."])
 def test_a_last_line_that_the_file_ends_within_is_left_out_with_a_note(text):
     whole = [(1, "1 2 3\n"), (2, "4 5 6\n")]
-    assert TRIPLE.whole([*whole, (7, text)]) == (
+    assert TRIPLE.complete([*whole, (7, text)]) == (
         whole,
         ("The file ends in the middle of line 7. This frame is omitted.",),
     )
@@ -64,12 +64,12 @@ def test_a_last_line_that_the_file_ends_within_is_left_out_with_a_note(text):
 @pytest.mark.parametrize("text", ["1 2\n", "1 2 3", "1 x 3", "1 2 3 4", "1 2 3 -", "1 2 nan"])
 def test_other_last_lines_are_left_for_the_reader_to_judge(text):
     lines = [(1, "1 2 3\n"), (7, text)]
-    assert TRIPLE.whole(lines) == (lines, ())
+    assert TRIPLE.complete(lines) == (lines, ())
 
 
 def test_a_line_without_a_whole_one_before_it_is_left_for_the_reader_to_judge():
-    assert TRIPLE.whole([(1, "1 2")]) == ([(1, "1 2")], ())
-    assert TRIPLE.whole([]) == ([], ())
+    assert TRIPLE.complete([(1, "1 2")]) == ([(1, "1 2")], ())
+    assert TRIPLE.complete([]) == ([], ())
 
 
 def test_columns_that_are_not_used_may_be_infinite_but_must_be_numbers():
@@ -86,7 +86,7 @@ def test_a_line_that_ends_with_the_file_too_early_seems_cut_off():
     assert caught.value.where == "log.txt, line 7"
     assert caught.value.found == "the end of the file after 2 columns"
     assert "3 columns" in caught.value.expected
-    assert caught.value.fix == "The file seems cut off: delete this line, or record again."
+    assert caught.value.fix == "The file seems incomplete. Delete this line, or record again."
 
 
 def test_where_a_frame_has_several_lines_all_of_them_are_to_be_deleted():
@@ -94,7 +94,7 @@ def test_where_a_frame_has_several_lines_all_of_them_are_to_be_deleted():
     for text, fix in {
         "1 2\n": "Correct it or delete all lines of this frame, or record again.",
         "1 2 x\n": "Correct it or delete all lines of this frame, or record again.",
-        "1 2": "The file seems cut off: delete all lines of this frame, or record again.",
+        "1 2": "The file seems incomplete. Delete all lines of this frame, or record again.",
     }.items():
         with pytest.raises(SkeletonLogError) as caught:
             layout.numbers("log.txt", (7, text))
@@ -113,7 +113,9 @@ def test_bytes_that_are_not_text_are_refused(tmp_path, data, where):
 
 
 def test_a_file_that_is_not_there_is_refused_by_name(tmp_path):
-    with pytest.raises(SkeletonLogError, match=r"gone\.txt: found “No such file or directory”"):
+    with pytest.raises(
+        SkeletonLogError, match=r"gone\.txt: found a file that cannot be read \(No such file or directory\)"
+    ):
         read_lines(tmp_path / "gone.txt")
 
 
@@ -132,7 +134,7 @@ def test_the_head_yields_lines_even_where_it_ends_within_a_character():
 
 def test_states_become_the_confidences_of_their_level():
     states = np.array([[0.0, 2.0], [1.0, 0.0]])
-    confidence = confidence_of("log", [(1, ""), (2, "")], states, (0.0, 0.5, 1.0))
+    confidence = confidence_from_states("log", [(1, ""), (2, "")], states, (0.0, 0.5, 1.0))
     assert confidence.dtype == np.float32
     assert confidence.tolist() == [[0.0, 1.0], [0.5, 0.0]]
 
@@ -140,7 +142,7 @@ def test_states_become_the_confidences_of_their_level():
 @pytest.mark.parametrize("state", [3.0, -1.0, 0.5])
 def test_an_unknown_state_is_refused_with_its_line(state):
     with pytest.raises(SkeletonLogError) as caught:
-        confidence_of("log.csv", [(1, ""), (4, "")], np.array([[0.0, 1.0], [0.0, state]]), (0.0, 0.5, 1.0))
+        confidence_from_states("log.csv", [(1, ""), (4, "")], np.array([[0.0, 1.0], [0.0, state]]), (0.0, 0.5, 1.0))
     assert caught.value.where == "log.csv, line 4"
     assert caught.value.found == f"the joint state {state:g}"
     assert caught.value.expected == "a state from 0 to 2"

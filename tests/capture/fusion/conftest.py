@@ -52,8 +52,8 @@ def hidden(positions):
     """Return which joints (T, 20) a sensor at the origin cannot see for the trunk: behind it, and near its axis."""
     trunk = positions[:, TRUNK].mean(axis=1, keepdims=True)
     away = np.linalg.norm(positions[..., ::2], axis=2) - np.linalg.norm(trunk[..., ::2], axis=2)
-    sight = trunk[..., ::2] / np.linalg.norm(trunk[..., ::2], axis=2, keepdims=True)
-    beside = np.abs(positions[..., 0] * sight[..., 1] - positions[..., 2] * sight[..., 0])
+    direction = trunk[..., ::2] / np.linalg.norm(trunk[..., ::2], axis=2, keepdims=True)
+    beside = np.abs(positions[..., 0] * direction[..., 1] - positions[..., 2] * direction[..., 0])
     return (away > 0.06) & (beside < 0.2)
 
 

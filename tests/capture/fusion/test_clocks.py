@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from capture.clip import SkeletonClip
-from capture.fusion.clocks import GAP, offsets, sampled
+from capture.fusion.clocks import MAX_GAP_SECONDS, clock_offsets, sampled
 
 
 def still(clip):
@@ -12,24 +12,24 @@ def still(clip):
 @pytest.mark.parametrize("clock", [0.0, 0.1234, -3.7, 1e6])
 def test_a_clock_that_is_ahead_is_found_to_a_millisecond_whatever_the_pose(walk, virtual_sensor, here, behind, clock):
     first, other = virtual_sensor(here).record(walk), virtual_sensor(behind, clock).record(walk)
-    (found, alike), *_ = offsets(first, other, 3)
+    (found, alike), *_ = clock_offsets(first, other, 3)
     assert found == pytest.approx(clock, abs=1e-3)
     assert alike > 0.99
 
 
 def test_frames_between_those_of_the_first_are_found_by_the_parabola(walk, virtual_sensor, here, beside):
     first, other = virtual_sensor(here).record(walk), virtual_sensor(beside, 0.5).record(walk, phase=0.011)
-    assert offsets(first, other, 1)[0][0] == pytest.approx(0.5, abs=1e-3)
+    assert clock_offsets(first, other, 1)[0][0] == pytest.approx(0.5, abs=1e-3)
 
 
 def test_a_part_of_a_performance_is_found_in_the_whole(walk, virtual_sensor, here, beside):
     first, other = virtual_sensor(here).record(walk), virtual_sensor(beside, 2.0).record(walk)
     part = SkeletonClip("", 1, other.times[90:210], other.positions[90:210], other.confidence[90:210])
-    assert offsets(first, part, 1)[0][0] == pytest.approx(2.0, abs=5e-3)
+    assert clock_offsets(first, part, 1)[0][0] == pytest.approx(2.0, abs=5e-3)
 
 
 def test_where_nothing_moves_there_is_no_clock(walk):
-    assert offsets(walk, still(walk), 3) == []
+    assert clock_offsets(walk, still(walk), 3) == []
 
 
 def test_samples_lie_on_the_line_between_frames_and_not_across_gaps(walk):
@@ -40,7 +40,7 @@ def test_samples_lie_on_the_line_between_frames_and_not_across_gaps(walk):
     exact, _ = sampled(walk, walk.times)
     np.testing.assert_allclose(exact, walk.positions, atol=1e-12)
     lost = walk.confidence.copy()
-    lost[20 : 20 + int(GAP * 30) + 1, 5] = 0
+    lost[20 : 20 + int(MAX_GAP_SECONDS * 30) + 1, 5] = 0
     clip = SkeletonClip("", 1, walk.times, np.where(lost[..., None] > 0, walk.positions, np.nan), lost)
     positions, confidence = sampled(clip, walk.times[[21, 40]])
     assert np.isnan(positions[0, 5]).all()

@@ -1,48 +1,50 @@
 import numpy as np
 import pytest
 
-from capture.fusion.joints import FADING, OLDEST, Sight, fuse, other_way_round
+from capture.fusion.joints import DECAY_SECONDS, MAX_AGE_SECONDS, Observation, fuse, is_swapped
 from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
 
 HAND = JOINT_INDEX["hand_left"]
 SURE = np.ones(20, dtype=np.float32)
 
 
-def sight(time, x=0.0, speed=0.0, confidence=1.0):
+def observation(time, x=0.0, speed=0.0, confidence=1.0):
     positions, velocities = np.full((20, 3), float(x)), np.full((20, 3), float(speed))
-    return Sight(time, positions, velocities, np.full(20, confidence, dtype=np.float32))
+    return Observation(time, positions, velocities, np.full(20, confidence, dtype=np.float32))
 
 
 def test_equal_sights_give_their_mean_and_one_alone_is_itself():
-    positions, confidence = fuse([sight(1.0, 0.0), sight(1.0, 0.08)], 1.0)
+    positions, confidence = fuse([observation(1.0, 0.0), observation(1.0, 0.08)], 1.0)
     np.testing.assert_allclose(positions, 0.04)
     assert (confidence == 1).all()
-    np.testing.assert_array_equal(fuse([sight(1.0, 0.3)], 1.0)[0], 0.3)
+    np.testing.assert_array_equal(fuse([observation(1.0, 0.3)], 1.0)[0], 0.3)
 
 
 def test_a_guess_has_a_sixteenth_of_the_weight():
-    positions, confidence = fuse([sight(1.0, 0.0), sight(1.0, 1.7, confidence=0.5)], 1.0)
+    positions, confidence = fuse([observation(1.0, 0.0), observation(1.0, 1.7, confidence=0.5)], 1.0)
     np.testing.assert_allclose(positions, 0.1)
     assert (confidence == 1).all()
 
 
 def test_age_takes_weight_and_motion_is_carried_on_to_the_moment():
-    weight = np.exp(-0.03 / FADING)
-    positions, _ = fuse([sight(1.0, 0.0), sight(0.97, 0.08)], 1.0)
+    weight = np.exp(-0.03 / DECAY_SECONDS)
+    positions, _ = fuse([observation(1.0, 0.0), observation(0.97, 0.08)], 1.0)
     np.testing.assert_allclose(positions, 0.08 * weight / (1 + weight))
-    positions, _ = fuse([sight(1.0, 0.5), sight(0.97, 0.44, speed=2.0), sight(1.02, 0.54, speed=2.0)], 1.0)
+    positions, _ = fuse(
+        [observation(1.0, 0.5), observation(0.97, 0.44, speed=2.0), observation(1.02, 0.54, speed=2.0)], 1.0
+    )
     np.testing.assert_allclose(positions, 0.5)
 
 
 def test_what_is_lost_or_too_old_says_nothing():
-    lost = sight(1.0, 0.4)
+    lost = observation(1.0, 0.4)
     lost.confidence[HAND] = 0
     lost.positions[HAND] = np.nan
-    positions, confidence = fuse([lost, sight(1.0 - OLDEST - 0.01, 9.0)], 1.0)
+    positions, confidence = fuse([lost, observation(1.0 - MAX_AGE_SECONDS - 0.01, 9.0)], 1.0)
     assert np.isnan(positions[HAND]).all()
     assert confidence[HAND] == 0
     np.testing.assert_array_equal(np.delete(positions, HAND, axis=0), 0.4)
-    positions, confidence = fuse([lost, sight(1.0, 0.4, confidence=0.5)], 1.0)
+    positions, confidence = fuse([lost, observation(1.0, 0.4, confidence=0.5)], 1.0)
     np.testing.assert_allclose(positions, 0.4)
     assert (confidence[HAND], confidence[0]) == (0.5, 1)
 
@@ -53,30 +55,30 @@ def test_velocities_are_of_joints_known_twice_within_a_short_time():
         SkeletonFrame(1.1, 1, np.full((20, 3), 0.5), SURE),
     )
     before.confidence[HAND] = 0
-    velocities = Sight.after(Sight.after(None, before), after).velocities
+    velocities = Observation.after(Observation.after(None, before), after).velocities
     np.testing.assert_allclose(np.delete(velocities, HAND, axis=0), 5)
     assert (velocities[HAND] == 0).all()
-    late = SkeletonFrame(1.0 + 2 * OLDEST, 1, np.ones((20, 3)), SURE)
-    assert (Sight.after(Sight.after(None, before), late).velocities == 0).all()
+    late = SkeletonFrame(1.0 + 2 * MAX_AGE_SECONDS, 1, np.ones((20, 3)), SURE)
+    assert (Observation.after(Observation.after(None, before), late).velocities == 0).all()
 
 
 def test_what_would_be_faster_than_anybody_is_not_carried_on():
     positions = np.zeros((20, 3))
     positions[HAND, 0], positions[0, 0] = 0.34, 0.32  # in a thirtieth of a second: 10.2 and 9.6 m/s
-    before = Sight.after(None, SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE))
-    velocities = Sight.after(before, SkeletonFrame(1 + 1 / 30, 1, positions, SURE)).velocities
+    before = Observation.after(None, SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE))
+    velocities = Observation.after(before, SkeletonFrame(1 + 1 / 30, 1, positions, SURE)).velocities
     np.testing.assert_allclose(velocities[:, 0], np.where(np.arange(20) == 0, 9.6, 0))
 
 
 def with_hand(x, confidence=1.0):
     """Return somebody who stands at the origin, and whose left hand is somewhere along x."""
-    seen = sight(1.0)
+    seen = observation(1.0)
     seen.positions[HAND, 0], seen.confidence[HAND] = x, confidence
     return seen
 
 
-def fused_hand(*sights, before=None):
-    positions, confidence = fuse(sights, 1.0, None if before is None else with_hand(before).positions)
+def fused_hand(*observations, before=None):
+    positions, confidence = fuse(observations, 1.0, None if before is None else with_hand(before).positions)
     np.testing.assert_array_equal(np.delete(positions, HAND, axis=0), 0)
     assert (np.delete(confidence, HAND) == 1).all()
     np.testing.assert_allclose(positions[HAND, 1:], 0, atol=1e-15)
@@ -116,9 +118,9 @@ def test_who_does_not_know_a_joint_has_no_say_in_it():
 @pytest.mark.parametrize("frame", [0, 100, 200])
 def test_a_body_whose_sides_are_exchanged_is_told(walk, frame):
     body = walk.positions[frame]
-    assert not other_way_round(body + 0.02, SURE, body, SURE)
-    assert other_way_round(body[OPPOSITE] + 0.02, SURE, body, SURE)
+    assert not is_swapped(body + 0.02, SURE, body, SURE)
+    assert is_swapped(body[OPPOSITE] + 0.02, SURE, body, SURE)
     half = SURE.copy()
     half[np.arange(20) < OPPOSITE] = 0  # only one side is known, and it is where the other one is
-    assert other_way_round(body[OPPOSITE], half, body, SURE)
-    assert not other_way_round(body, SURE * 0, body, SURE)
+    assert is_swapped(body[OPPOSITE], half, body, SURE)
+    assert not is_swapped(body, SURE * 0, body, SURE)

@@ -10,10 +10,10 @@ from capture.events import Cue, Lost, Tick
 from capture.fusion.source import FusedSource, Member
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts, wait
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from puppetline.errors import SourceError
 
-PATIENCE = 20.0
+TIMEOUT_SECONDS = 20.0
 
 
 class Scripted:
@@ -84,7 +84,7 @@ def frame(walk):
 
 
 def next_events(source, ticks=False):
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while time.monotonic() < give_up:
         wait(source, give_up)
         events = [event for event in source.receive() if ticks or not isinstance(event, Tick)]
@@ -114,7 +114,7 @@ def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
     assert select([source.fileno()], [], [], 0)[0] == []
     for name, pose in (("a", here), ("b", beside)):
         opened[name][0].show(frame(pose, time.monotonic()))
-        assert select([source.fileno()], [], [], PATIENCE)[0] == [source.fileno()]
+        assert select([source.fileno()], [], [], TIMEOUT_SECONDS)[0] == [source.fileno()]
         source.receive()
 
 
@@ -127,14 +127,14 @@ def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opene
     opened["b"][0].show(frame(beside, start + 0.04))
     assert next_events(source)[0].time == pytest.approx(start)
     while len(opened["a"]) == 1:
-        assert time.monotonic() < start + PATIENCE
-        wait(source, start + PATIENCE)
+        assert time.monotonic() < start + TIMEOUT_SECONDS
+        wait(source, start + TIMEOUT_SECONDS)
         source.receive()
     assert len(opened["b"]) == 1
     again = time.monotonic()
     assert select([descriptor], [], [], 0)[0] == []
     opened["a"][1].show(frame(here, again))
-    assert select([descriptor], [], [], PATIENCE)[0] == [descriptor]
+    assert select([descriptor], [], [], TIMEOUT_SECONDS)[0] == [descriptor]
     assert [(event.time, event.user) for event in next_events(source)] == [(again, 1)]
     assert source.fileno() == descriptor
     assert source.counts.received == 2  # counted on where the member failed
@@ -152,7 +152,7 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here
 
     source = FusedSource("fused:", [Member("a", here), Member("b", beside)], opener)
     opened["a"][0].show(SourceError("a", found="x", expected="y", fix="z"))
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while len(opened["a"]) == 1:
         assert time.monotonic() < give_up
         wait(source, give_up)
@@ -243,16 +243,16 @@ def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk,
     source = FusedSource(
         "fused:",
         [Member("a", here), Member("b", beside, 100.0)],
-        lambda uri: TakeSource.of_clips(uri, [clips[uri]]),
+        lambda uri: RecordingSource.of_clips(uri, [clips[uri]]),
         recorded=True,
     )
     start = time.monotonic()
     events, error = to_the_end(source)
-    assert error.found == "that all its recordings have ended"
+    assert error.found == "the end of all recordings"
     source.close()
     assert np.isfinite(source.now())
     times = np.array([event.time for event in events])
-    assert abs(times[0] - start) < PATIENCE
+    assert abs(times[0] - start) < TIMEOUT_SECONDS
     truth = part(walk, 0, 40)  # the earlier one begins at 0
     np.testing.assert_allclose(times - times[0], truth.times, atol=1e-6)
     np.testing.assert_allclose(np.stack([event.positions for event in events]), truth.positions, atol=0.02)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.fusion.walking import ENOUGH, PACE, STRIDE, Walk
+from capture.fusion.walking import MAX_WALK_METRES, SPEED_PERIOD_SECONDS, WALKING_METRES_PER_SECOND, Walk
 from capture.skeleton import JOINT_INDEX, OPPOSITE, SkeletonFrame
 
 SURE = np.ones(20, dtype=np.float32)
@@ -28,24 +28,26 @@ def test_what_is_walked_counts(walked):
     """31 frames are three strides of ten frames each."""
     assert walked(FORWARDS, seconds=31 / 30) == pytest.approx(1.0)
     assert walked(-FORWARDS, seconds=31 / 30) == pytest.approx(-1.0)
-    assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(ENOUGH - 5 + 1 / 3, abs=0.2)
+    assert walked(FORWARDS, -FORWARDS, seconds=5.0) == pytest.approx(MAX_WALK_METRES - 5 + 1 / 3, abs=0.2)
 
 
 def test_exchanging_the_sides_exchanges_the_ways(walked, walk):
     assert walked(FORWARDS, body=walk.positions[0][OPPOSITE]) == pytest.approx(-walked(FORWARDS), rel=1e-9)
 
 
-@pytest.mark.parametrize("velocity", [SIDEWAYS, UP, -0.95 * PACE * FORWARDS, SIDEWAYS - 0.9 * FORWARDS])
+@pytest.mark.parametrize(
+    "velocity", [SIDEWAYS, UP, -0.95 * WALKING_METRES_PER_SECOND * FORWARDS, SIDEWAYS - 0.9 * FORWARDS]
+)
 def test_stepping_sideways_jumping_and_stepping_back_slowly_say_nothing(walked, velocity):
     assert walked(velocity, seconds=5.0) == 0
 
 
 def test_more_than_enough_is_not_kept(walked):
-    assert walked(FORWARDS, seconds=5.0) == ENOUGH
+    assert walked(FORWARDS, seconds=5.0) == MAX_WALK_METRES
 
 
 def test_after_a_gap_it_begins_anew_and_who_is_not_known_says_nothing(walked, walk):
-    assert walked(FORWARDS, 0 * FORWARDS, seconds=0.4, pause=3 * STRIDE) == 0
+    assert walked(FORWARDS, 0 * FORWARDS, seconds=0.4, pause=3 * SPEED_PERIOD_SECONDS) == 0
     body = walk.positions[0].copy()
     body[JOINT_INDEX["hip_left"]] = np.nan
     assert walked(FORWARDS, body=body) == 0

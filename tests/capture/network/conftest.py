@@ -13,7 +13,7 @@ from capture.events import Tick
 from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
-PATIENCE = 10.0
+TIMEOUT_SECONDS = 10.0
 """Seconds after which a test gives up."""
 
 
@@ -48,7 +48,7 @@ class Wire:
         """Send, and wait as a caller would until that many events have come, ticks not counted."""
         self.send(*datagrams)
         found = []
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         while not (until(found) if until else len(found) >= count):
             assert time.monotonic() < give_up, found
             select([self.source.fileno()], [], [], max(0, min(self.source.due() - time.monotonic(), 1)))

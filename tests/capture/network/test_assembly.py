@@ -1,6 +1,6 @@
 import pytest
 
-from capture.network.assembly import QUIET, Assembly
+from capture.network.assembly import PART_TIMEOUT_SECONDS, FrameAssembly
 from capture.network.dialect import Part
 
 
@@ -19,7 +19,7 @@ def _feed(assembly, names, time, **kwargs):
 @pytest.fixture
 def assembly():
     """One that has just given a frame of three parts."""
-    new = Assembly()
+    new = FrameAssembly()
     assert _feed(new, "abc", 1.0) == []
     assert _names(new.end()) == ["abc"]
     return new
@@ -42,7 +42,7 @@ def test_a_part_that_comes_again_ends_the_frame_without_the_missing_one(assembly
 
 
 def test_another_time_of_the_senders_ends_the_frame():
-    assembly = Assembly()
+    assembly = FrameAssembly()
     for name in "ab":
         assert assembly.add(_part(name, stamp=1.0), 1.0) == []
     assert _names(assembly.add(_part("c", stamp=2.0), 1.01)) == ["ab"]
@@ -51,14 +51,14 @@ def test_another_time_of_the_senders_ends_the_frame():
 
 def test_a_part_that_comes_after_its_frame_is_left_out_once_and_waited_for_then(assembly):
     assert _feed(assembly, "abc", 2.0) == ["abc"]
-    assert _feed(assembly, "d", 2.0 + QUIET / 2) == []
+    assert _feed(assembly, "d", 2.0 + PART_TIMEOUT_SECONDS / 2) == []
     assert not assembly.parts
     assert _feed(assembly, "abc", 3.0) == []
     assert _feed(assembly, "d", 3.0) == ["abcd"]
 
 
 def test_the_senders_time_tells_what_is_late():
-    assembly = Assembly()
+    assembly = FrameAssembly()
     for stamp in (1.0, 2.0):
         frames = [frame for name in "ab" for frame in assembly.add(_part(name, stamp=stamp), stamp)]
         frames += assembly.end()
@@ -70,9 +70,9 @@ def test_the_senders_time_tells_what_is_late():
 
 
 def test_a_new_part_after_a_pause_begins_a_frame(assembly):
-    assert _feed(assembly, "d", 1.0 + 2 * QUIET) == []
+    assert _feed(assembly, "d", 1.0 + 2 * PART_TIMEOUT_SECONDS) == []
     assert list(assembly.parts) == ["d"]
-    assert _feed(assembly, "abc", 1.0 + 2 * QUIET) == ["dabc"]
+    assert _feed(assembly, "abc", 1.0 + 2 * PART_TIMEOUT_SECONDS) == ["dabc"]
 
 
 def test_where_the_end_follows_nothing_ends_before_it(assembly):
@@ -83,12 +83,12 @@ def test_where_the_end_follows_nothing_ends_before_it(assembly):
 
 
 def test_two_frames_can_end_at_once():
-    assembly = Assembly()
+    assembly = FrameAssembly()
     assembly.add(_part("a"), 1.0)
     assembly.end()
     assembly.add(_part("b"), 2.0)
     assert _names(assembly.add(_part("a"), 2.0)) == ["ba"]
-    one = Assembly()
+    one = FrameAssembly()
     one.add(_part("a", stamp=1.0), 1.0)
     one.end()
     one.add(_part("b", stamp=1.5), 1.1)

@@ -1,25 +1,25 @@
 import numpy as np
 import pytest
 
-from capture.network.dialect import NAMES, Nothing, Part, in_metres, joint, kinect20, shape
+from capture.network.dialect import JOINT_NAMES, Ignored, Part, joint_part, kinect20, plain_tags, to_metres
 from capture.network.osc import Message
 from capture.skeleton import JOINT_INDEX
 
 
 def test_every_joint_of_ours_has_names_on_both_sides():
-    assert {name for name in NAMES.values() if name} == set(JOINT_INDEX)
-    assert NAMES["l_hand"] == NAMES["left_hand"] == "hand_left"
-    assert NAMES["waist"] == NAMES["pelvis"] == "hip_center"
+    assert {name for name in JOINT_NAMES.values() if name} == set(JOINT_INDEX)
+    assert JOINT_NAMES["l_hand"] == JOINT_NAMES["left_hand"] == "hand_left"
+    assert JOINT_NAMES["waist"] == JOINT_NAMES["pelvis"] == "hip_center"
 
 
 def test_names_are_read_in_any_case():
-    assert joint("Left_Hand", 3, (1.0,), 5.0) == Part(3, "hand_left", (1.0,), 5.0)
-    assert joint("L_Collar", 3, (1.0,)) == Nothing()
-    assert joint("tail", 3, (1.0,)) == "unknown joint"
+    assert joint_part("Left_Hand", 3, (1.0,), 5.0) == Part(3, "hand_left", (1.0,), 5.0)
+    assert joint_part("L_Collar", 3, (1.0,)) == Ignored()
+    assert joint_part("tail", 3, (1.0,)) == "unknown joint"
 
 
 def test_numbers_of_any_width_have_one_shape():
-    assert shape(Message("/a", "sShidfb", ())) == "ssiiffb"
+    assert plain_tags(Message("/a", "sShidfb", ())) == "ssiiffb"
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_numbers_of_any_width_have_one_shape():
 )
 def test_units_are_those_that_were_said_or_fit_the_size(largest, units, scale, found):
     values = np.array([[0.25, largest, np.nan]])
-    metres, unit = in_metres(values, units, "m")
+    metres, unit = to_metres(values, units, "m")
     assert unit == found
     np.testing.assert_array_equal(metres, values * scale)
 

@@ -3,7 +3,7 @@ import pytest
 
 from capture.skeleton import JOINT_INDEX
 
-NAMES = {"Head": "head", "Neck": "shoulder_center", "Torso": "spine", "Pelvis": "hip_center"} | {
+JOINT_NAMES = {"Head": "head", "Neck": "shoulder_center", "Torso": "spine", "Pelvis": "hip_center"} | {
     f"{side}_{part}": f"{part}_{side}".lower()
     for side in ("Left", "Right")
     for part in ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Foot")
@@ -11,7 +11,7 @@ NAMES = {"Head": "head", "Neck": "shoulder_center", "Torso": "spine", "Pelvis": 
 
 
 def _joints(pose, osc_message, address="{}", extra=()):
-    for name, ours in NAMES.items():
+    for name, ours in JOINT_NAMES.items():
         x, y, z = pose[JOINT_INDEX[ours]]
         yield osc_message(address.format(name), "fff" + "f" * len(extra), -x, y, -z, *extra)
 

@@ -14,7 +14,7 @@ from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.parsing.osc_types import BuildError
 
 from capture.network.osc import (
-    MAX_DATAGRAM,
+    MAX_DATAGRAM_BYTES,
     MAX_DEPTH,
     MAX_MESSAGES,
     REASONS,
@@ -161,7 +161,7 @@ HOSTILE = {
     "a bundle without a time": (b"#bundle\0\0\0\0\0", "cut short"),
     "too many messages": (bundle(*[encode("/")] * MAX_MESSAGES), "too many messages"),
     "too many messages in two bundles": (bundle(*[bundle(*[encode("/")] * 600)] * 2), "too many messages"),
-    "too large": (encode("/a", bytes(MAX_DATAGRAM)), "larger than a datagram"),
+    "too large": (encode("/a", bytes(MAX_DATAGRAM_BYTES)), "larger than a datagram"),
 }
 
 

@@ -16,10 +16,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from capture.events import TICK, Lost, Tick
-from capture.network.assembly import QUIET
+from capture.events import TICK_SECONDS, Lost, Tick
+from capture.network.assembly import PART_TIMEOUT_SECONDS
 from capture.network.osc import REASONS, encode
-from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_USERS, open_osc, open_vmc
+from capture.network.source import MAX_DATAGRAMS, MAX_MESSAGES, MAX_PERFORMERS, open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 from puppetline.errors import SourceError
 
@@ -74,7 +74,7 @@ def test_a_taken_port_is_refused_with_what_to_do(listen):
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid", "a" * 70, "..."])
 def test_a_host_that_is_not_this_machine_is_refused_with_what_to_do(host):
-    with pytest.raises(SourceError, match="which is no address of this machine") as caught:
+    with pytest.raises(SourceError, match="which is not an address of this machine") as caught:
         open_osc(f"{host}:0")
     assert "0.0.0.0" in caught.value.fix
 
@@ -156,13 +156,13 @@ def test_silence_ticks(listen):
     ticks = []
     while len(ticks) < 5:
         due = source.due()
-        assert due <= source.now() + TICK
+        assert due <= source.now() + TICK_SECONDS
         events = source.receive()
         if not events:
             time.sleep(max(0, due - source.now()))
         assert all(isinstance(event, Tick) and event.time >= due for event in events)
         ticks += events
-    assert all(later.time - earlier.time >= TICK for earlier, later in pairwise(ticks))
+    assert all(later.time - earlier.time >= TICK_SECONDS for earlier, later in pairwise(ticks))
 
 
 def test_what_is_refused_does_not_stop_the_ticks(listen):
@@ -186,8 +186,8 @@ def test_a_frame_that_lacks_a_joint_is_due_when_it_has_waited(listen, osc_messag
     sent = time.monotonic()
     frame = wire.frame(*joints("head", "neck"))
     assert np.flatnonzero(frame.confidence).tolist() == [JOINT_INDEX["shoulder_center"], JOINT_INDEX["head"]]
-    assert sent < frame.time <= time.monotonic() - QUIET
-    assert wire.source.due() == frame.time + TICK
+    assert sent < frame.time <= time.monotonic() - PART_TIMEOUT_SECONDS
+    assert wire.source.due() == frame.time + TICK_SECONDS
 
 
 def test_several_dialects_are_understood_at_once(listen, body, osc_message):
@@ -205,7 +205,7 @@ def test_several_dialects_are_understood_at_once(listen, body, osc_message):
 
 def test_at_most_so_many_performers_are_remembered(listen, body):
     wire = listen()
-    for user in range(MAX_USERS):
+    for user in range(MAX_PERFORMERS):
         wire.frame(body(user))
     wire.frame(body(0))
     lost, new = wire.events(body(1000), count=2)
@@ -214,9 +214,9 @@ def test_at_most_so_many_performers_are_remembered(listen, body):
         wire.send(body(user))
         if user % 20 == 0:
             wire.source.receive()
-            assert wire.source.due() <= wire.source.now() + TICK
-    assert len(wire.source._assemblies) == MAX_USERS
-    assert len(wire.source._present) <= MAX_USERS
+            assert wire.source.due() <= wire.source.now() + TICK_SECONDS
+    assert len(wire.source._assemblies) == MAX_PERFORMERS
+    assert len(wire.source._present) <= MAX_PERFORMERS
 
 
 def test_only_the_sender_that_was_named_is_heard(listen, body):
@@ -273,7 +273,7 @@ def test_positions_beyond_the_horizon_are_refused(listen, osc_message, osc_bundl
 def test_a_frame_of_lost_joints_is_none(listen, osc_message):
     wire = listen()
     wire.settle(osc_message("/joint", SDK, "head", 0, 1, 0.0, 0.0, 0.0, 0.1, 1.0))
-    time.sleep(QUIET)
+    time.sleep(PART_TIMEOUT_SECONDS)
     assert all(isinstance(event, Tick) for event in wire.source.receive())
     assert not wire.source.counts.refused
 
@@ -350,7 +350,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
             events += source.receive()
         events += source.receive()
     assert set(source.counts.refused) <= REFUSALS
-    assert sum(source.counts.refused.values()) - refused <= 6 * len(datagrams) + 2 * MAX_USERS
+    assert sum(source.counts.refused.values()) - refused <= 6 * len(datagrams) + 2 * MAX_PERFORMERS
     assert all(one.time < other.time for one, other in pairwise(events))
     for frame in events:
         if isinstance(frame, SkeletonFrame):
@@ -377,7 +377,7 @@ def test_after_all_that_a_good_sender_is_heard(long_lived, body):
 
 
 def test_other_machines_are_heard_only_where_it_is_said_which(body):
-    with pytest.raises(SourceError, match="nobody named who may send"):
+    with pytest.raises(SourceError, match="without an allowed sender"):
         open_osc("0.0.0.0:0")
     for allowed in ("any", "127.0.0.1"):
         with closing(open_osc(f"0.0.0.0:0?from={allowed}")) as source:

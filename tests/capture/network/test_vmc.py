@@ -5,7 +5,7 @@ import pytest
 from pythonosc.osc_message_builder import OscMessageBuilder
 from scipy.spatial.transform import Rotation
 
-from capture.body import typical
+from capture.body import typical_bone_length
 from capture.events import Lost
 from capture.network.humanoid import JOINTS, SKELETON
 from capture.skeleton import JOINT_INDEX
@@ -100,7 +100,7 @@ def test_lengths_stay_typical_and_the_hips_are_where_they_are_sent(listen):
     other = wire.frame(_root((0.5, 0.0, 2.0)), *_pose())
     np.testing.assert_allclose(other.positions, one.positions + np.array([0.5, 0.0, -2.0]), atol=1e-6)
     knee, hip = (one.positions[JOINT_INDEX[name]] for name in ("knee_left", "hip_left"))
-    assert np.linalg.norm(knee - hip) == pytest.approx(typical("knee"), abs=1e-6)
+    assert np.linalg.norm(knee - hip) == pytest.approx(typical_bone_length("knee"), abs=1e-6)
 
 
 def test_bones_that_never_came_leave_joints_lost_and_those_that_came_once_stay(listen):

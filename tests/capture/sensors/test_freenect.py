@@ -182,7 +182,7 @@ def test_a_sensor_that_is_unplugged_gives_what_it_gave_and_then_a_message(read, 
     dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
     process, seen = read(dump, 6, "unplugged")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
-    assert "found that the Kinect is gone (libfreenect: USB device disappeared" in process.stdout
+    assert "found a disconnected Kinect (libfreenect: USB device disappeared" in process.stdout
     assert process.stderr == "shut down with 0 open\n"
 
 
@@ -191,7 +191,7 @@ def test_as_a_source_it_gives_what_is_found_in_its_pictures_until_it_is_unplugge
     dump = write_dump(pictures, interval=0.1)
     process = run_with_kinect(dump, FOLLOW, fault="unplugged")
     *frames, end = process.stdout.splitlines()
-    assert end.startswith("SourceError that the Kinect is gone")
+    assert end.startswith("SourceError a disconnected Kinect")
     depths = [float(frame.removeprefix("frame ")) for frame in frames]
     assert depths
     assert depths == sorted(set(depths))

@@ -63,7 +63,7 @@ def test_another_file_is_an_error(recording, content):
 
 
 def test_a_file_that_is_not_there_or_a_folder_is_an_error(tmp_path):
-    with pytest.raises(SourceError, match=re.escape("none.oni cannot be read (No such file or directory)")):
+    with pytest.raises(SourceError, match=re.escape("none.oni, which cannot be read (No such file or directory)")):
         check_whole("openni:", tmp_path / "none.oni")
     with pytest.raises(SourceError, match=re.escape("cannot be read (Is a directory)")):
         check_whole("openni:", tmp_path)

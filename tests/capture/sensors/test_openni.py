@@ -28,7 +28,7 @@ from capture.sensors.openni import (
     usb_node,
 )
 from capture.skeleton import SkeletonFrame
-from capture.source import Silence
+from capture.source import SilentSource
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import SourceError
 
@@ -239,7 +239,7 @@ def test_a_sensor_that_is_unplugged_is_an_error_and_comes_back_when_it_is_plugge
         [frame] = watched.events()
         assert (frame.positions == np.float32(taken)).all()
         sensor.unplug()
-        assert watched.error().found == "that Puppetline virtual sensor 0 was unplugged"
+        assert watched.error().found == "an unplugged sensor (Puppetline virtual sensor 0)"
         watched.source.close()
         unplugged = watch(partial(OpenNIDevice, NAME, Place()), scripted_tracker)
         assert unplugged.error().found == "no sensor"
@@ -281,7 +281,7 @@ def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted
             sensor.show(*_noise(rng), float(count))
             perform_until(lambda count=count: len(frames()) == count)
             sensor.unplug()
-            perform_until(lambda: isinstance(line.source.inner, Silence))
+            perform_until(lambda: isinstance(line.source.inner, SilentSource))
             sensor.plug()
         times = [event.time for event in stage.events]
         assert times == sorted(times)
@@ -292,7 +292,7 @@ def test_the_service_goes_on_through_unplugging_and_plugging_in(sensor, scripted
 @pytest.mark.usefixtures("virtual_sensors")
 def test_a_recording_that_is_not_there_is_an_error_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "library", lambda: None)
-    with pytest.raises(SourceError, match=rf"found that {tmp_path}/take.oni cannot be read \(No such file"):
+    with pytest.raises(SourceError, match=rf"found {tmp_path}/take.oni, which cannot be read \(No such file"):
         open_openni("openni:file=take.oni", "file=take.oni", tmp_path)
 
 
@@ -333,7 +333,7 @@ def test_a_recording_plays_the_pictures_that_were_recorded_and_ends(recording, o
         assert picture.lens.focal == pytest.approx(320 / np.tan(0.5), rel=1e-6)
     with pytest.raises(SourceError) as caught:
         device.read(0.1)
-    assert caught.value.found == "that it has ended"
+    assert caught.value.found == "the end of the recording"
 
 
 def test_it_is_said_that_a_recording_does_not_tell_whether_depth_is_registered(recording, caplog):
@@ -373,7 +373,7 @@ def test_a_recording_is_tracked_picture_by_picture_at_its_own_times(recording, w
     frames = watched.events(10)
     assert {type(frame) for frame in frames} == {SkeletonFrame}
     np.testing.assert_allclose([frame.time for frame in frames], np.arange(10) / 10, atol=2e-6)
-    assert watched.error().found == "that it has ended"
+    assert watched.error().found == "the end of the recording"
     assert watched.source.counts.dropped == 0
 
 
@@ -437,7 +437,7 @@ def test_pictures_that_are_damaged_are_left_out_and_the_recording_ends_all_the_s
     damaged.write_bytes(content)
     device = opened("file", str(damaged))
     given = []
-    with pytest.raises(SourceError, match="it has ended"):  # noqa: PT012
+    with pytest.raises(SourceError, match="the end of the recording"):  # noqa: PT012
         while len(given) < 30:
             picture = device.read(0.3)
             given += [] if picture is None else [picture]
@@ -518,5 +518,5 @@ def test_a_sensor_is_looked_for_again_and_again_without_a_crash_of_the_library()
 
 def test_an_opening_that_never_returns_does_not_hold_up_others_for_ever(sensor, monkeypatch):
     monkeypatch.setattr(module, "_PATIENCE", 0.1)
-    with module._library, pytest.raises(SourceError, match="has been opening another sensor"):
+    with module._library, pytest.raises(SourceError, match="another sensor that OpenNI2 has been opening"):
         OpenNIDevice(NAME, Place())

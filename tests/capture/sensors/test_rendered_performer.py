@@ -8,7 +8,7 @@ import pytest
 from puppetline.examples.performances import clean
 
 from capture.events import Cue
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.sensors import freenect
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
@@ -128,8 +128,8 @@ def test_a_recording_gives_the_very_joints_that_the_tracker_finds_in_what_was_re
     record(sensor, tmp_path / "take.oni", [(shot.picture.depth, shot.picture.color) for shot in shown], step=STEP)
     with closing(open_source("openni:file=take.oni&fast", tmp_path)) as source:
         events = Watched(source).events(len(shown) + 1)
-    [stands] = [Level.of_json(event.arguments) for event in events if isinstance(event, Cue)]
-    assert stands.near(Level(0.0, rendered_body.EYE), 0.3, 0.02)
+    [stands] = [SensorTilt.of_json(event.arguments) for event in events if isinstance(event, Cue)]
+    assert stands.near(SensorTilt(0.0, rendered_body.EYE), 0.3, 0.02)
     frames = [event for event in events if isinstance(event, SkeletonFrame)]
     np.testing.assert_allclose([frame.time for frame in frames], [shot.picture.time for shot in shown], atol=2e-6)
     positions = np.stack([frame.positions for frame in frames])

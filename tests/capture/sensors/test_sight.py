@@ -11,14 +11,14 @@ from puppetline.examples.performances import PERFORMANCES
 from capture.events import Cue, Lost, Tick
 from capture.network.osc import encode
 from capture.network.source import open_osc
-from capture.reconnecting import Reopening
-from capture.sensor_tilt import Level
+from capture.reconnecting import ReopeningSource
+from capture.sensor_tilt import SensorTilt
 from capture.sensors import sight as sights
 from capture.sensors.sight import FROZEN, Performer, Reason, Sight, Watch, reasons, status_line, summary, told
 from capture.sensors.source import SensorSource
 from capture.skeleton import JOINT_INDEX, JOINTS, SkeletonFrame
 from capture.source import Counts
-from capture.sources.replay import TakeSource
+from capture.sources.replay import RecordingSource
 from capture.trackers.picture import Lens, Picture
 from puppetline.errors import SourceError
 
@@ -184,11 +184,11 @@ def test_a_recording_that_ends_leaves_who_was_in_it_and_says_so():
     short = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    with closing(TakeSource.of_clips("replay:short.log", [short])) as source:
+    with closing(RecordingSource.of_clips("replay:short.log", [short])) as source:
         sight = sights.watch(source, 60)
     assert {user: performer.frames for user, performer in sight.performers.items()} == {1: 3}
     assert [reason.what for reason in reasons(sight)] == [sight.failure]
-    assert "found that it has ended" in sight.failure
+    assert "found the end of the recording" in sight.failure
 
 
 def test_a_silent_port_is_given_up_and_packets_that_are_none_are_told_of(osc):
@@ -304,7 +304,7 @@ def test_how_the_sensor_stands_is_said_once_and_holds():
     source.play(looking, Cue(0.0, "level", {"tilt": 12.2, "roll": -2.6, "height": 1.304}))
     source.play(looking, Cue(1.0, "level", {"tilt": "steep"}), Tick(9.0))
     sight = looking.sight()
-    assert sight.level == Level(12.2, 1.304, -2.6)
+    assert sight.level == SensorTilt(12.2, 1.304, -2.6)
     assert summary(sight, [])["sensor"] == {"tilt": 12.2, "height": 1.304, "roll": -2.6}
 
 
@@ -327,7 +327,7 @@ def test_a_sensor_that_fails_is_opened_again_until_a_picture_comes(watch, script
             raise absent
         return watch(answer, scripted_tracker).source
 
-    looking = Watch(source := Reopening("freenect:", opened), sights.RECENT)
+    looking = Watch(source := ReopeningSource("freenect:", opened), sights.RECENT)
     scripted_device.show(0.0)
     assert until(looking, lambda sight: sight.performers).picture is not None
     gone = SourceError("freenect:", found="it gone", expected="one", fix="Plug it in.")
@@ -348,11 +348,11 @@ def test_a_port_that_was_taken_is_waited_for_and_then_listened_to(osc):
     def fail():
         raise failure
 
-    failure = SourceError("osc:7110", found="that the port is taken", expected="a free one", fix="Wait.")
+    failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
     played = Played()
     played.receive = fail
     sources = iter([played, osc])
-    looking = Watch(source := Reopening("osc:7110", lambda: next(sources)))
+    looking = Watch(source := ReopeningSource("osc:7110", lambda: next(sources)))
     assert until(looking, lambda sight: sight.failure).failure == str(failure)
     assert until(looking, lambda sight: not sight.failure).retried is False
     assert source.inner is osc
@@ -363,8 +363,8 @@ def test_a_recording_that_has_ended_is_over(bare):
     short = replace(
         WALK, times=WALK.times[:3], positions=WALK.positions[:3], confidence=np.ones((3, 20), np.float32), user=1
     )
-    again = TakeSource.of_clips("replay:short.log", [short])
-    with closing(again if bare else Reopening("replay:short.log", lambda: again)) as source:
+    again = RecordingSource.of_clips("replay:short.log", [short])
+    with closing(again if bare else ReopeningSource("replay:short.log", lambda: again)) as source:
         looking = Watch(source)
         assert (looking.begun, looking.over) == (False, False)
         sight = until(looking, lambda _: looking.over)

@@ -9,7 +9,7 @@ from select import select
 import numpy as np
 import pytest
 
-from capture.events import TICK, Tick
+from capture.events import TICK_SECONDS, Tick
 from capture.sensors import clock
 from capture.sensors import source as module
 from capture.sensors.clock import DeviceClock
@@ -310,7 +310,7 @@ def test_ticks_pass_the_time_and_no_event_goes_back(watch, scripted_device, scri
         for (earlier, later), event in zip(pairwise(times), events[1:], strict=True)
         if type(event) is Tick
     ]
-    assert min(ticks) >= TICK - 1e-9
+    assert min(ticks) >= TICK_SECONDS - 1e-9
 
 
 def test_nobody_in_the_picture_lets_time_pass_too(watch, scripted_device, scripted_tracker):
@@ -322,7 +322,7 @@ def test_nobody_in_the_picture_lets_time_pass_too(watch, scripted_device, script
 
 
 def test_of_a_recording_every_picture_is_tracked_at_its_own_time(watch, scripted_device, scripted_tracker):
-    end = SourceError("take", found="that it has ended", expected="more", fix="No.")
+    end = SourceError("take", found="the end", expected="more", fix="No.")
     times = [10.0 + 0.001 * k for k in range(50)]
     scripted_device.show(*times)
     scripted_device.pictures.put(end)
@@ -430,7 +430,7 @@ def test_what_a_driver_throws_is_an_error_that_says_who_and_what_to_do(
         scripted_device.show(0.01)
     error = watched.error()
     assert isinstance(error, SourceError)
-    assert error.found == f"that a scripted {culprit} failed (OSError: bus reset)"
+    assert error.found == f"a failure of a scripted {culprit} (OSError: bus reset)"
     assert "doctor" in error.fix
     assert (scripted_device.closed, scripted_tracker.closed) == (1, 1)
 

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 import capture.sources.replay
 from capture.clip import SkeletonClip
-from capture.events import TICK, Cue, Lost, Tick
-from capture.formats import FARTHEST, read_log, recognize
+from capture.events import TICK_SECONDS, Cue, Lost, Tick
+from capture.formats import read_log, recognize
 from capture.recording import HEADER, Recorder, as_recorded, encode
-from capture.skeleton import LOST, SkeletonFrame
-from capture.sources.replay import BATCH, GAP, PATIENCE, TakeSource
+from capture.skeleton import LOST, MAX_DISTANCE_METRES, SkeletonFrame
+from capture.sources.replay import MAX_EVENTS, MAX_LATENESS_SECONDS, MAX_SILENCE_SECONDS, RecordingSource
 from puppetline.errors import SkeletonLogError, SourceError
 
 
@@ -91,7 +91,7 @@ def performance():
 
 def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock):
     written = list(performance())
-    source = TakeSource.of_file("replay:take", take(tmp_path / "take", written))
+    source = RecordingSource.of_file("replay:take", take(tmp_path / "take", written))
     assert (source.name, source.fileno()) == ("replay:take", None)
     expected = [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
     assert [key(event) for _, event in play(source, clock)] == expected
@@ -100,32 +100,32 @@ def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock)
 
 def test_each_event_comes_at_its_time_and_no_earlier(tmp_path, clock):
     start = clock.now
-    came = play(TakeSource.of_file("r", take(tmp_path / "take", performance())), clock, step=0.001)
+    came = play(RecordingSource.of_file("r", take(tmp_path / "take", performance())), clock, step=0.001)
     late = [moment - start - (event.time - 100) for moment, event in came]
     assert min(late) >= -1e-9
     assert max(late) <= 0.001 + 1e-9
 
 
 def test_the_recordings_clock_stands_still_until_somebody_listens(clock):
-    source = TakeSource.of_clips("demo:x", [make_clip([3.0, 3.5])])
+    source = RecordingSource.of_clips("demo:x", [make_clip([3.0, 3.5])])
     clock.now += 100
     assert source.now() == 3.0
     assert source.due() == clock.now
     assert [event.time for event in source.receive()] == [3.0]
-    assert source.due() == clock.now + GAP - 2 * TICK
+    assert source.due() == clock.now + MAX_SILENCE_SECONDS - 2 * TICK_SECONDS
 
 
 def test_a_late_caller_gets_all_that_is_due_in_order(clock):
-    source = TakeSource.of_clips("demo:x", [make_clip(np.arange(90) / 30)])
+    source = RecordingSource.of_clips("demo:x", [make_clip(np.arange(90) / 30)])
     source.receive()
-    clock.now += PATIENCE - 0.01
+    clock.now += MAX_LATENESS_SECONDS - 0.01
     assert [event.time for event in source.receive()] == [k / 30 for k in range(1, 30)]
     assert source.counts.dropped == 0
 
 
 def test_a_caller_who_was_away_for_long_finds_the_recording_where_it_was(clock):
     times = np.arange(90) / 30
-    source = TakeSource.of_clips("demo:x", [make_clip(times)])
+    source = RecordingSource.of_clips("demo:x", [make_clip(times)])
     came = source.receive()
     clock.now += 60
     came += source.receive()
@@ -136,10 +136,10 @@ def test_a_caller_who_was_away_for_long_finds_the_recording_where_it_was(clock):
 
 
 def test_the_end_is_an_error_that_says_so_and_stays(clock):
-    source = TakeSource.of_clips("demo:x", [make_clip([0.0])])
+    source = RecordingSource.of_clips("demo:x", [make_clip([0.0])])
     assert len(source.receive()) == 1
     for _ in range(2):
-        with pytest.raises(SourceError, match=r"demo:x: found that it has ended; .* \?loop"):
+        with pytest.raises(SourceError, match=r"demo:x: found the end of the recording; .* \?loop"):
             source.receive()
         assert source.due() == clock.now
 
@@ -148,7 +148,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
     written = list(performance())
     users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
     whole = len(written) + len(users)
-    source = TakeSource.of_file("r", take(tmp_path / "take", written), loop=True)
+    source = RecordingSource.of_file("r", take(tmp_path / "take", written), loop=True)
     came = []
     while len(came) < 3 * whole:
         came += source.receive()
@@ -156,7 +156,7 @@ def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
     passes = [came[k * whole : (k + 1) * whole] for k in range(3)]
     first, second, third = (each[: len(written)] for each in passes)
     assert [key(e) for e in first] == [key(as_recorded(e) if isinstance(e, SkeletonFrame) else e) for e in written]
-    period = first[-1].time - first[0].time + TICK
+    period = first[-1].time - first[0].time + TICK_SECONDS
     for number, again in ((1, second), (2, third)):
         shifts = [event.time - earlier.time for event, earlier in zip(again, first, strict=True)]
         np.testing.assert_allclose(shifts, number * period, rtol=0, atol=1e-9)
@@ -169,18 +169,18 @@ def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
 
 def test_several_performers_play_together(clock):
     clips = [make_clip([0.0, 0.05, 0.1], user=4), make_clip([0.02, 0.05], user=7)]
-    came = [event for _, event in play(TakeSource.of_clips("demo:x", clips), clock)]
+    came = [event for _, event in play(RecordingSource.of_clips("demo:x", clips), clock)]
     assert [(event.time, event.user) for event in came] == [(0.0, 4), (0.02, 7), (0.05, 4), (0.05, 7), (0.1, 4)]
     assert [key(e) for e in came if e.user == 7] == [key(frame) for frame in clips[1].frames()]
 
 
 def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
     clip = make_clip([1.0, 1.05, 2.0, 2.09])
-    ticks = [1.05 + k * TICK for k in range(1, 29)]
+    ticks = [1.05 + k * TICK_SECONDS for k in range(1, 29)]
     expected = [1.0, 1.05, *ticks, 2.0, 2.09]
     for source in (
-        TakeSource.of_clips("demo:x", [clip]),
-        TakeSource.of_file("r", take(tmp_path / "take", map(as_recorded, clip.frames()))),
+        RecordingSource.of_clips("demo:x", [clip]),
+        RecordingSource.of_file("r", take(tmp_path / "take", map(as_recorded, clip.frames()))),
     ):
         came = [event for _, event in play(source, clock)]
         assert [event.time for event in came] == expected
@@ -191,7 +191,7 @@ def test_a_take_of_an_earlier_version_plays_like_any_other_recording_and_says_so
     frames = [as_recorded(make_frame(k / 30)) for k in range(3)]
     old = b'{"beginning": {"version": 3, "roles": []}}\n'
     (tmp_path / "take").write_bytes(HEADER + old + b"".join(map(encode, frames)))
-    source = TakeSource.of_file("r", tmp_path / "take", loop=True)
+    source = RecordingSource.of_file("r", tmp_path / "take", loop=True)
     came = []
     while len(came) < 9:
         came += source.receive()
@@ -206,7 +206,7 @@ def test_a_foreign_log_plays_as_it_reads(tmp_path, clock):
     log = tmp_path / "utkinect.txt"
     log.write_text("\n".join(" ".join(map(str, row)) for row in rows) + "\n")
     (clip,) = read_log(log)
-    came = [event for _, event in play(TakeSource.of_file("replay:log", log), clock)]
+    came = [event for _, event in play(RecordingSource.of_file("replay:log", log), clock)]
     assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(frame) for frame in clip.frames()]
     assert sum(isinstance(event, Tick) for event in came) == 25
 
@@ -216,7 +216,7 @@ def test_real_logs_play_all_their_frames(real_logs, clock):
     assert len(logs) > 5
     for log in logs:
         clips = read_log(log)
-        played = [event for _, event in play(TakeSource.of_file("replay:log", log), clock, step=0.5, most=100_000)]
+        played = [event for _, event in play(RecordingSource.of_file("replay:log", log), clock, step=0.5, most=100_000)]
         for clip in clips:
             frames = [key(e) for e in played if isinstance(e, SkeletonFrame) and e.user == clip.user]
             assert frames == [key(frame) for frame in clip.frames()]
@@ -233,7 +233,7 @@ def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
         make_frame(50.05, user=2),
     ]
     path = take(tmp_path / "take", [*events, make_frame(50.1)])
-    source = TakeSource.of_file("r", path)
+    source = RecordingSource.of_file("r", path)
     came = [(event.time, event.user) for _, event in play(source, clock)]
     assert came == [(50.0, 1), (50.05, 1), (50.05, 2), (50.1, 1)]
     assert source.counts.refused == {"goes back in time": 3}
@@ -241,12 +241,14 @@ def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
 
 
 def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
-    source = TakeSource.of_file("r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True)
+    source = RecordingSource.of_file(
+        "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True
+    )
     times = []
     while len(times) < 6:
         times += [event.time for event in source.receive() if not isinstance(event, Lost)]
         clock.now = source.due()
-    np.testing.assert_allclose(np.diff(times), [0.01, TICK, 0.01, TICK, 0.01], atol=1e-9)
+    np.testing.assert_allclose(np.diff(times), [0.01, TICK_SECONDS, 0.01, TICK_SECONDS, 0.01], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -259,7 +261,7 @@ def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
 def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, error):
     path = tmp_path / "take"
     path.write_bytes(HEADER + encode(make_frame(0.0)) + encode(make_frame(0.01)) + line + encode(make_frame(0.03)))
-    source = TakeSource.of_file("r", path)
+    source = RecordingSource.of_file("r", path)
     clock.now += 1
     source.receive()
     clock.now += 0.5
@@ -269,8 +271,8 @@ def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, 
 
 
 def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
-    far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * FARTHEST), np.ones(20, np.float32))
-    source = TakeSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
+    far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
+    source = RecordingSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
     with pytest.raises(SourceError, match=r"2000 m away at second 0\.01"):
         source.receive()
@@ -279,19 +281,19 @@ def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
 def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
     (tmp_path / "empty").write_bytes(HEADER)
     (tmp_path / "other").write_bytes(b"something else")
-    with pytest.raises(SourceError, match="ended"):
-        TakeSource.of_file("r", tmp_path / "empty")
+    with pytest.raises(SourceError, match="the end of the recording"):
+        RecordingSource.of_file("r", tmp_path / "empty")
     for loop in (False, True):
-        with pytest.raises(SourceError, match="ended"):
-            TakeSource.of_clips("r", [], loop)
+        with pytest.raises(SourceError, match="the end of the recording"):
+            RecordingSource.of_clips("r", [], loop)
     for name in ("other", "none"):
         with pytest.raises(SkeletonLogError):
-            TakeSource.of_file("r", tmp_path / name)
+            RecordingSource.of_file("r", tmp_path / name)
 
 
 def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
-    source = TakeSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * BATCH + 5)))
-    assert [len(source.receive()) for _ in range(3)] == [BATCH, BATCH, 5]
+    source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
+    assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
 
 @given(
@@ -305,7 +307,7 @@ def test_the_time_now_is_never_before_what_came_nor_after_what_comes(start, gaps
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(capture.sources.replay, "time", clock)
         times = np.unique(start + np.cumsum([0.0, *gaps]))
-        source = TakeSource.of_clips("r", [make_clip(times)])
+        source = RecordingSource.of_clips("r", [make_clip(times)])
         stamps = [source.now()]
         for step in steps:
             clock.now += step
@@ -320,7 +322,7 @@ def test_the_time_now_is_never_before_what_came_nor_after_what_comes(start, gaps
 
 def test_on_the_real_clock_nothing_comes_early(tmp_path):
     clip = make_clip(np.arange(8) / 100)
-    source = TakeSource.of_clips("demo:x", [clip])
+    source = RecordingSource.of_clips("demo:x", [clip])
     came, started = [], None
     while len(came) < 8:
         time.sleep(max(0.0, source.due() - time.monotonic()))
@@ -332,7 +334,7 @@ def test_on_the_real_clock_nothing_comes_early(tmp_path):
 
 
 def test_closing_lets_go_of_the_file_and_ends_it(tmp_path, clock):
-    source = TakeSource.of_file("r", take(tmp_path / "take", performance()))
+    source = RecordingSource.of_file("r", take(tmp_path / "take", performance()))
     source.receive()
     source.close()
     source.close()

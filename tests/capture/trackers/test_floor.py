@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.trackers.floor import FloorWatch, find_floor
 from capture.trackers.picture import Lens, Picture
 
@@ -46,7 +46,7 @@ def test_a_table_alone_is_no_floor():
 @pytest.mark.parametrize("wall", [3.5, 4.0, 5.0])
 def test_a_desk_that_a_sensor_stands_on_does_not_join_the_floor_behind_it(tilt, wall):
     found = find_floor(room(tilt, 0, 0.95, 0.0015, desk=1.3, wall=wall), LENS)
-    assert found is None or found.near(Level(tilt, 0.95), 0.5, 0.03)
+    assert found is None or found.near(SensorTilt(tilt, 0.95), 0.5, 0.03)
 
 
 def test_little_or_no_depth_tells_nothing():
@@ -83,15 +83,15 @@ def told(pictures):
 def test_how_the_sensor_stands_is_said_once_when_it_is_sure():
     [(time, floor)] = told([room(10, 0, 1.2)] * 50)
     assert time == pytest.approx(0.8, abs=0.11)  # five measurements, a fifth of a second apart
-    assert floor.near(Level(10, 1.2), 0.1, 0.004)
+    assert floor.near(SensorTilt(10, 1.2), 0.1, 0.004)
 
 
 def test_a_sensor_that_is_moved_is_said_to_stand_otherwise_and_one_that_is_shaken_is_not():
     before, shaken, after = room(10, 0, 1.2), room(11, 0, 1.22), room(16, 0, 1.2)
     first, second = told([before] * 30 + [shaken] * 60 + [after] * 60)
-    assert first[1].near(Level(10, 1.2), 0.1, 0.004)
+    assert first[1].near(SensorTilt(10, 1.2), 0.1, 0.004)
     assert 9.0 <= second[0] <= 15.0
-    assert second[1].near(Level(16, 1.2), 0.1, 0.004)
+    assert second[1].near(SensorTilt(16, 1.2), 0.1, 0.004)
 
 
 def test_nothing_is_said_while_the_sensor_swings():

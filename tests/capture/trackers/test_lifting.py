@@ -28,7 +28,9 @@ def joints():
     for joint, parent in PARENTS.items():
         x, y = directions[joint.removesuffix("_left").removesuffix("_right")]
         bone = np.array([-x if joint.endswith("_left") else x, y, 0.0])
-        places[JOINT_INDEX[joint]] = places[JOINT_INDEX[parent]] + body.typical(joint) * bone / np.linalg.norm(bone)
+        places[JOINT_INDEX[joint]] = places[JOINT_INDEX[parent]] + body.typical_bone_length(
+            joint
+        ) * bone / np.linalg.norm(bone)
     return places
 
 

@@ -88,8 +88,8 @@ def test_bones_keep_their_length_from_the_second_second_on(squats):
 
 
 def test_who_stands_upright_is_as_tall_as_it_was_said(squats):
-    crown = joint(squats, "head")[:, 1] + body.HEAD_TOP
-    soles = (joint(squats, "ankle_left") + joint(squats, "ankle_right"))[:, 1] / 2 - body.ANKLE_HEIGHT
+    crown = joint(squats, "head")[:, 1] + body.HEAD_TOP_METRES
+    soles = (joint(squats, "ankle_left") + joint(squats, "ankle_right"))[:, 1] / 2 - body.ANKLE_HEIGHT_METRES
     upright = np.sort(crown - soles)[-10:]
     np.testing.assert_allclose(upright, HEIGHT, rtol=0.05)
 

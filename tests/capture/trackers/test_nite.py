@@ -264,7 +264,7 @@ def test_a_picture_that_the_library_does_not_come_to_is_an_error(stand_in, look,
     look(1.0)
     monkeypatch.setattr(nite, "PATIENCE", 0.1)
     stand_in.refuse(ANSWERING)
-    with pytest.raises(SourceError, match=r"NiTE2.*has not come to a picture for 0.1 s"):
+    with pytest.raises(SourceError, match=r"NiTE2.*no result from NiTE2 for 0.1 s"):
         look(1.1)
 
 
@@ -300,7 +300,7 @@ def test_a_library_that_fails_in_the_middle_is_an_error_and_lets_go_of_the_senso
     _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, NiTE2 finds people in them")
     stand_in.refuse(READING)
     show(1.0)
-    assert watched.error().found == "that niteReadUserTrackerFrame fails (status 1)"
+    assert watched.error().found == "an error in niteReadUserTrackerFrame (status 1)"
     assert (stand_in.held, sensor.streaming) == ((0, 0), 0)
 
 
@@ -318,7 +318,7 @@ def test_a_library_that_does_not_start_leaves_it_to_mediapipe(
     _wait_for(caplog, "openni: Puppetline virtual sensor 0 gives the pictures, MediaPipe's place finds people in them")
     [said] = [record for record in caplog.records if record.levelname == "WARNING"]
     assert "MediaPipe finds people, as NiTE2 does not start" in said.getMessage()
-    assert f"{call} fails (status 1)" in said.getMessage()
+    assert f"an error in {call} (status 1)" in said.getMessage()
     assert "s.dat" in said.getMessage()
 
 

@@ -36,7 +36,7 @@ def truth():
     for joint, parent in PARENTS.items():
         name, _, side = joint.partition("_") if joint.endswith(("_left", "_right")) else (joint, "", "")
         direction = np.array(_DIRECTIONS[name]) * ((-1, 1, 1) if side == "left" else (1, 1, 0.7))
-        length = body.typical(joint)
+        length = body.typical_bone_length(joint)
         joints[JOINT_INDEX[joint]] = joints[JOINT_INDEX[parent]] + direction * (length / np.linalg.norm(direction))
     return joints
 
@@ -79,7 +79,7 @@ def test_the_height_makes_metres_of_what_the_tracker_guesses(truth):
 def test_a_taller_performer_stands_farther_away_in_proportion(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), SURE, None
     small, tall = (Placing(height).place(*view)[0] for height in (1.4, 2.0))
-    crown_and_soles = body.HEAD_TOP + body.ANKLE_HEIGHT
+    crown_and_soles = body.HEAD_TOP_METRES + body.ANKLE_HEIGHT_METRES
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 

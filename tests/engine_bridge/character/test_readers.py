@@ -93,7 +93,7 @@ def test_what_is_no_mesh_is_refused(written, ending, content):
 
 def test_what_cannot_be_opened_is_refused(tmp_path):
     for path in (tmp_path / "none.obj", tmp_path):
-        with pytest.raises(MeshError, match="that it cannot be read"):
+        with pytest.raises(MeshError, match="found a file that cannot be read"):
             read_surface(path)
 
 

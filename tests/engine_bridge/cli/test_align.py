@@ -78,7 +78,7 @@ def test_the_words_say_where_it_stands_and_how_well_it_fits(run, recordings):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["left.log", "-o", "two.toml"], 2, "Give two recordings or more."),
+        (["left.log", "-o", "two.toml"], 2, "Give two or more recordings."),
         (["left.log", "none.log", "-o", "two.toml"], 1, "none.log"),
         (["left.log", "right.log", "-o", "two.txt"], 1, "two.toml"),
         (["left.log", "right.log", "-o", "two.toml", "--source", "osc:1"], 1, "1 times --source and 2 recordings"),

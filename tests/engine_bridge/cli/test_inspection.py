@@ -105,8 +105,8 @@ def test_what_is_nothing_known_is_refused(tmp_path):
     assert error.value.found == "a folder"
     with pytest.raises(PuppetlineError) as error:
         inspect(tmp_path / "notes.txt")
-    assert error.value.found == "nothing that is known here"
-    assert all(kind in error.value.expected for kind in ("puppet", "skeleton log", ".glb", ".obj"))
+    assert error.value.found == "an unknown kind of file"
+    assert all(kind in error.value.expected for kind in ("puppet", "recording", ".glb", ".obj"))
 
 
 def test_a_character_is_known_whatever_its_file_is_called(blob_file, tmp_path):

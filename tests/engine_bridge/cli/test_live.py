@@ -19,7 +19,7 @@ from PIL import Image
 from capture.formats import read_log
 from capture.recording import Recorder
 from capture.trackers.mediapipe import MIXTURE
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks.finding import Finding
 from engine_bridge.cli.main import main
 from engine_bridge.pictures.look import HEIGHT, PERFORMERS
 
@@ -41,9 +41,9 @@ def run(tmp_path, commands):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["serve"], "Give --puppet, or --config."),
-        (["serve", "--config", "a.toml", "--puppet", "b.toml"], "--config goes without"),
-        (["serve", "--puppet", "a.toml", "--osc", "nowhere"], "--osc wants HOST:PORT"),
+        (["serve"], "Give --puppet or --config."),
+        (["serve", "--config", "a.toml", "--puppet", "b.toml"], "--config cannot be combined"),
+        (["serve", "--puppet", "a.toml", "--osc", "nowhere"], "--osc requires HOST:PORT"),
         (["serve", "--puppet", "a.toml", "--port", "70000"], "70000"),
         (["serve", "--puppet", "a.toml", "--people", "all"], "'all'"),
         (["record", "--source", "osc:1"], "Missing option '-o'"),
@@ -79,7 +79,7 @@ def test_what_cannot_be_served_is_one_line_and_exit_code_1(run, blob_puppet, arg
     assert len(lines) == 1
     assert message in lines[0]
     assert "Traceback" not in result.stderr
-    assert "a fault in Puppetline itself" not in result.stderr
+    assert "internal error" not in result.stderr
 
 
 def test_a_port_that_is_taken_is_one_line(run, serve, blob_puppet):
@@ -144,7 +144,7 @@ def test_doctor_tells_programs_as_well(tmp_path):
 @pytest.mark.parametrize(("states", "code"), [((True, None), 0), ((True, None, False), 1)])
 def test_only_a_fault_sets_the_exit_code_of_doctor(monkeypatch, states, code):
     findings = [Finding(f"thing {k}", ok, "found", "Do it.") for k, ok in enumerate(states)]
-    monkeypatch.setattr("engine_bridge.cli.doctor.checks.examine", lambda _takes, _sources: findings)
+    monkeypatch.setattr("engine_bridge.cli.checks.machine.examine", lambda _takes, _sources: findings)
     result = CliRunner().invoke(main, ["doctor"])
     assert result.exit_code == code
     assert [line[:2] for line in result.stdout.splitlines()[::2]] == ["ok", "--", "!!"][: len(states)]

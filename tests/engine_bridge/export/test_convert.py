@@ -90,7 +90,7 @@ def test_the_performer_who_was_tracked_longest_is_taken_or_the_one_asked_for(dan
                 recorder.write(SkeletonFrame(index / 30, 7, place + 1, seen))
     longest, notes = load_timeline(tmp_path / "two.log", Settings())
     assert len(longest.positions) == 20
-    assert notes == ("Took user 4 (20 tracked frames); also in the log: 7 (10 tracked frames).",)
+    assert notes == ("User 4 (20 tracked frames) was chosen; other performers: 7 (10 tracked frames).",)
     other, _ = load_timeline(tmp_path / "two.log", Settings(user=7))
     np.testing.assert_allclose(other.positions, positions[:10] + 1, atol=1e-5)
     with pytest.raises(SkeletonLogError) as error:
@@ -107,8 +107,8 @@ def test_what_had_to_be_assumed_is_noted(record, dance, blob_puppet, tmp_path):
     log.write_bytes(log.read_bytes() + b'{"t": 1.4, "us')
     _, summary = convert(log, blob_puppet, tmp_path / "a.glb", Settings())
     assert summary.notes == (
-        "Line 42 was cut off in mid-write: left out.",
-        "40 frames at 30 a second, 2.5 % of the joint positions held while lost",
+        "Line 42 is incomplete and was skipped.",
+        "40 frames at 30 per second, 2.5 % of the joint positions held while lost",
         "The recording has no data for head; parts that only these joints move stay still.",
     )
 

@@ -103,7 +103,7 @@ def test_the_command_says_what_it_made(blob_puppet, tmp_path):
     result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output)])
     assert result.exit_code == 0
     assert result.output.startswith(f"{output}: ")
-    assert "ladder coordinates of 5 fields" in result.output
+    assert "isoline coordinates of 5 fields" in result.output
     result = CliRunner().invoke(main, ["shader-mesh", str(blob_puppet), "-o", str(output), "--json"])
     assert json.loads(result.output) == json.loads(json.dumps(asdict(write_shader_mesh(blob_puppet, output))))
 

@@ -46,13 +46,13 @@ def test_a_log_that_cannot_be_read_is_refused(blob_rig, tmp_path):
 
 def test_a_character_idles_while_nobody_plays_it_and_eases_back_into_it(make_stage, log, kung_fu, blob_rig):
     stage = make_stage(idle=log)
-    from capture.events import TICK, Lost, Tick
+    from capture.events import TICK_SECONDS, Lost, Tick
 
-    events = [Tick(k * TICK) for k in range(90)]
-    start = events[-1].time + TICK
+    events = [Tick(k * TICK_SECONDS) for k in range(90)]
+    start = events[-1].time + TICK_SECONDS
     events += [type(f)(start + f.time, f.user, f.positions, f.confidence) for f in kung_fu[:150]]
     gone = events[-1].time + 0.01
-    events += [Lost(gone, 1), *(Tick(gone + k * TICK) for k in range(1, 90))]
+    events += [Lost(gone, 1), *(Tick(gone + k * TICK_SECONDS) for k in range(1, 90))]
     frames = [frame for event in events for frame in stage.step(event, 0)]
     steps = [np.linalg.norm(b.targets - a.targets, axis=1).max() for a, b in itertools.pairwise(frames)]
     assert max(steps) < 0.08 * blob_rig.mesh.diagonal

@@ -278,7 +278,7 @@ WRONG_VALUES = {
         "a number less than or equal to 1000000000",
     ),
     "no list of joints": (PUPPET + "joints = []\n", "[[handle]] 1 'tail', joints", "[]", "a list that is not empty"),
-    "an empty name": (PUPPET.replace("tail", ""), "[[handle]] 1 '', name", "''", "a text that is not empty"),
+    "an empty name": (PUPPET.replace("tail", ""), "[[handle]] 1 '', name", "''", "a string that is not empty"),
     "axes in another order": (
         PUPPET + 'axes = "zx"\n',
         "[[handle]] 1 'tail', axes",
@@ -323,7 +323,7 @@ WRONG_VALUES = {
         "1.5",
         "a number less than or equal to 1",
     ),
-    "half a field": (PUPPET + "[solver]\nfields = 7.5\n", "[solver], fields", "7.5", "a whole number"),
+    "half a field": (PUPPET + "[solver]\nfields = 7.5\n", "[solver], fields", "7.5", "an integer"),
     "another way to follow": (
         CHARACTER + limb("arm", [[0, 0, 0], [1, 0, 0]], ["head", "spine"]) + 'follow = "position"\n',
         "[[limb]] 1 'arm', follow",

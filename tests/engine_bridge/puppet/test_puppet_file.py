@@ -142,8 +142,8 @@ def test_a_file_that_is_no_text_or_not_there_or_nested_without_end_is_refused(tm
     deep.write_text("x = " + "[" * 50_000)
     for path, found in (
         (binary, "bytes that are not text"),
-        (tmp_path / "none.toml", "that it cannot be read (No such file or directory)"),
-        (tmp_path, "that it cannot be read (Is a directory)"),
+        (tmp_path / "none.toml", "a file that cannot be read (No such file or directory)"),
+        (tmp_path, "a file that cannot be read (Is a directory)"),
     ):
         with pytest.raises(PuppetError) as error:
             puppet_file.load(path)

@@ -4,7 +4,7 @@ import time
 import numpy as np
 import pytest
 
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from engine_bridge.service import calibration_store
 from engine_bridge.service.performer_calibration import Calibration
 
@@ -36,7 +36,7 @@ def test_calibrations_come_back_to_the_same_character_of_the_same_source(played,
 
 def test_the_time_since_counts(make_stage, tmp_path, kung_fu):
     stage = make_stage()
-    stage.players[0].remember({5: (Calibration(kung_fu[0].positions, Level(3.0, 1.0)), 90.0)})
+    stage.players[0].remember({5: (Calibration(kung_fu[0].positions, SensorTilt(3.0, 1.0)), 90.0)})
     known = calibration_store.known_performers({"osc:1": (stage, 100.0)})
     known["written"] = time.time() - 20.0
     path = tmp_path / "performers.json"

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from capture.events import TICK
+from capture.events import TICK_SECONDS
 from engine_bridge.performance.idle import TargetPose
 from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
 from solver.motion.limbs import bones_of
@@ -47,9 +47,9 @@ def test_an_easing_in_the_middle_of_another_begins_where_that_one_is(easing):
 def test_a_pause_of_the_source_is_no_part_of_the_way(easing):
     easing.show(0.0, REST)
     easing.begin(0.0)
-    easing.show(TICK, THERE)
+    easing.show(TICK_SECONDS, THERE)
     later = easing.show(60.0, THERE).targets[0, 0]
-    t = TICK + MAX_STEP_SECONDS
+    t = TICK_SECONDS + MAX_STEP_SECONDS
     assert later == pytest.approx(t * t * (3 - 2 * t))
 
 

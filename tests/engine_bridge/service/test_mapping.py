@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from capture.events import TICK, Cue, Tick
+from capture.events import TICK_SECONDS, Cue, Tick
 from engine_bridge.performance.performance import Performance
 from engine_bridge.puppet.puppet import RootTable, with_handle
 from engine_bridge.service.character_player import Manner
@@ -34,7 +34,7 @@ def play(stage, events):
 
 
 def ticks(start, seconds):
-    return [Tick(start + k * TICK) for k in range(1, round(seconds / TICK) + 1)]
+    return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
 
 
 def largest_step(frames, diagonal):
@@ -70,7 +70,7 @@ def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(
         if event.time < edited_at + PREPARATION_SECONDS:
             continue
         aim = performance.retargeting.step(event)
-        if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK + EASE:
+        if event.time > edited_at + PREPARATION_SECONDS + 2 * TICK_SECONDS + EASE:
             np.testing.assert_array_equal(frame.targets, aim.targets + aim.root)
             np.testing.assert_array_equal(frame.root, aim.root)
             eased += 1
@@ -132,7 +132,7 @@ def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stag
     fresh = make_stage(idle=take, rig=player.character.rig).players[0]
     np.testing.assert_array_equal(fresh.make_idle().targets, player.make_idle().targets)
     head = [handle.name for handle in blob_rig.puppet.handle].index("left hand")
-    went = [frame.targets[head] - frame.root for frame in after[round(EASE / TICK) + 2 :]]
+    went = [frame.targets[head] - frame.root for frame in after[round(EASE / TICK_SECONDS) + 2 :]]
     assert np.ptp(went, axis=0)[2] < 1e-9 < np.ptp([frame.targets[head] - frame.root for frame in before], axis=0)[2]
 
 

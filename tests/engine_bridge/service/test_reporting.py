@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.source import Counts
 from engine_bridge.service.character_player import Manner
 from engine_bridge.service.monitoring.status import ClientsStatus, LatencyStatus, OutputStatus
@@ -38,7 +38,7 @@ def test_the_status_is_put_together_from_the_stage_the_counts_and_what_is_given(
     assert (user.user, user.state, user.character, user.seen) == (5, "calibrating", "dog", 0.25)
     assert (user.height, user.reach) == (None, None)
     assert user.distance == pytest.approx(np.hypot(*np.median(kung_fu[0].positions[:, ::2], axis=0)), abs=0.2)
-    assert asdict(stage.sensor) == asdict(Level())
+    assert asdict(stage.sensor) == asdict(SensorTilt())
     assert stage.latency_ms != LatencyStatus()
     assert [(each.name, each.performer, each.state, each.frames) for each in status.characters] == [
         ("dog", 5, "calibrating", 30),

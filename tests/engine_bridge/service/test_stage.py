@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.events import TICK, Cue, Lost, Tick
+from capture.events import TICK_SECONDS, Cue, Lost, Tick
 from capture.pose import Pose
 from capture.recording import as_recorded
-from capture.sensor_tilt import Level
+from capture.sensor_tilt import SensorTilt
 from capture.skeleton import SkeletonFrame
 from capture.smoothing import JointFilter
 from engine_bridge.performance.performance import Performance
@@ -81,7 +81,7 @@ def apart(ours, theirs, what):
 
 
 def ticks(start, seconds):
-    return [Tick(start + k * TICK) for k in range(1, round(seconds / TICK) + 1)]
+    return [Tick(start + k * TICK_SECONDS) for k in range(1, round(seconds / TICK_SECONDS) + 1)]
 
 
 def largest_step(frames, diagonal):
@@ -124,13 +124,13 @@ def test_nothing_jumps_when_a_performer_comes_goes_and_comes_back(make_stage, bl
     gone = kung_fu[150].time
     events = [*kung_fu[:150], *ticks(gone, 2.0)]
     away = gone + 2.0
-    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK) for frame in kung_fu[150:]]
+    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK_SECONDS) for frame in kung_fu[150:]]
     frames = play(stage, events)["dog"]
     states = [state for state, _ in itertools.groupby(frame.state for frame in frames)]
     assert states == ["calibrating", "performing", "leaving", "waiting", "calibrating", "performing"]
     assert largest_step(frames, diagonal) <= 1.5 * steady
     back = next(frame.time for frame in frames if frame.time > away and frame.state == "performing")
-    assert back - away <= PREPARATION_SECONDS + 3 * TICK  # remembered: no second still second
+    assert back - away <= PREPARATION_SECONDS + 3 * TICK_SECONDS  # remembered: no second still second
 
 
 def test_a_performer_that_leaves_lets_the_character_come_to_rest(make_stage, blob_rig, kung_fu):
@@ -165,7 +165,7 @@ def test_who_steps_in_is_a_character_with_limbs_after_a_moment_and_plays_what_co
         if player.calibration is not None and all(player.calibration is not each for each, _ in calibrations):
             calibrations.append((player.calibration, len(frames)))
     (_, in_passing), (calibration, begun) = calibrations  # again as soon as they have stood still
-    assert frames[in_passing].time - kung_fu[0].time <= 0.4 + PREPARATION_SECONDS + 3 * TICK
+    assert frames[in_passing].time - kung_fu[0].time <= 0.4 + PREPARATION_SECONDS + 3 * TICK_SECONDS
     assert frames[begun].time - kung_fu[0].time <= 1.4 + PREPARATION_SECONDS
     performance = Performance(limbed_rig.puppet, limbed_rig.mesh, limbed_rig.model, calibration.rest)
     for event, frame in zip(kung_fu[begun:], frames[begun:], strict=True):
@@ -181,7 +181,7 @@ def test_bones_ease_to_rest_and_back_without_a_jump(make_stage, limbed_rig, kung
     gone = kung_fu[150].time
     events = [*kung_fu[:150], *ticks(gone, 2.0)]
     away = gone + 2.0
-    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK) for frame in kung_fu[150:]]
+    events += [moved(frame, time=away + frame.time - kung_fu[150].time + TICK_SECONDS) for frame in kung_fu[150:]]
     frames = play(stage, events)["dog"]
     resting = next(frame for frame in reversed(frames) if frame.state == "waiting")
     np.testing.assert_allclose(resting.motions, np.broadcast_to(np.eye(4, 3), resting.motions.shape), atol=1e-9)
@@ -517,7 +517,7 @@ def level(time, **changed):
 def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_stage, kung_fu):
     """Joints are what a level sensor at the floor's height would have given, before and after the calibration."""
     upright = play(make_stage(manner=Manner(tilt=0.0, height=0.0)), kung_fu)["dog"]
-    tilted = play(make_stage(), [level(kung_fu[0].time - TICK), *seen_from_above(kung_fu)])["dog"]
+    tilted = play(make_stage(), [level(kung_fu[0].time - TICK_SECONDS), *seen_from_above(kung_fu)])["dog"]
     assert [frame.state for frame in tilted[-len(upright) :]] == [frame.state for frame in upright]
     for one, other in zip(tilted[-len(upright) :], upright, strict=True):
         np.testing.assert_allclose(one.joints, other.joints, atol=1e-9)
@@ -526,12 +526,12 @@ def test_a_sensor_that_sees_the_floor_is_set_upright_at_once_and_exactly(make_st
 
 def test_what_the_settings_say_of_the_sensor_counts_more_than_the_floor(make_stage, kung_fu):
     stage = make_stage(manner=Manner(tilt=3.0, height=0.7))
-    play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:60]])
-    assert stage.players[0].level == Level(3.0, 0.7, 4.0)
+    play(stage, [level(kung_fu[0].time - TICK_SECONDS), *kung_fu[:60]])
+    assert stage.players[0].level == SensorTilt(3.0, 0.7, 4.0)
 
 
 def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage, kung_fu):
-    stood, moment = level(kung_fu[0].time - TICK, tilt=2.0, height=1.0), 120
+    stood, moment = level(kung_fu[0].time - TICK_SECONDS, tilt=2.0, height=1.0), 120
     steady = play(make_stage(), [stood, *kung_fu])["dog"]
     moved_stage = make_stage()
     moved = play(moved_stage, [stood, *kung_fu[:moment], level(kung_fu[moment - 1].time), *kung_fu[moment:]])["dog"]
@@ -540,18 +540,18 @@ def test_who_performs_goes_on_as_calibrated_when_the_sensor_is_moved(make_stage,
         np.testing.assert_array_equal(one.targets, other.targets)
     moved_stage.step(Cue(kung_fu[-1].time, "calibrate"), 0)
     moved_stage.step(Cue(kung_fu[-1].time, "begin"), 0)
-    assert moved_stage.players[0].level == Level(12.0, 1.3, 4.0)
+    assert moved_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
 
 
 def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_stage, blob_rig, kung_fu):
     """From then on, but for the easing, all is as if it had been seen from the start."""
     seen, moment = seen_from_above(kung_fu), 100
-    early = play(make_stage(), [level(kung_fu[0].time - TICK), *seen])["dog"]
+    early = play(make_stage(), [level(kung_fu[0].time - TICK_SECONDS), *seen])["dog"]
     late_stage = make_stage()
     late = play(late_stage, [*seen[:moment], level(seen[moment - 1].time), *seen[moment:]])["dog"]
     assert late[moment].state == "performing"
-    assert late_stage.players[0].level == Level(12.0, 1.3, 4.0)
-    settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK
+    assert late_stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)
+    settled = kung_fu[moment].time + PREPARATION_SECONDS + EASE + TICK_SECONDS
     pairs = [(e, la) for e, la in zip(early[-len(late) :], late, strict=True) if la.time > settled]
     assert len(pairs) > 60
     for one, other in pairs:
@@ -562,11 +562,11 @@ def test_who_was_calibrated_before_the_floor_was_seen_is_set_upright_too(make_st
 def test_who_comes_back_after_the_sensor_was_moved_is_calibrated_anew(make_stage, kung_fu, moved):
     last = kung_fu[149].time
     away = ticks(last, 2.0)
-    back = [moved(frame, time=last + 2.0 + (k + 1) * TICK) for k, frame in enumerate(kung_fu[:60])]
+    back = [moved(frame, time=last + 2.0 + (k + 1) * TICK_SECONDS) for k, frame in enumerate(kung_fu[:60])]
     opened_again = level(last + 2.0, tilt=12.5)
     for between, known in (([], True), ([opened_again], True), ([level(last + 2.0, tilt=20.0)], False)):
         stage = make_stage()
-        play(stage, [level(kung_fu[0].time - TICK), *kung_fu[:150], *away, *between, *back[:1]])
+        play(stage, [level(kung_fu[0].time - TICK_SECONDS), *kung_fu[:150], *away, *between, *back[:1]])
         assert (stage.players[0].next_calibration is not None) == known
 
 
@@ -577,14 +577,14 @@ def test_a_sensor_that_stands_like_nothing_is_refused_and_counts_for_nothing(mak
         stage.step(level(1.0, **wrong), 0)
     with pytest.raises(ServiceError, match="a position of the sensor that is not understood"):
         stage.step(Cue(1.0, "level", {}), 0)
-    assert stage.players[0].level == Level()
+    assert stage.players[0].level == SensorTilt()
 
 
 def test_a_take_says_how_the_sensor_stands(make_stage, blob_rig, kung_fu):
-    events = with_beginnings_of(make_stage(), [level(kung_fu[0].time - TICK), *seen_from_above(kung_fu)])
+    events = with_beginnings_of(make_stage(), [level(kung_fu[0].time - TICK_SECONDS), *seen_from_above(kung_fu)])
     ours, theirs, times = from_the_middle(make_stage, events, 100)
     assert apart(ours, theirs, "R")[times > 1].max() < 1e-3 * blob_rig.mesh.diagonal
     stage, other = make_stage(), make_stage()
     replay(stage, events[:100])
     replay(other, [beginning(stage)])
-    assert other.players[0].level == stage.players[0].level == Level(12.0, 1.3, 4.0)
+    assert other.players[0].level == stage.players[0].level == SensorTilt(12.0, 1.3, 4.0)

@@ -9,7 +9,7 @@ import pytest
 from capture.events import Tick
 from capture.formats import read_log
 from capture.recording import Recorder
-from capture.source import Silence
+from capture.source import SilentSource
 from engine_bridge.service.character_player import Manner
 from engine_bridge.service.stage_runner import StageRunner
 from puppetline.errors import ServiceError, SourceError
@@ -39,7 +39,7 @@ def short(tmp_path, kung_fu):
 
 def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(short, make_stage, tmp_path, kung_fu):
     line = StageRunner(short, make_stage(), tmp_path)
-    run(line, until=lambda: isinstance(line.source.inner, Silence))
+    run(line, until=lambda: isinstance(line.source.inner, SilentSource))
     assert line.skeletons == 10
     frames = run(line, seconds=1.0)
     assert frames[0].time >= kung_fu[9].time
@@ -56,8 +56,8 @@ def test_a_source_that_fails_is_opened_again(make_stage, tmp_path, sender, kung_
 
     line.source.inner.receive = fail
     line.take_in()
-    assert isinstance(line.source.inner, Silence)
-    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    assert isinstance(line.source.inner, SilentSource)
+    run(line, until=lambda: not isinstance(line.source.inner, SilentSource))
     sender.send(kung_fu[0])
     run(line, until=lambda: line.skeletons == 1)
     line.close()
@@ -71,9 +71,9 @@ def test_a_source_that_stays_away_is_waited_for(make_stage, tmp_path, sender):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", sender.port))
         frames = run(line, seconds=1.5)
-        assert isinstance(line.source.inner, Silence)
+        assert isinstance(line.source.inner, SilentSource)
     assert len(frames) > 20  # the character goes on
-    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    run(line, until=lambda: not isinstance(line.source.inner, SilentSource))
     line.close()
 
 
@@ -84,7 +84,7 @@ def test_trouble_is_told_once_and_its_end_when_something_comes(make_stage, tmp_p
     for _ in range(3):
         line.source.inner.receive = lambda: (_ for _ in ()).throw(trouble)
         line.take_in()
-        run(line, until=lambda: not isinstance(line.source.inner, Silence))
+        run(line, until=lambda: not isinstance(line.source.inner, SilentSource))
     assert caplog.messages == [f"the source is silent: {trouble}"]
     sender.send(kung_fu[0])
     run(line, until=lambda: line.skeletons == 1)
@@ -101,8 +101,8 @@ def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting
         raise RuntimeError("the cable")
 
     line.source.inner.receive = fail
-    run(line, until=lambda: isinstance(line.source.inner, Silence))
-    run(line, until=lambda: not isinstance(line.source.inner, Silence))
+    run(line, until=lambda: isinstance(line.source.inner, SilentSource))
+    run(line, until=lambda: not isinstance(line.source.inner, SilentSource))
     sender.raw(b"garbage!")
     run(line, until=lambda: sum(line.source.counts.refused.values()) == 2)
     line.close()
@@ -127,7 +127,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(make_stage, tmp
             live += line.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
     line.stop_recording().close()
     again = StageRunner("replay:take.log", make_stage(), tmp_path)
-    replayed = run(again, until=lambda: isinstance(again.source.inner, Silence))
+    replayed = run(again, until=lambda: isinstance(again.source.inner, SilentSource))
     replayed = [frame for frame in replayed if frame.time <= live[-1].time]
     assert len(live) == len(replayed)
     for a, b in zip(live, replayed, strict=True):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from engine_bridge.cli.demo import CASTING, prepare
+from engine_bridge.cli.examples import MOTIONS, prepare
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
@@ -67,7 +67,7 @@ def test_each_property_looks_the_same(run_godot, figure, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", CASTING)
+@pytest.mark.parametrize("name", MOTIONS)
 def test_a_bent_character_looks_as_a_mesh_of_its_vertices_does(run_godot, own_cache, tmp_path, name):
     write_payloads(prepare(name, tmp_path)[1], tmp_path)
     run_godot("render_materials.gd", tmp_path, "bent", display=True, timeout=600)

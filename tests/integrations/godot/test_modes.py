@@ -12,7 +12,7 @@ import pygltflib as gltf
 import pytest
 from scipy.spatial import cKDTree
 
-from engine_bridge.cli.demo import CASTING, prepare
+from engine_bridge.cli.examples import MOTIONS, prepare
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode
@@ -324,11 +324,11 @@ TEXTURED = ("khronos_Fox", "kaykit_Knight")
 """One of loose triangles, and one of fifteen parts, some of them on the bones of a skeleton."""
 
 
-@pytest.fixture(scope="module", params=[*CASTING, *TEXTURED])
+@pytest.fixture(scope="module", params=[*MOTIONS, *TEXTURED])
 def character(request, own_cache, tmp_path_factory, puppetline):
     """One of the five example characters, or a textured one of somebody else's, and a performance: puppet, log."""
     folder = tmp_path_factory.mktemp(request.param)
-    if request.param in CASTING:
+    if request.param in MOTIONS:
         log, puppet = prepare(request.param, folder)
         return puppet, log
     mesh = request.getfixturevalue("real_data") / "mesh" / "gltf" / f"{request.param}.glb"

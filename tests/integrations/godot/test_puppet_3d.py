@@ -232,7 +232,7 @@ def test_a_request_is_answered_though_the_node_goes_elsewhere(watch, free_port):
         watched.order(request={"do": "ping"})
         watched.until(lambda _state: True)
         watched.order(set={"port": free_port()})
-        assert watched.reply()["error"]["found"] == "that this node has left the service"
+        assert watched.reply()["error"]["found"] == "a node that has left the service"
         watched.end()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.cli import demo
+from engine_bridge.cli import examples
 
 from .conftest import HERE, PATIENCE, array
 
@@ -74,13 +74,13 @@ def moved(service, character, follow, reference):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("character", demo.CASTING)
+@pytest.mark.parametrize("character", examples.MOTIONS)
 def test_every_example_character_moves_as_the_service_has_it(
     serve, free_port, follow, reference, tmp_path, character, example_character, monkeypatch
 ):
     made = example_character(character)
-    monkeypatch.setitem(demo.CHARACTERS, character, lambda: made)
-    log, puppet = demo.prepare(character, tmp_path, lambda _stage, _share: None)
+    monkeypatch.setitem(examples.CHARACTERS, character, lambda: made)
+    log, puppet = examples.prepare(character, tmp_path, lambda _stage, _share: None)
     port = free_port()
     service = serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", "--port", port)
     service.port = port

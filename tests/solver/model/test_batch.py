@@ -88,11 +88,11 @@ def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be
 
 
 def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
-    assert binding.at_a_time == batch.FRAMES
-    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding) * 20)
+    assert binding.at_a_time == batch.MAX_BATCH_FRAMES
+    monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding) * 20)
     assert binding.at_a_time == 20
-    monkeypatch.setattr(batch, "LARGEST", 3 * len(binding))
-    assert binding.at_a_time == batch.FEWEST
+    monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding))
+    assert binding.at_a_time == batch.MIN_BATCH_FRAMES
 
 
 def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):

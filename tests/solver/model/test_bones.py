@@ -139,7 +139,7 @@ def test_a_ray_that_leaves_by_a_hole_takes_nothing_of_what_it_meets(skirted):
     assert hole.sum() > 10
     mesh = SolverMesh(skirted.vertices, faces, skirted.of_render)
     trunk = chains((-1, [[0, 0, 0], [0, 2, 0]]))
-    start, _ = module._where_rays_meet(mesh, trunk, np.array([[0.0, 1.0, 0.0]]), mesh.vertices[:, 1:2] / 2)
+    start, _ = module._cast_rays(mesh, trunk, np.array([[0.0, 1.0, 0.0]]), mesh.vertices[:, 1:2] / 2)
     opposite = (mesh.vertices[:, 0] > 0.6) & (np.abs(mesh.vertices[:, 1] - 1.2) < 0.4)
     assert np.all(np.isinf(start[opposite]))
 
@@ -157,7 +157,7 @@ def test_rays_meet_what_is_nearest_round_the_bone():
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     v, f = np.concatenate(tubes), np.concatenate([faces, faces + 8])
     length, face, point = module._cast(f, v[:, 1] / 4, np.ascontiguousarray(v[:, [0, 2]]), np.array([0.5]))
-    angle = 2 * np.pi * np.arange(module.RAYS) / module.RAYS
+    angle = 2 * np.pi * np.arange(module.RAYS_PER_RING) / module.RAYS_PER_RING
     expected = 1 / np.maximum(np.abs(np.cos(angle)), np.abs(np.sin(angle)))
     np.testing.assert_allclose(length, expected, rtol=1e-12)
     assert np.all(face < 8)
@@ -217,12 +217,14 @@ def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well()
     faces = np.array([[q[0], q[1], q[2]] for q in quads] + [[q[0], q[2], q[3]] for q in quads])
     mesh = weld(np.concatenate([6 * ball, arm]), np.concatenate([triangles, faces + len(ball)]))
     bones = chains((-1, [[0, -5, 0], [0, 5, 0]]), (0, [[6, 0, 0], [13, 0, 0], [21, 0, 0]]))
-    owner = bone_regions(mesh, bones).owner
+    regions = bone_regions(mesh, bones)
+    owner = regions.owner
     of_arm = mesh.components == mesh.components[np.argmax(mesh.vertices[:, 0])]
     x = mesh.vertices[of_arm, 0]
     np.testing.assert_array_equal(owner[of_arm], np.where(x <= 13, 1, 2))
     assert np.all(owner[~of_arm] != 2)
     assert (x < 6).any()
+    assert np.all(regions.held[of_arm][x < 0.8 * 7 + 6])  # nothing bends inside the ball, nor just outside
 
 
 def test_a_bone_around_whose_middle_there_is_no_vertex_holds_what_it_has():

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from solver.model import clusters, fields
-from solver.model.clusters import CLUSTERS, EDGES, rotation_clusters
+from solver.model.clusters import CLUSTER_COUNT, EDGE_WEIGHT, rotation_clusters
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh
 
@@ -18,7 +18,7 @@ def same_groups(a, b):
 
 @pytest.fixture
 def two(monkeypatch):
-    monkeypatch.setattr(clusters, "CLUSTERS", 2)
+    monkeypatch.setattr(clusters, "CLUSTER_COUNT", 2)
 
 
 # --- which vertices
@@ -54,7 +54,7 @@ def test_the_order_of_vertices_does_not_matter(creature_model):
 
 
 def test_there_are_as_many_as_wanted_each_with_a_vertex(creature_model):
-    np.testing.assert_array_equal(np.unique(creature_model.cluster), np.arange(CLUSTERS))
+    np.testing.assert_array_equal(np.unique(creature_model.cluster), np.arange(CLUSTER_COUNT))
 
 
 def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
@@ -67,7 +67,7 @@ def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
 def test_every_vertex_is_nearest_to_the_mean_of_its_own(creature_model):
     """k-means has settled but for a few vertices."""
     points = creature_model.ladder * creature_model.weights
-    means = np.array([points[creature_model.cluster == c].mean(axis=0) for c in range(CLUSTERS)])
+    means = np.array([points[creature_model.cluster == c].mean(axis=0) for c in range(CLUSTER_COUNT)])
     nearest = np.linalg.norm(points[:, None] - means, axis=2).argmin(axis=1)
     assert np.mean(nearest == creature_model.cluster) > 0.9
 
@@ -91,7 +91,7 @@ def test_covariance_is_the_plain_sum_over_edges(creature_model, operator, surfac
     model, (L, _, rest) = creature_model, operator
     R = np.random.default_rng(0).normal(size=(320, 3))
     moved = model.to_model(surface(model, creature, R))
-    expected = np.zeros((CLUSTERS, 3, 3))
+    expected = np.zeros((CLUSTER_COUNT, 3, 3))
     for i, j in zip(*edges_of(L), strict=True):
         expected[model.cluster[i]] += L[i, j] * np.outer(rest[i] - rest[j], moved[i] - moved[j])
     sparse = fields.laplacian(SolverMesh(rest, creature.faces, creature.of_render))[0]
@@ -105,7 +105,7 @@ def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creat
     i, j = edges_of(L)
     identity = np.tile(np.eye(4, 3), (80, 1))
     stretch = 2 * sum(_dirichlet(model, L, rest))
-    gamma = EDGES * np.trace(model.A) / stretch
+    gamma = EDGE_WEIGHT * np.trace(model.A) / stretch
 
     def plain(R, turns):
         moved, each = model.to_model(surface(model, creature, R)), turns[model.cluster]
@@ -119,7 +119,10 @@ def test_energy_is_the_bending_of_the_surface_and_the_stretch_of_its_edges(creat
 
     rng = np.random.default_rng(1)
     cases = [
-        (identity + 0.1 * rng.normal(size=identity.shape), Rotation.random(CLUSTERS, random_state=seed).as_matrix())
+        (
+            identity + 0.1 * rng.normal(size=identity.shape),
+            Rotation.random(CLUSTER_COUNT, random_state=seed).as_matrix(),
+        )
         for seed in range(3)
     ]
     constant = [plain(*case) - reduced(*case) for case in cases]
@@ -138,7 +141,7 @@ def _dirichlet(model, L, rest):
 def test_a_rigid_motion_costs_nothing_and_is_read_off_as_it_is(creature_model, turn):
     rotation = turn(0, 100)
     R = creature_model.rest_controls @ rotation + np.tile([[0.0] * 3] * 3 + [[0.3, -0.2, 0.5]], (80, 1))
-    gradient = creature_model.A_clusters @ R - creature_model.B_clusters @ np.tile(rotation, (CLUSTERS, 1))
+    gradient = creature_model.A_clusters @ R - creature_model.B_clusters @ np.tile(rotation, (CLUSTER_COUNT, 1))
     assert np.abs(gradient).max() < 1e-9 * np.abs(creature_model.B_clusters).max()
     rest = (creature_model.B_clusters.T @ creature_model.rest_controls).reshape(-1, 3, 3)
     np.testing.assert_allclose(

@@ -26,7 +26,7 @@ def tall(rest, ladder, weights, isolines):
 @pytest.mark.parametrize("chunk", [1, 37, 384, 10**6])
 @pytest.mark.parametrize(("count", "isolines"), [(8, 10), (1, 2), (3, 4)])
 def test_products_are_those_of_the_sparse_matrices(operator, monkeypatch, chunk, count, isolines):
-    monkeypatch.setattr(energy_matrices, "CHUNK", chunk)
+    monkeypatch.setattr(energy_matrices, "MAX_CHUNK_ROWS", chunk)
     L, mass, rest = operator
     rng = np.random.default_rng(count)
     ladder = np.clip((rest @ rng.normal(size=(3, count)) + 0.5) * (isolines - 1), 0, isolines - 1)

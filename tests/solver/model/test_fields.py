@@ -12,7 +12,9 @@ from solver.surface.mesh import SolverMesh
 
 def modes_of(mesh, count=8):
     L, mass = fields.laplacian(mesh)
-    return fields.propagation_fields(fields.for_fields(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, count)
+    return fields.propagation_fields(
+        fields.field_operator(L, contacts(mesh), mesh.diagonal), mass, mesh.vertices, count
+    )
 
 
 def aligned(modes, reference):
@@ -70,7 +72,11 @@ def tied(two_parts):
     """The operators of a character of two parts: of the surface, of the fields, of the energy."""
     L, mass = fields.laplacian(two_parts)
     ties = contacts(two_parts)
-    return L, fields.for_fields(L, ties, two_parts.diagonal), fields.for_energy(L, ties, mass, two_parts.diagonal)
+    return (
+        L,
+        fields.field_operator(L, ties, two_parts.diagonal),
+        fields.energy_operator(L, ties, mass, two_parts.diagonal),
+    )
 
 
 def test_operators_are_negative_semidefinite_and_their_rows_sum_to_zero(two_parts, tied):
@@ -106,8 +112,8 @@ def test_ties_add_the_weighted_squares_of_the_jumps(two_parts, tied):
 def test_a_character_of_one_part_has_the_surface_operator_itself(creature):
     L, mass = fields.laplacian(creature)
     ties = contacts(creature)
-    assert fields.for_fields(L, ties, creature.diagonal) is L
-    assert fields.for_energy(L, ties, mass, creature.diagonal) is L
+    assert fields.field_operator(L, ties, creature.diagonal) is L
+    assert fields.energy_operator(L, ties, mass, creature.diagonal) is L
 
 
 def test_fields_of_a_character_that_is_cut_in_two_are_nearly_those_of_the_whole(creature, monkeypatch):
@@ -124,7 +130,7 @@ def test_fields_of_a_character_that_is_cut_in_two_are_nearly_those_of_the_whole(
         return np.linalg.svd(np.linalg.qr(modes_of(halves, 4))[0].T @ whole)[1].min()
 
     assert likeness() > 0.98
-    monkeypatch.setattr(fields, "FIELD_TIE", 0.0)
+    monkeypatch.setattr(fields, "CONTACT_CONDUCTANCE", 0.0)
     assert likeness() < 0.9  # how far below depends on which mixture of the two constants is left out
 
 

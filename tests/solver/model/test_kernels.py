@@ -3,7 +3,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from solver.model import kernels
-from solver.model.row import WIDTH
+from solver.model.simd_vector import LENGTH
 
 FIELDS, ISOLINES, COUNT = 8, 10, 500
 
@@ -39,7 +39,7 @@ def applied(transforms, points):
 
 
 def table(rows):
-    return np.zeros((rows, WIDTH), dtype=np.float32)
+    return np.zeros((rows, LENGTH), dtype=np.float32)
 
 
 def positions(scene, controls=None):

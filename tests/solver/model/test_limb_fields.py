@@ -7,9 +7,9 @@ import pytest
 
 from solver.model import fields
 from solver.model.bones import BoneRegions, Bones, bone_regions, regions_of_shares
-from solver.model.limb_fields import BLUR, limb_field_count, limb_fields, move_together
+from solver.model.limb_fields import BLUR_DIAGONALS, contacts_that_hold, limb_field_count, limb_fields
 from solver.model.reduced_model import ModelParameters, build
-from solver.surface.contacts import contacts
+from solver.surface.contacts import Contacts, contacts
 
 
 def chain(*points, parent=-1, first=0, limb=0):
@@ -40,7 +40,7 @@ def both_arms():
 
 def made(mesh, bones, count, regions=None, shares=None):
     L, mass = fields.laplacian(mesh)
-    tied = fields.for_fields(L, contacts(mesh), mesh.diagonal)
+    tied = fields.field_operator(L, contacts(mesh), mesh.diagonal)
     regions = bone_regions(mesh, bones) if regions is None else regions
     return limb_fields(tied, mass, mesh.vertices, bones, regions, count, shares)
 
@@ -92,7 +92,9 @@ def test_by_a_skin_a_field_is_the_mean_over_the_bones_of_each_vertex(figure, bot
     for column, chain_bones in ((0, [1, 2, 3]), (1, [4, 5, 6])):
         value = np.zeros_like(shares)
         value[:, chain_bones] = (1 + np.arange(3) + place[:, chain_bones]) / 4
-        expected = np.linalg.solve(np.diag(mass) - BLUR**2 * L.toarray(), mass * np.einsum("nb,nb->n", shares, value))
+        expected = np.linalg.solve(
+            np.diag(mass) - BLUR_DIAGONALS**2 * L.toarray(), mass * np.einsum("nb,nb->n", shares, value)
+        )
         np.testing.assert_allclose(found[:, column], expected, rtol=0, atol=1e-9)
 
 
@@ -105,8 +107,25 @@ def test_contacts_hold_within_a_bone_and_by_a_skin_only_there(two_parts):
     for owner, neighbours, skinned in ((3, True, True), (2, True, False), (1, False, False), (-1, True, True)):
         of_cube = np.where(cube, owner, 3)
         regions = BoneRegions(of_cube, np.ones(len(cube), dtype=bool))
-        assert np.all(move_together(ties, regions, bones, skinned=False) == neighbours)
-        assert np.all(move_together(ties, regions, bones, skinned=True) == skinned)
+        for by_a_skin, expected in ((False, neighbours), (True, skinned)):
+            assert np.all(contacts_that_hold(ties, two_parts.vertices, regions, bones, skinned=by_a_skin) == expected)
+
+
+def test_an_arm_that_is_sewn_to_the_trunk_stays_there_and_one_that_is_stuck_into_it_turns():
+    trunk, upper_arm, forearm = 0, 1, 2
+    bones = bones_of(
+        chain([0, 0, 0], [0, 1, 0], limb=-1), chain([0, 1, 0], [1, 1, 0], [2, 1, 0], parent=trunk, first=1)
+    )
+    rest = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.0], [0.3, 0.3, 0.003]])
+    ties = Contacts(np.array([3, 4]), np.array([[0, 1, 2]] * 2), np.array([[0.4, 0.3, 0.3]] * 2), np.zeros(2))
+    for here, there, expected in (
+        (trunk, upper_arm, [True, False]),
+        (upper_arm, trunk, [True, False]),
+        (upper_arm, forearm, [True, True]),
+        (trunk, forearm, [False, False]),
+    ):
+        regions = BoneRegions(np.array([there] * 3 + [here] * 2), np.ones(5, dtype=bool))
+        np.testing.assert_array_equal(contacts_that_hold(ties, rest, regions, bones, skinned=False), expected)
 
 
 def test_a_model_with_bones_has_the_surfaces_smoothest_fields_and_those_of_the_limbs(figure, figure_model, both_arms):

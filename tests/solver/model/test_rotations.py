@@ -60,7 +60,7 @@ def test_an_isoline_in_the_gap_between_two_parts_gets_the_nearest_triangles():
     strips = rotations.crossed_triangles(ladder, many, 4)
     assert set(range(8, 16)) < set(strips[1].tolist()) < set(range(16))
     assert set(range(16, 24)) < set(strips[2].tolist()) < set(range(16, 32))
-    assert [len(strip) for strip in strips[1:3]] == [rotations.SAMPLED_TRIANGLES] * 2
+    assert [len(strip) for strip in strips[1:3]] == [rotations.TRIANGLES_PER_ISOLINE] * 2
 
 
 # --- linear maps
@@ -98,7 +98,7 @@ def test_samples_come_from_their_strip_and_differ_while_it_has_enough(unit, stri
     sampled = rotations.sample_strips(unit, strips)
     for row, strip in zip(sampled, strips, strict=True):
         assert set(row) <= set(strip)
-        assert len(set(row)) == min(len(strip), rotations.SAMPLED_TRIANGLES)
+        assert len(set(row)) == min(len(strip), rotations.TRIANGLES_PER_ISOLINE)
 
 
 def test_samples_go_round_the_whole_isoline():
@@ -147,9 +147,9 @@ def test_polar_rotation_is_proper_for_reflections_flat_and_empty_covariances():
 
 
 def test_triangle_frame_by_hand():
-    edges = np.tile([[0.0, 2, 0], [0.0, 5, 3]], (rotations.SAMPLED_TRIANGLES, 1))
+    edges = np.tile([[0.0, 2, 0], [0.0, 5, 3]], (rotations.TRIANGLES_PER_ISOLINE, 1))
     frames = rotations.triangle_frames(edges)
-    assert frames.shape == (1, rotations.SAMPLED_TRIANGLES, 3, 3)
+    assert frames.shape == (1, rotations.TRIANGLES_PER_ISOLINE, 3, 3)
     np.testing.assert_allclose(frames[0, 0], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-12)
 
 
@@ -166,9 +166,9 @@ def test_both_readings_of_a_turned_surface_give_the_turn(creature_model, turn, d
 
 
 def test_average_of_frames_forgets_opposite_turns():
-    edges = np.random.default_rng(5).normal(size=(2 * rotations.SAMPLED_TRIANGLES, 3))
+    edges = np.random.default_rng(5).normal(size=(2 * rotations.TRIANGLES_PER_ISOLINE, 3))
     rest_frames = rotations.triangle_frames(edges)
-    half = rotations.SAMPLED_TRIANGLES
+    half = rotations.TRIANGLES_PER_ISOLINE
     there, back = (Rotation.from_rotvec([0, 0, angle]).as_matrix() for angle in (0.4, -0.4))
     mixed = np.concatenate([edges[:half] @ there, edges[half:] @ back])
     np.testing.assert_allclose(rotations.from_edges(mixed, rest_frames)[0], np.eye(3), atol=1e-9)

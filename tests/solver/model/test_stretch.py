@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.model.stretch import BIN_WIDTH, HIGHEST, EdgeStretch
+from solver.model.stretch import BIN_WIDTH, MAX_STRETCH, EdgeStretch
 from solver.surface.mesh import SolverMesh
 
 
@@ -24,7 +24,7 @@ def test_percentiles_are_those_of_all_edges_in_all_frames(creature):
     for share, value in zip(shares, found, strict=True):
         low = np.percentile(everything, share, method="lower") - BIN_WIDTH
         high = np.percentile(everything, share, method="higher") + BIN_WIDTH
-        assert low <= value <= min(high, HIGHEST)
+        assert low <= value <= min(high, MAX_STRETCH)
 
 
 def test_the_rest_pose_is_stretched_by_one(creature):
@@ -42,7 +42,7 @@ def test_stretch_is_relative_to_the_size_of_the_mesh(creature):
 def test_what_is_stretched_beyond_the_scale_is_counted_at_its_end(creature):
     measure = EdgeStretch(creature)
     measure.add((9 * creature.vertices).astype(np.float32)[:, :, None])
-    assert measure.percentiles(1, 100) == pytest.approx((HIGHEST, HIGHEST), abs=BIN_WIDTH)
+    assert measure.percentiles(1, 100) == pytest.approx((MAX_STRETCH, MAX_STRETCH), abs=BIN_WIDTH)
 
 
 def test_each_edge_counts_once_and_not_once_a_face():
@@ -61,4 +61,4 @@ def test_what_is_no_number_or_without_end_is_counted_as_the_highest(creature):
     moved = np.stack([creature.vertices, creature.vertices], axis=2).astype(np.float32)
     moved[:, 0, 0], moved[0, 1, 1] = np.nan, np.inf
     measure.add(moved)
-    assert measure.percentiles(25, 75, 100) == pytest.approx((1, HIGHEST, HIGHEST), abs=BIN_WIDTH)
+    assert measure.percentiles(25, 75, 100) == pytest.approx((1, MAX_STRETCH, MAX_STRETCH), abs=BIN_WIDTH)

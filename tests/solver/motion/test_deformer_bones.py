@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from puppetline.errors import MeshError
-from solver.model import fields, lanes, polar
+from solver.model import fields, matrix_blocks, polar
 from solver.model.bones import Bones
-from solver.model.clusters import EDGES
+from solver.model.clusters import EDGE_WEIGHT
 from solver.model.reduced_model import build
-from solver.motion.bone_terms import BONE_STIFFNESS, ELSEWHERE, PRIOR
-from solver.motion.deformer import HANDLE_STIFFNESS, NEAR_BONES, Deformer
+from solver.motion.bone_terms import BONE_STIFFNESS, DISTANT_BONE_WEIGHT, PRIOR_WEIGHT
+from solver.motion.deformer import HANDLE_STIFFNESS, NEARBY_BONE_WEIGHT, Deformer
 from solver.surface.mesh import SolverMesh
 
 MODES = ["clusters", "covariance", "triangles"]
@@ -121,14 +121,14 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     targets, motions = pulled(deformer), posed(creature_bones, turn, 25)
     turns = Rotation.from_rotvec(0.4 * np.random.default_rng(1).normal(size=(80, 3))).as_matrix()
     deformer.solve(targets, motions)
-    deformer._turns[:] = lanes.pack(turns.reshape(-1, 3), lanes.of_matrices(80))
+    deformer._turns[:] = matrix_blocks.pack_rows(turns.reshape(-1, 3), matrix_blocks.matrix_row_places(80))
     found = surface(model, creature, deformer.solve(targets, motions))
 
     each = turns[model.cluster]
     bending = np.diag(mass**-0.5) @ L @ W
     bent = mass[:, None] ** -0.5 * np.einsum("vi,vij->vj", L @ rest, each)
     i, j = np.nonzero(np.maximum(L - np.diag(np.diag(L)), 0))
-    root = np.sqrt(EDGES * np.trace(bending.T @ bending) / (2 * np.trace(-W.T @ L @ W)) * L[i, j])[:, None]
+    root = np.sqrt(EDGE_WEIGHT * np.trace(bending.T @ bending) / (2 * np.trace(-W.T @ L @ W)) * L[i, j])[:, None]
     edges, stretched = root * (W[i] - W[j]), root * np.einsum("ei,eij->ej", rest[i] - rest[j], each[i])
     scale = np.sum(bending**2) + np.sum(edges**2)
     rows = model.rows(creature, creature_handles[:2])
@@ -146,12 +146,12 @@ def test_the_solution_with_bones_is_that_of_the_dense_least_squares_problem(
     hats = np.maximum(0, 1 - np.abs(model.ladder[:, :, None] - np.arange(10.0))).reshape(len(rest), 80)
     near = np.array([hats[regions.owner == b].T @ creature.vertex_areas[regions.owner == b] for b in range(6)])
     near /= np.maximum(hats.T @ creature.vertex_areas, 1e-300)  # an isoline may have no vertex near it
-    near += ELSEWHERE * near.mean(axis=1, keepdims=True)
+    near += DISTANT_BONE_WEIGHT * near.mean(axis=1, keepdims=True)
     near /= near.sum(axis=0)
     in_model_units = motions.copy()
     in_model_units[:, 3] = model.to_model(motions[:, 3] + np.einsum("x,bxk->bk", model.center, motions[:, :3]))
     mean = np.einsum("bi,bxk->ixk", near, in_model_units).reshape(320, 3)
-    anchor = np.sqrt(NEAR_BONES * scale / 320)
+    anchor = np.sqrt(NEARBY_BONE_WEIGHT * scale / 320)
     left = np.concatenate([bending, edges, handles * rows, bones * W[held], anchor * np.eye(320)])
     right = np.concatenate(
         [bent, stretched, handles * model.to_model(targets), bones * model.to_model(np.concatenate(at)), anchor * mean]
@@ -181,7 +181,7 @@ def test_rotations_are_drawn_to_the_bones_that_hold_them(bound, creature, model,
     area = creature.vertex_areas
     for b in range(6):
         share = together[regions.of(b)].T @ area[regions.of(b)] / np.maximum(together.T @ area, 1e-300)
-        S = S + PRIOR * (share * size / 3)[:, None, None] * motions[b, :3]
+        S = S + PRIOR_WEIGHT * (share * size / 3)[:, None, None] * motions[b, :3]
     np.testing.assert_allclose(deformer.turns.reshape(80, 3, 3), polar.of_matrices(S), rtol=0, atol=1e-6)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver.motion.feet import SLACK, Feet, Leg
+from solver.motion.feet import SLACK_METRES, Feet, Leg
 from solver.motion.limb_motion import LimbMotion
 from solver.motion.limbs import Limb, Performer
 
@@ -141,7 +141,7 @@ def test_the_lower_foot_is_on_the_floor_while_walking(walked):
     ankles = places[:, [4, 5], 1] - CHARACTER[4, 1]
     assert ankles.min() > -1e-9
     tips = places[:, [6, 7], 1] - CHARACTER[6, 1]
-    assert np.minimum(ankles, tips).min(axis=1).max() < SLACK + 1e-3
+    assert np.minimum(ankles, tips).min(axis=1).max() < SLACK_METRES + 1e-3
     assert ankles.max() > 0.05  # and the other one is lifted
 
 

@@ -4,7 +4,14 @@ import pytest
 from solver.model.reduced_model import build
 from solver.motion import motion_limits as reach_module
 from solver.motion.deformer import Deformer
-from solver.motion.motion_limits import PROBES, SETTLE, STRAIN_LIMIT, WORST, _EdgeStrain, limb_reach
+from solver.motion.motion_limits import (
+    MAX_STRAIN,
+    PROBE_DIAGONALS,
+    UPDATES_PER_PROBE,
+    WORST_EDGE_SHARE,
+    _EdgeStrain,
+    limb_reach,
+)
 from solver.surface.mesh import SolverMesh
 
 
@@ -27,7 +34,7 @@ def worst_strain(mesh, positions):
     for a, b in mesh.edges:
         stretch = np.linalg.norm(positions[a] - positions[b]) / np.linalg.norm(mesh.vertices[a] - mesh.vertices[b])
         strains.append(max(stretch, 1 / stretch))
-    return np.mean(sorted(strains)[-max(1, int(WORST * len(strains))) :])
+    return np.mean(sorted(strains)[-max(1, int(WORST_EDGE_SHARE * len(strains))) :])
 
 
 def test_strain_is_that_of_the_deformed_vertices(figure, figure_model, handles, surface):
@@ -53,7 +60,7 @@ def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure
         for axis in range(3):
             for side, sign in enumerate((-1, 1)):
                 far = reach[handle, axis, side]
-                if not PROBES[0] * figure.diagonal < far < PROBES[-1] * figure.diagonal:
+                if not PROBE_DIAGONALS[0] * figure.diagonal < far < PROBE_DIAGONALS[-1] * figure.diagonal:
                     continue
                 strains = []
                 for share in (0.6, 1.0):
@@ -61,14 +68,14 @@ def test_a_handle_at_its_reach_strains_the_character_to_the_limit(figure, figure
                     targets = deformer.handles.copy()
                     targets[handle, axis] += sign * share * far
                     strains.append(worst_strain(figure, surface(figure_model, figure, deformer.solve(targets))))
-                assert strains[1] == pytest.approx(STRAIN_LIMIT, rel=0.05)
-                assert strains[0] < 0.95 * STRAIN_LIMIT
+                assert strains[1] == pytest.approx(MAX_STRAIN, rel=0.05)
+                assert strains[0] < 0.95 * MAX_STRAIN
 
 
 def test_reach_stays_between_the_smallest_and_the_largest_probe(figure, reach):
     assert reach.shape == (5, 3, 2)
-    assert reach.min() >= PROBES[0] * figure.diagonal
-    assert reach.max() <= PROBES[-1] * figure.diagonal
+    assert reach.min() >= PROBE_DIAGONALS[0] * figure.diagonal
+    assert reach.max() <= PROBE_DIAGONALS[-1] * figure.diagonal
     assert np.ptp(reach) > 0
 
 
@@ -98,12 +105,12 @@ def test_a_limb_is_drawn_away_by_all_its_handles_and_only_by_them(figure, figure
 
 def test_a_character_that_is_moved_as_a_whole_reaches_as_far_as_is_tried(figure, figure_model, handles):
     found = limb_reach(Deformer(figure_model, figure, handles), figure, np.ones((1, 5)))
-    np.testing.assert_allclose(found, PROBES[-1] * figure.diagonal)
+    np.testing.assert_allclose(found, PROBE_DIAGONALS[-1] * figure.diagonal)
 
 
 def test_a_limb_whose_handles_go_less_far_may_go_farther(figure, figure_model, handles, reach):
     found = limb_reach(Deformer(figure_model, figure, handles), figure, 0.8 * np.eye(5)[:1])
-    inside = (found > PROBES[0] * figure.diagonal) & (found < PROBES[-1] * figure.diagonal)
+    inside = (found > PROBE_DIAGONALS[0] * figure.diagonal) & (found < PROBE_DIAGONALS[-1] * figure.diagonal)
     assert inside.any()
     np.testing.assert_allclose(found[inside], reach[:1][inside] / 0.8, rtol=0.05)
 
@@ -123,16 +130,16 @@ def test_reach_grows_with_the_mesh(figure, handles, reach, scale, offset):
 
 def test_the_distance_at_the_limit_is_interpolated_between_probes(figure, figure_model, handles, monkeypatch):
     """Strain that grows by 2 for each unit of distance meets the limit between the probes 0.12 and 0.17."""
-    deformer = Deformer(figure_model, figure, handles, iterations=SETTLE)
+    deformer = Deformer(figure_model, figure, handles, iterations=UPDATES_PER_PROBE)
 
     class Linear:
         def __init__(self, slope):
-            self.slope, self.probes = slope, iter(PROBES)
+            self.slope, self.probes = slope, iter(PROBE_DIAGONALS)
 
         def worst(self, R):
             return 1 + self.slope * next(self.probes)
 
     outwards = np.outer(np.eye(5)[0], [1.0, 0, 0])
-    assert reach_module._probe(deformer, Linear(2.0), outwards) == pytest.approx((STRAIN_LIMIT - 1) / 2)
-    assert reach_module._probe(deformer, Linear(100.0), outwards) == PROBES[0]
-    assert reach_module._probe(deformer, Linear(0.1), outwards) == PROBES[-1]
+    assert reach_module._probe(deformer, Linear(2.0), outwards) == pytest.approx((MAX_STRAIN - 1) / 2)
+    assert reach_module._probe(deformer, Linear(100.0), outwards) == PROBE_DIAGONALS[0]
+    assert reach_module._probe(deformer, Linear(0.1), outwards) == PROBE_DIAGONALS[-1]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from solver.motion.retarget import LIMIT_KNEE, RETURN_TIME, Fit, Mapping, Retargeter, soft_limit
+from solver.motion.retarget import LIMIT_KNEE_SHARE, RETURN_SECONDS, Fit, Mapping, Retargeter, soft_limit
 
 JOINTS = 20
 HANDLES = np.array([[0.0, 2.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.5]])
@@ -183,7 +183,7 @@ def test_a_position_that_is_not_finite_counts_as_lost_whatever_its_confidence(us
 
 @pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
 def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
-    """Lost at 0.1 m, back at 0.9 m: no jump on re-entry, then 63 % of the rest in every `RETURN_TIME`."""
+    """Lost at 0.1 m, back at 0.9 m: no jump on re-entry, then 63 % of the rest in every `RETURN_SECONDS`."""
     stepwise = retargeter(usual, fit)
     lost = ALL.copy()
     lost[3] = 0
@@ -191,7 +191,7 @@ def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
     stepwise.step(1.0, moved(3, [np.nan] * 3), lost)
     times = 1.0 + np.arange(1, 200) / rate
     course = np.array([stepwise.step(t, moved(3, [0.9, 0, 0]), ALL)[0, 0] for t in times]) / fit.scale[0]
-    expected = 0.9 - 0.8 * np.exp(-(times - times[0]) / RETURN_TIME)
+    expected = 0.9 - 0.8 * np.exp(-(times - times[0]) / RETURN_SECONDS)
     np.testing.assert_allclose(course, expected, atol=1e-9)
     assert course[0] == pytest.approx(0.1)
 
@@ -210,7 +210,7 @@ def test_targets_never_jump_however_often_joints_are_lost(usual, fit):
         confidence[3] = float(known)
         course.append(stepwise.step(time, moved(3, [value if known else np.nan, 0, 0]), confidence)[0, 0])
     steps = np.abs(np.diff(course)) / fit.scale[0]
-    closing = 0.6 * (1 - np.exp(-1 / 30 / RETURN_TIME))
+    closing = 0.6 * (1 - np.exp(-1 / 30 / RETURN_SECONDS))
     assert steps.max() <= own_step + closing
     assert steps.max() > own_step  # it did come back from somewhere
 
@@ -264,7 +264,7 @@ def random_directions(reach, count=500):
 
 
 def test_motion_below_the_knee_is_unchanged(reach):
-    inside = random_directions(reach) * np.random.default_rng(4).uniform(0, LIMIT_KNEE, (500, 3, 1))
+    inside = random_directions(reach) * np.random.default_rng(4).uniform(0, LIMIT_KNEE_SHARE, (500, 3, 1))
     np.testing.assert_array_equal(soft_limit(inside, reach), inside)
     np.testing.assert_array_equal(soft_limit(np.zeros((3, 3)), reach), 0.0)
 
@@ -295,7 +295,7 @@ def test_the_limit_is_monotone_and_smooth_in_value_and_slope(reach):
         assert slope.min() > 0
         assert slope.max() <= 1 + 1e-9
         # The slope's own slope is at most 0.77 / (1 − knee); a kink would be a jump of the slope itself.
-        assert np.abs(np.diff(slope)).max() < 1.1 * 0.77 / (1 - LIMIT_KNEE) * step
+        assert np.abs(np.diff(slope)).max() < 1.1 * 0.77 / (1 - LIMIT_KNEE_SHARE) * step
         assert course[lengths > 2.5].min() > 0.999
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from solver.model import lanes
+from solver.model import matrix_blocks
 from solver.motion import twist
 
 COUNT = 21
@@ -14,9 +14,9 @@ def rng():
 
 
 def taken_back(turns, start, line):
-    packed = lanes.pack(turns.reshape(-1, 3), lanes.of_matrices(COUNT))
-    twist.take_back(packed, COUNT, start, line)
-    return lanes.unpack(packed, lanes.of_matrices(COUNT)).reshape(-1, 3, 3)
+    packed = matrix_blocks.pack_rows(turns.reshape(-1, 3), matrix_blocks.matrix_row_places(COUNT))
+    twist.remove_roll(packed, COUNT, start, line)
+    return matrix_blocks.unpack_rows(packed, matrix_blocks.matrix_row_places(COUNT)).reshape(-1, 3, 3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, np.pi - 1e-3, np.pi])

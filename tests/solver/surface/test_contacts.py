@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 from solver.model import reduced_model
 from solver.model.binding import Binding
 from solver.motion.deformer import Deformer
-from solver.surface.contacts import TOUCHING, WIDE, PartSeparation, contacts
+from solver.surface.contacts import MAX_JOIN_DISTANCE_RATIO, TOUCH_DIAGONALS, PartSeparation, contacts
 from solver.surface.mesh import SolverMesh, weld
 
 TETRAHEDRON = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
@@ -76,7 +76,7 @@ def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_
     one, other = box([0, 0, 0], [1, 1, 1], 0.11), box([0.3, 0.98, 0.2], [0.8, 1.9, 0.7], 0.07)
     mesh = together(one, other)
     ties = contacts(mesh)
-    touching = TOUCHING * mesh.diagonal
+    touching = TOUCH_DIAGONALS * mesh.diagonal
     expected = {}
     for (v, _), start, (others, faces) in ((one, 0, other), (other, len(one[0]), one)):
         square, _, nearest = igl.point_mesh_squared_distance(v, others, faces)
@@ -115,7 +115,7 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
     ties = contacts(mesh)
     to_box = (mesh.components[ties.vertices] == 1) & (mesh.components[ties.corners[:, 0]] == 0)
     height = ball[0][:, 2] - 1
-    reach = WIDE * height.min() + TOUCHING * mesh.diagonal
+    reach = MAX_JOIN_DISTANCE_RATIO * height.min() + TOUCH_DIAGONALS * mesh.diagonal
     np.testing.assert_array_equal(np.sort(ties.vertices[to_box]), np.flatnonzero(mesh.components == 1)[height <= reach])
     np.testing.assert_allclose(ties.gap[to_box], mesh.vertices[ties.vertices[to_box], 2] - 1)
     assert groups(mesh, ties) == 1
@@ -190,7 +190,7 @@ def test_parts_that_only_face_each_other_are_tied_all_the_same():
     """A head on a neck, with a gap between them: nothing else holds it."""
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), box([0.2, 1.005, 0.2], [0.8, 1.6, 0.8], 0.1))
     ties = contacts(mesh)
-    assert 0 < apart(mesh, ties).max() < TOUCHING * mesh.diagonal
+    assert 0 < apart(mesh, ties).max() < TOUCH_DIAGONALS * mesh.diagonal
     bottom = np.count_nonzero((mesh.components == 1) & (mesh.vertices[:, 1] < 1.01))
     assert np.count_nonzero(mesh.components[ties.vertices] == 1) == bottom
 
@@ -251,4 +251,4 @@ def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
     measure, rng = PartSeparation(mesh), np.random.default_rng(5)
     for _ in range(10):
         measure.add((binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))[:, :, None])
-    assert measure.worst < TOUCHING + 0.001
+    assert measure.worst < TOUCH_DIAGONALS + 0.001

@@ -3,7 +3,7 @@ import pytest
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, eye
 from scipy.sparse.linalg import splu
 
-from solver.surface.dissection import LEAF, nested_dissection
+from solver.surface.dissection import MAX_LEAF_VERTICES, nested_dissection
 
 
 def operator(edges, count):
@@ -82,7 +82,7 @@ def test_a_hub_of_all_vertices_comes_last():
     places = np.random.default_rng(0).normal(size=(count, 3))
     A = operator(np.column_stack([np.zeros(count - 1, dtype=int), np.arange(1, count)]), count)
     order = dissection(A, places)
-    assert fill(A, order) < 2 * LEAF * count
+    assert fill(A, order) < 2 * MAX_LEAF_VERTICES * count
 
 
 def test_nothing_and_a_single_vertex_have_an_order():

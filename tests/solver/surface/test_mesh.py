@@ -14,13 +14,13 @@ CUBE = np.concatenate([QUADS[:, [0, 1, 2]], QUADS[:, [0, 2, 3]]])
 TRIANGLE = SolverMesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]), np.arange(3))
 
 
-COARSE = solver_mesh.LEAST_VERTICES
+COARSE = solver_mesh.MIN_VERTICES
 
 
 @pytest.fixture(autouse=True)
 def small_meshes(monkeypatch):
     """Leave meshes as coarse as they are, so that a cube can show what welding does."""
-    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", 0)
+    monkeypatch.setattr(solver_mesh, "MIN_VERTICES", 0)
 
 
 def split_cube():
@@ -271,7 +271,7 @@ def test_normals_stay_outwards_far_from_the_origin(figure):
 
 
 def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monkeypatch):
-    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    monkeypatch.setattr(solver_mesh, "MIN_VERTICES", COARSE)
     positions, triangles = split_cube()
     mesh = weld(positions, triangles)
     assert len(mesh.vertices) == 386
@@ -286,7 +286,7 @@ def test_a_coarse_surface_is_split_and_render_vertices_stay_at_their_places(monk
 
 @pytest.mark.parametrize("name", ["joined_tetrahedra", "negative_indices", "not_convex"])
 def test_the_smallest_real_meshes_have_a_reduced_model(real_mesh, monkeypatch, surface, name):
-    monkeypatch.setattr(solver_mesh, "LEAST_VERTICES", COARSE)
+    monkeypatch.setattr(solver_mesh, "MIN_VERTICES", COARSE)
     mesh = real_mesh(f"nasty/{name}.obj")
     model = reduced_model.build(mesh)
     np.testing.assert_allclose(surface(model, mesh, model.rest_controls), mesh.vertices, atol=1e-9 * mesh.diagonal)

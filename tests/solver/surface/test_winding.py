@@ -2,7 +2,7 @@ import igl
 import numpy as np
 import pytest
 
-from solver.surface.winding import edges_of, in_order, outwards, pieces, wound_alike
+from solver.surface.winding import edges_of, lexicographic_order, pieces, wound_consistently, wound_outwards
 
 
 def strip(count, twist):
@@ -36,7 +36,7 @@ def passes(faces):
 
 def test_closed_surfaces_pass_every_edge_once_in_each_direction():
     faces = np.concatenate([ball(), ball(1000)])
-    wound, patch = wound_alike(faces)
+    wound, patch = wound_consistently(faces)
     assert (passes(wound) == 1).all()
     np.testing.assert_array_equal(np.sort(wound, axis=1), np.sort(faces, axis=1))
     np.testing.assert_array_equal(patch, np.repeat([0, 1], len(faces) // 2))
@@ -47,7 +47,7 @@ def test_closed_surfaces_pass_every_edge_once_in_each_direction():
 @pytest.mark.parametrize("make", [ball, lambda: strip(20, twist=False)], ids=["ball", "band"])
 def test_it_says_what_libigl_says(make):
     faces = make()
-    wound, patch = wound_alike(faces)
+    wound, patch = wound_consistently(faces)
     theirs, their_patch = igl.bfs_orient(faces)
     np.testing.assert_array_equal(patch, their_patch)
     agree = [
@@ -59,13 +59,13 @@ def test_it_says_what_libigl_says(make):
 
 def test_what_has_one_side_only_stays_as_it_is():
     faces = strip(20, twist=True)
-    wound, patch = wound_alike(faces)
+    wound, patch = wound_consistently(faces)
     np.testing.assert_array_equal(wound, faces)
     assert (patch == 0).all()
 
 
 def test_three_triangles_at_an_edge_are_three_patches():
-    wound, patch = wound_alike(np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]]))
+    wound, patch = wound_consistently(np.array([[0, 1, 2], [0, 1, 3], [1, 0, 4]]))
     np.testing.assert_array_equal(patch, [0, 1, 2])
     np.testing.assert_array_equal(wound, [[0, 1, 2], [0, 1, 3], [1, 0, 4]])
 
@@ -73,11 +73,11 @@ def test_three_triangles_at_an_edge_are_three_patches():
 def test_a_book_of_many_leaves_takes_no_more_than_its_leaves():
     leaves = 200_000  # in pairs they would be 320 GB
     faces = np.column_stack([np.zeros(leaves, np.int64), np.ones(leaves, np.int64), np.arange(leaves) + 2])
-    np.testing.assert_array_equal(wound_alike(faces)[1], np.arange(leaves))
+    np.testing.assert_array_equal(wound_consistently(faces)[1], np.arange(leaves))
 
 
 def test_no_triangles_are_no_patches():
-    wound, patch = wound_alike(np.zeros((0, 3), dtype=np.int64))
+    wound, patch = wound_consistently(np.zeros((0, 3), dtype=np.int64))
     assert (wound.shape, patch.shape) == ((0, 3), (0,))
 
 
@@ -102,7 +102,7 @@ def test_edges_are_those_that_sorting_finds(count):
 
 def test_rows_are_put_in_order_and_equal_ones_keep_theirs():
     rows = np.random.default_rng(0).integers(0, 6, (500, 3))
-    np.testing.assert_array_equal(in_order(rows, 6), np.lexsort(rows.T[::-1]))
+    np.testing.assert_array_equal(lexicographic_order(rows, 6), np.lexsort(rows.T[::-1]))
 
 
 def test_pieces_hang_together_at_edges_and_not_at_points():
@@ -117,7 +117,7 @@ def test_no_faces_have_no_edges_and_no_pieces():
     assert len(pieces(of_side, 0)) == 0
 
 
-# --- outwards
+# --- wound_outwards
 
 
 def test_two_balls_far_from_the_origin_face_outwards_and_enclose_their_volume():
@@ -125,7 +125,7 @@ def test_two_balls_far_from_the_origin_face_outwards_and_enclose_their_volume():
     v, f = igl.upsample(v, f.astype(np.int64), 3)
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     vertices = np.concatenate([v, v + np.array([3, 0, 0])]) + 1e4
-    faces = outwards(vertices, shuffled(np.concatenate([f, f + len(v)])))
+    faces = wound_outwards(vertices, shuffled(np.concatenate([f, f + len(v)])))
     corners = vertices[faces] - 1e4
     first = faces[:, 0] < len(v)
     for chosen in (first, ~first):

@@ -310,7 +310,7 @@ func _leave_control() -> void:
 	_control_port = 0
 	if left != null:
 		# Not at once: who leaves with this node is half out of the scene.
-		var answer := func() -> void: left.give_up("that this node has left the service")
+		var answer := func() -> void: left.give_up("a node that has left the service")
 		answer.call_deferred()
 
 

@@ -11,8 +11,8 @@ from capture.sensors import camera, freenect, openni
 from capture.sensors.openni import Sensor
 from capture.trackers import mediapipe
 from capture.trackers.nite import library_path
-from engine_bridge.cli.doctor import sensors
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks import sensors
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import SourceError
 
 
@@ -54,7 +54,7 @@ def test_depth_sensors_are_known_by_their_numbers_and_told_with_what_reads_them(
     nodes = usb("1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601")  # the first is a hub
     assert list(sensors._depth_sensors([*sensors._plugged()])) == [
         Finding("Kinect v1 (Xbox 360)", True, f"{nodes}/001, for freenect:"),
-        Finding("Azure Kinect", None, f"{nodes}/002, which nothing here reads: its own programs can send OSC"),
+        Finding("Azure Kinect", None, f"{nodes}/002, not supported; its own programs can send OSC"),
         Finding("Asus Xtion Pro Live", True, f"{nodes}/003, for openni:"),
     ]
 
@@ -73,15 +73,15 @@ def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, m
     (finding,) = sensors._depth_sensors([*sensors._plugged()])
     assert (finding.ok, finding.detail) == (False, f"{nodes}/000: no permission")
     assert finding.fix == (
-        f"Install the udev rules {rules}, which Debian's {package} brings, call udevadm control --reload, "
-        "and plug it in again."
+        f"Install the udev rules {rules} from Debian's {package}, run udevadm control --reload, "
+        "and plug the sensor in again."
     )
 
 
 def test_without_sensors_and_cameras_it_says_so_and_is_content(usb, tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
     assert list(sensors._depth_sensors([*sensors._plugged()])) == [
-        Finding("depth sensors", None, "none of those that are known on USB")
+        Finding("depth sensors", None, "no known model on USB")
     ]
     assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
 
@@ -148,7 +148,7 @@ def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_a
     for loaded in [each for each in sys.modules if each.partition(".")[0] == module]:
         monkeypatch.delitem(sys.modules, loaded)
     monkeypatch.setattr(sys, "meta_path", [Finder(), *sys.meta_path])
-    detail = "not installed; required by camera:" if ok is None else f"cannot be loaded ({reason})"
+    detail = "not installed; required by camera:" if ok is None else f"a library that cannot be loaded ({reason})"
     found = sensors._library("a library", lambda _name: load(), "camera:", needed=False)
     assert found == Finding("a library", ok, detail, mediapipe.EXTRA)
 
@@ -182,7 +182,7 @@ def test_a_machine_without_usb_is_no_fault(monkeypatch):
     library = SimpleNamespace(freenect_init=lambda _context, _usb: -1)
     monkeypatch.setattr(freenect, "_load", lambda _where: library)
     assert found(sensors.examine(), "libfreenect") == Finding(
-        "libfreenect", True, "there; no USB on this machine (in a container, pass /dev/bus/usb through)"
+        "libfreenect", True, "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
     )
 
 
@@ -193,7 +193,7 @@ def test_sensors_that_openni2_finds_have_the_names_that_sources_have(usb, monkey
     monkeypatch.setattr(openni, "devices", lambda _bindings: [sensor.uri for sensor in plugged])
     monkeypatch.setattr(openni, "plugged_in", lambda _where: plugged)
     findings = [*sensors.examine()]
-    start = findings.index(Finding("OpenNI 2", True, "there; 3 sensors plugged in"))
+    start = findings.index(Finding("OpenNI 2", True, "installed; 3 sensors plugged in"))
     assert findings[start + 1 : start + 4] == [
         Finding("openni:serial=17", True, "Xtion, also openni:uri=a"),
         Finding("openni:uri=b", None, "Xtion, a sensor that does not work (busy)", "End it."),
@@ -219,5 +219,5 @@ def test_libraries_that_are_there_are_asked_what_they_see(usb, monkeypatch):
     monkeypatch.setattr(sensors, "mediapipe", lambda: None)
     monkeypatch.setattr(sensors, "version", {"mediapipe": "0.10.21"}.get)
     findings = [*sensors.examine()]
-    assert found(findings, "libfreenect") == Finding("libfreenect", True, "there; 2 Kinect v1 plugged in")
+    assert found(findings, "libfreenect") == Finding("libfreenect", True, "installed; 2 Kinect v1 plugged in")
     assert found(findings, "MediaPipe") == Finding("MediaPipe", True, "0.10.21")

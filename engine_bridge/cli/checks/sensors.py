@@ -1,7 +1,7 @@
-"""What `puppetline doctor` reports about sensors and cameras: what is plugged in, what reads it, what is in the way.
+"""Checks of sensors and cameras: what is plugged in, which source reads it, what prevents that.
 
-A depth sensor that is plugged in is there to be used, so what it requires is a fault if it is missing. A camera may be
-built into the machine: that this user may not open it is none.
+A depth sensor that is plugged in is meant to be used, so the check fails if something that it requires is missing. A
+camera may be built into the machine, so a missing permission to open it is no failure.
 """
 
 import os
@@ -15,7 +15,7 @@ from capture.sensors import freenect, openni
 from capture.sensors.camera import opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import library as mediapipe
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import SourceError
 
 
@@ -27,9 +27,9 @@ class Kind:
     ----------
     name : str
     scheme : str
-        Of the source that reads it; empty where none does.
+        Scheme of the source that reads it; empty if there is none.
     package, rules : str
-        Debian's package with the udev rules that let users open it.
+        Debian's package with the udev rules that let users open it, and the file of the rules.
     """
 
     name: str
@@ -50,7 +50,7 @@ KINDS: dict[str, Kind] = {
     "1d27:0601": Kind("Asus Xtion Pro Live", *_OPENNI),
     "1d27:0609": Kind("PrimeSense Carmine", *_OPENNI),
 }
-"""By USB vendor and product."""
+"""Known depth sensors by USB vendor and product."""
 
 _USB = Path("/sys/bus/usb/devices")
 _NODES = Path("/dev/bus/usb")
@@ -59,7 +59,7 @@ _CAMERAS = Path("/dev")
 
 
 def examine() -> Iterator[Finding]:
-    """Look at cameras, depth sensors, and the libraries that read them."""
+    """Check cameras, depth sensors, and the libraries that read them."""
     plugged = [*_plugged()]
     schemes = {kind.scheme for kind, _ in plugged}
     yield from _cameras()
@@ -89,7 +89,7 @@ def _cameras() -> Iterator[Finding]:
 
 
 def _plugged() -> Iterator[tuple[Kind, Path]]:
-    """Go through the depth sensors on USB, and their device files."""
+    """Return the depth sensors on USB, and their device files."""
     for device in sorted(_USB.glob("*")):
         kind = KINDS.get(f"{_read(device / 'idVendor')}:{_read(device / 'idProduct')}")
         if kind is not None:
@@ -98,10 +98,10 @@ def _plugged() -> Iterator[tuple[Kind, Path]]:
 
 def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
     if not plugged:
-        yield Finding("depth sensors", None, "none of those that are known on USB")
+        yield Finding("depth sensors", None, "no known model on USB")
     for kind, node in plugged:
         if not kind.scheme:
-            yield Finding(kind.name, None, f"{node}, which nothing here reads: its own programs can send OSC")
+            yield Finding(kind.name, None, f"{node}, not supported; its own programs can send OSC")
         elif os.access(node, os.R_OK | os.W_OK):
             yield Finding(kind.name, True, f"{node}, for {kind.scheme}")
         else:
@@ -109,19 +109,19 @@ def _depth_sensors(plugged: list[tuple[Kind, Path]]) -> Iterator[Finding]:
                 kind.name,
                 False,
                 f"{node}: no permission",
-                f"Install the udev rules {kind.rules}, which Debian's {kind.package} brings, "
-                "call udevadm control --reload, and plug it in again.",
+                f"Install the udev rules {kind.rules} from Debian's {kind.package}, "
+                "run udevadm control --reload, and plug the sensor in again.",
             )
 
 
 def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -> Finding:
-    """Report what `look` returns about an optional library, or that it is not installed, or that it does not work.
+    """Report what `look` returns about an optional library, or why the library cannot be used.
 
     Parameters
     ----------
     name : str
     look : callable
-        Loads it, or raises a SourceError.
+        Loads the library and returns the detail; raises a SourceError if it cannot be used.
     use : str
         Sources that require it.
     needed : bool
@@ -132,26 +132,26 @@ def _library(name: str, look: Callable[[str], str], use: str, *, needed: bool) -
     except NotInstalledError as error:
         return Finding(name, False if needed else None, f"not installed; required by {use}", error.fix)
     except SourceError as error:
-        return Finding(name, False, error.found.removeprefix("that it "), error.fix)
+        return Finding(name, False, error.found, error.fix)
 
 
 def _kinects(name: str) -> str:
     count = freenect.plugged_in(name)
     if count is None:
-        return "there; no USB on this machine (in a container, pass /dev/bus/usb through)"
-    return f"there; {count or 'no'} Kinect v1 plugged in"
+        return "installed; no USB on this machine (in a container, pass /dev/bus/usb through)"
+    return f"installed; {count or 'no'} Kinect v1 plugged in"
 
 
 def _openni(name: str) -> str:
     count = len(openni.devices(openni.openni2(name)))
-    return f"there; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
+    return f"installed; {count or 'no'} sensor{'s' * (count > 1)} plugged in"
 
 
 def _openni_sensors() -> Iterator[Finding]:
-    """Go through the sensors that OpenNI2 finds, by the names that sources have."""
+    """Return the sensors that OpenNI2 finds, by the URIs of their sources."""
     try:
         found = openni.plugged_in("OpenNI 2")
-    except SourceError:  # which is said of the library
+    except SourceError:  # reported with the library
         return
     for sensor in found:
         uri = f"openni:uri={sensor.uri}"

@@ -1,8 +1,8 @@
-"""What works on this machine and what does not: `puppetline doctor`. It takes a few seconds and changes nothing.
+"""All checks of this machine. They take a few seconds and change nothing.
 
-Only what does not work although Puppetline requires it, or although the user has asked for it, is a fault: a library
-of its own, the loopback network, a source or folder that was named, an optional library that is installed but broken,
-a depth sensor that is plugged in. All else that is missing is optional, and `Finding.fix` tells how to get it.
+A check fails if something does not work that Puppetline requires or the user has asked for: a required library, the
+loopback network, a source or folder that was named, an optional library that is installed but broken, a depth sensor
+that is plugged in. Anything else that is missing is optional, and `Finding.fix` says how to get it.
 """
 
 import errno
@@ -19,8 +19,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from engine_bridge.cli.doctor import sensors
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks import sensors
+from engine_bridge.cli.checks.finding import Finding
 from puppetline.errors import PuppetlineError
 
 LIBRARIES: dict[str, str] = {
@@ -41,7 +41,7 @@ LIBRARIES: dict[str, str] = {
     "tomlkit": "tomlkit",
     "zeroconf": "zeroconf",
 }
-"""Distributions that Puppetline needs, and the modules they bring."""
+"""Distributions that Puppetline requires, and their modules."""
 
 PORTS: tuple[tuple[str, int, str], ...] = (
     ("tcp", 7400, "stream"),
@@ -49,26 +49,27 @@ PORTS: tuple[tuple[str, int, str], ...] = (
     ("udp", 7110, "OSC senders"),
     ("udp", 39539, "VMC senders"),
 )
-"""Ports that are used where nothing else is said."""
+"""Default ports: protocol, number and use."""
 
-LITTLE_ROOM = 2e9
-"""Bytes; less than this on a disk is soon filled by takes."""
+LOW_DISK_BYTES = 2e9
+"""Free space of a disk, in bytes, below which takes may fill it soon."""
 
 FIRST_DATA_SECONDS = 3.0
-"""How long a source that was asked for may give nothing once it is open, before that is reported, in seconds."""
+"""How long the check of a source waits for its first data, in seconds."""
 
-_LISTENING = 0.3  # seconds for others that announce themselves
+DISCOVERY_SECONDS = 0.3
+"""How long to wait for announcements of services, in seconds."""
 
 
 def examine(takes: Path | None = None, sources: Sequence[str] = ()) -> list[Finding]:
-    """Look at everything.
+    """Run all checks.
 
     Parameters
     ----------
     takes : Path, optional
-        Folder that takes are to be recorded in. Without it, the usual one is looked at, which need not be usable.
+        Folder to record takes in, which must be usable. Without it, the default folder is checked, which need not be.
     sources : sequence of str
-        URIs of sources that are to be used, see `capture.sources.registry`.
+        URIs of sources that must work, see `capture.sources.registry`.
     """
     return [
         _python(),
@@ -86,7 +87,7 @@ def examine(takes: Path | None = None, sources: Sequence[str] = ()) -> list[Find
 
 
 def text(findings: Sequence[Finding]) -> str:
-    """Return findings as lines to read."""
+    """Return findings as text."""
     width = max(len(finding.name) for finding in findings)
     marks = {True: "ok", False: "!!", None: "--"}
     lines = []
@@ -106,7 +107,7 @@ def _libraries() -> Iterator[Finding]:
         try:
             import_module(module)
             detail = version(distribution)
-        except (ImportError, PackageNotFoundError, OSError) as error:  # OSError: a shared object that does not fit
+        except (ImportError, PackageNotFoundError, OSError) as error:  # OSError: an incompatible shared object
             yield Finding(distribution, False, f"{error}", "Install Puppetline again: pip install --force-reinstall .")
         else:
             yield _pyzmq(detail) if module == "zmq" else Finding(distribution, True, detail)
@@ -116,12 +117,12 @@ def _pyzmq(installed: str) -> Finding:
     import zmq
 
     curve = zmq.has("curve")
-    security = "CURVE there" if curve else "no CURVE: tokens work, keys do not"
+    security = "with CURVE" if curve else "without CURVE: tokens work, keys do not"
     return Finding(
         "pyzmq",
         True,
         f"{installed}, libzmq {zmq.zmq_version()}, {security}",
-        "" if curve else "Install pyzmq from its wheel, which brings CURVE.",
+        "" if curve else "Install pyzmq from its wheel, which contains CURVE.",
     )
 
 
@@ -157,7 +158,7 @@ def _ports() -> Iterator[Finding]:
 
 
 def _owner(kind: str, port: int) -> str:
-    """Say which program has a port, as far as we may know."""
+    """Return which program uses a port, if the system reports it to this user."""
     import psutil
 
     try:
@@ -174,7 +175,7 @@ def _own_folders() -> Iterator[Finding]:
         from engine_bridge.performance.rig import cache_folder
         from engine_bridge.service.calibration_store import state_file
     except (ImportError, OSError) as error:
-        yield Finding("cache and state", None, f"not looked at: {error}")
+        yield Finding("cache and state", None, f"not checked: {error}")
         return
     folder = cache_folder()
     sizes = [entry.stat().st_size for entry in folder.glob("*") if entry.is_file()]
@@ -183,7 +184,7 @@ def _own_folders() -> Iterator[Finding]:
 
 
 def _folder(name: str, folder: Path, contents: str = "", *, asked: bool = False) -> Finding:
-    """Find out whether a folder, or the one that it would be made in, can be written to, as one `asked` for must be."""
+    """Check whether a folder, or its nearest existing parent, can be written to; one `asked` for must be."""
     place = folder.absolute()
     while not place.is_dir() and place != place.parent:
         place = place.parent
@@ -197,12 +198,12 @@ def _folder(name: str, folder: Path, contents: str = "", *, asked: bool = False)
             f"{folder}: cannot be written to ({error.strerror})",
             f"Give this user permission to write to {place}, or choose another folder.",
         )
-    made = "" if folder.is_dir() else "will be made, "
+    made = "" if folder.is_dir() else "will be created, "
     return Finding(
         name,
         True,
         f"{folder}: {made}{contents}{room / 1e9:.1f} GB free",
-        "Make room on that disk." if room < LITTLE_ROOM else "",
+        "Free space on that disk." if room < LOW_DISK_BYTES else "",
     )
 
 
@@ -214,7 +215,7 @@ def _clock() -> Finding:
 
 
 def _source(uri: str) -> Finding:
-    """Open a source and wait a moment for what it gives."""
+    """Open a source and wait for its first data."""
     from capture.sources.registry import open_source
 
     try:
@@ -226,28 +227,27 @@ def _source(uri: str) -> Finding:
             works = bool(source.counts.received)
     except PuppetlineError as error:
         culprit = "" if uri in error.where else f"{error.where}: "  # a library or a file
-        return Finding(uri, False, culprit + error.found.removeprefix("that it "), error.fix)
+        return Finding(uri, False, culprit + error.found, error.fix)
     return Finding(uri, True, "works" if works else f"can be opened; no data within {FIRST_DATA_SECONDS:g} s")
 
 
 def _systemd() -> Finding:
     if not Path("/run/systemd/system").is_dir():
         return Finding("systemd", None, "not the init system here")
-    ours = "started by it" if os.environ.get("NOTIFY_SOCKET") else "there"
-    return Finding("systemd", True, ours)
+    return Finding("systemd", True, "started by it" if os.environ.get("NOTIFY_SOCKET") else "available")
 
 
 def _network() -> Finding:
     try:
         from engine_bridge.service.discovery import find
 
-        services = find(_LISTENING)
+        services = find(DISCOVERY_SECONDS)
     except (ImportError, OSError) as error:
         return Finding(
             "multicast DNS",
             None,
             f"not available: {error}",
-            "Give clients the address of the service; they do not find it automatically here.",
+            "Give clients the address of the service; they cannot discover it here.",
         )
     running = ", ".join(f"{found.name} at {' '.join(found.addresses)}:{found.port}" for found in services)
-    return Finding("multicast DNS", True, running or "works; nobody announces a Puppetline now")
+    return Finding("multicast DNS", True, running or "works; no service announced now")

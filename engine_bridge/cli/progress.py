@@ -1,35 +1,19 @@
-"""What the commands have in common: kinds of options, progress bars, Ctrl-C."""
+"""Progress bars, and interrupts that are not lost."""
 
-import math
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
-import click
-
-FILE = click.Path(path_type=Path)
 Reporter = Callable[[str, float], None]
-
-
-class Finite(click.FloatRange):
-    """A number in a range, which "nan" and "inf" are not."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Read a number, or say what is wrong with it."""
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number.", param, ctx)
-        return number
 
 
 @contextmanager
 def interrupts() -> Iterator[Callable[[], None]]:
-    """Remember Ctrl-C, and give a check that raises it again.
+    """Record Ctrl-C, and yield a function that raises it again.
 
-    Python loses the interrupt where it falls into a destructor or the edge of a compiled loop.
+    Python loses an interrupt that occurs in a destructor or at the edge of a compiled loop.
     """
     pressed: list[int] = []
 
@@ -45,7 +29,7 @@ def interrupts() -> Iterator[Callable[[], None]]:
     try:
         yield check
     except Exception:
-        check()  # an interrupt comes out of compiled code, or of a module that is being loaded, as any error
+        check()  # compiled code, and a module that is being loaded, turn an interrupt into another error
         raise
     finally:
         signal.signal(signal.SIGINT, before)
@@ -53,10 +37,10 @@ def interrupts() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def progress() -> Iterator[Reporter]:
-    """Show a bar for each stage on a terminal, and nothing elsewhere."""
+    """Yield a function that shows a step and its done share: a bar on a terminal, nothing elsewhere."""
     with interrupts() as check:
         if not sys.stderr.isatty():
-            yield lambda _stage, _share: check()
+            yield lambda _step, _share: check()
             return
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -65,10 +49,10 @@ def progress() -> Iterator[Reporter]:
         with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
             tasks: dict[str, Any] = {}
 
-            def report(stage: str, share: float) -> None:
+            def report(step: str, share: float) -> None:
                 check()
-                if stage not in tasks:
-                    tasks[stage] = bars.add_task(stage, total=1.0)
-                bars.update(tasks[stage], completed=share)
+                if step not in tasks:
+                    tasks[step] = bars.add_task(step, total=1.0)
+                bars.update(tasks[step], completed=share)
 
             yield report

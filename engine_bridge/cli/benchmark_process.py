@@ -1,6 +1,6 @@
-"""The measurements of `engine_bridge.cli.bench`, each in a process of its own: its result is a line of JSON.
+"""The measurements of `engine_bridge.cli.benchmark`, each in a separate process that prints its result as JSON.
 
-``python -m engine_bridge.cli.bench_process MEASUREMENT FOLDER [COUNT]``
+``python -m engine_bridge.cli.benchmark_process MEASUREMENT FOLDER [COUNT]``
 """
 
 import ctypes
@@ -35,44 +35,45 @@ from solver.motion.deformer import to_file_units
 from solver.surface.mesh import SolverMesh, snap
 
 CHARACTER, WARM_UP = "character.toml", "warm_up.toml"
-"""Puppet files of the folder: the one to measure, and a tiny one with which everything is loaded and compiled first."""
+"""Names of puppet files: the one to measure, and one of a tiny mesh, used first to load and compile everything."""
 
 LOG = "performance.log"
+"""Name of the recording."""
 
-BLOCK = 250
-"""Frames that are played at a stretch before the next thing is timed."""
+BLOCK_FRAMES = 250
+"""Number of frames that are timed in a row before the next measurement takes its turn."""
 
-CONSTANT = 5000
-"""Numbers to add up, which always takes the same: what varies in its time is the machine."""
+CONSTANT_LOOP_LENGTH = 5000
+"""Number of integers to add in a loop of constant work; variations of its time are noise of the machine."""
 
-LONGEST = 30.0
-"""Seconds after which no further round of blocks begins."""
+MAX_INTERLEAVED_SECONDS = 30.0
+"""Time after which no further round of blocks begins, in seconds."""
 
-PLAYED = 300
-"""Frames that a character plays before its memory is looked at."""
+FRAMES_BEFORE_MEMORY = 300
+"""Number of frames that a character plays before its memory is measured."""
 
 
 @dataclass(frozen=True)
 class Work:
-    """Something to time: `call(0)`, `call(1)`, …, a block of so many in each round."""
+    """A function to time: each round calls `call(0)`, `call(1)`, … `call(block - 1)`."""
 
     call: Callable[[int], object]
     block: int
 
 
 def interleaved(works: Mapping[str, Work], rounds: int) -> dict[str, NDArray[np.float64]]:
-    """Time several works in turn, so that a busy machine is busy for all of them.
+    """Time several functions in turn, so that other load on the machine affects all of them.
 
     Returns
     -------
     dict of (calls,) float64
-        Milliseconds of each call. Fewer rounds than wanted where they would take longer than `LONGEST`.
+        Milliseconds of each call. Rounds that would begin after `MAX_INTERLEAVED_SECONDS` are omitted.
     """
     times: dict[str, list[NDArray[np.float64]]] = {name: [] for name in works}
     clock = time.perf_counter
     begun = clock()
     for number in range(-1, rounds):
-        if number > 0 and clock() - begun > LONGEST:
+        if number > 0 and clock() - begun > MAX_INTERLEAVED_SECONDS:
             break
         for name, work in works.items():
             block = work.block if number >= 0 else min(work.block, 10)  # round −1 warms up
@@ -87,7 +88,7 @@ def interleaved(works: Mapping[str, Work], rounds: int) -> dict[str, NDArray[np.
 
 
 class Playing:
-    """A character that plays a log over and over.
+    """A character that plays a recording in a loop.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ class Playing:
 
     @property
     def length(self) -> int:
-        """Frames of the log."""
+        """Number of frames of the recording."""
         return len(self._positions)
 
     def frame(self) -> SkeletonFrame:
@@ -120,23 +121,23 @@ class Playing:
         return SkeletonFrame(number / 30, 0, self._positions[at], self._confidence[at])
 
     def controls(self) -> Controls:
-        """Smooth, retarget and solve for the next frame; returned in the same array each time."""
+        """Smooth, retarget and solve the next frame; all calls return the same array."""
         return to_file_units(self.performance.step(self.frame(), self._R).R, self.rig.model, self._controls)
 
     def vertices(self, controls: Controls) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return positions and normals (n, 3), in the same two arrays each time."""
+        """Return positions and normals (n, 3); all calls return the same two arrays."""
         return self.binding.vertices_and_normals(controls, *self._drawn)
 
 
 def arap_iteration(mesh: SolverMesh, handles: NDArray[np.float64], targets: NDArray[np.float64]) -> Work:
-    """Prepare one iteration of libigl's full-resolution ARAP, handles at the nearest vertices.
+    """Prepare one iteration of libigl's full-resolution ARAP, with handles at the nearest vertices.
 
     Parameters
     ----------
     mesh : SolverMesh
     handles : (h, 3) float64
     targets : (T, h, 3) float64
-        Where they go.
+        Positions of the handles in T frames.
     """
     corners, blend = snap(mesh, handles)
     fixed, first = np.unique(corners[np.arange(len(corners)), blend.argmax(axis=1)], return_index=True)
@@ -152,7 +153,7 @@ def arap_iteration(mesh: SolverMesh, handles: NDArray[np.float64], targets: NDAr
 
 
 def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
-    """Return where the handles go (count, h, 3) in the next frames."""
+    """Return the positions of the handles (count, h, 3) in the next frames."""
     model, handles = playing.rig.model, playing.performance.deformer.handles
     rows = model.rows(playing.rig.mesh, handles)
     path = [rows @ playing.performance.step(playing.frame()).R for _ in range(count)]
@@ -160,7 +161,7 @@ def handle_path(playing: Playing, count: int) -> NDArray[np.float64]:
 
 
 def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
-    """Return what a frame is made of, and beside it an ARAP iteration and a copy of all bytes that a frame touches."""
+    """Return the steps of a frame, and for comparison an ARAP iteration and a copy of all bytes that a frame uses."""
     rig = load_rig(folder / CHARACTER)
     solved, played = Playing(rig, folder / LOG), Playing(rig, folder / LOG)
     count = len(rig.mesh.of_render)
@@ -168,24 +169,24 @@ def works(folder: Path) -> tuple[Playing, dict[str, Work]]:
     touched = np.zeros(count * 4 * (6 + rig.model.ladder.shape[1] + 6), dtype=np.uint8)
     copied = np.empty_like(touched)
     made = {
-        "solve": Work(lambda _: solved.controls(), BLOCK),
+        "solve": Work(lambda _: solved.controls(), BLOCK_FRAMES),
         "vertices": Work(lambda number: played.vertices(controls[number]), len(controls)),
-        "frame": Work(lambda _: played.vertices(played.controls()), BLOCK),
+        "frame": Work(lambda _: played.vertices(played.controls()), BLOCK_FRAMES),
         "memcpy": Work(lambda _: np.copyto(copied, touched), 25),
-        "constant": Work(lambda _: sum(range(CONSTANT)), BLOCK),
+        "constant": Work(lambda _: sum(range(CONSTANT_LOOP_LENGTH)), BLOCK_FRAMES),
     }
     try:
         handles = played.performance.deformer.handles
         made["arap_iteration"] = arap_iteration(rig.mesh, handles, handle_path(played, 60))
-    except RuntimeError:  # a surface that libigl has no factorisation for
+    except RuntimeError:  # libigl cannot factorise every surface
         pass
     return played, made
 
 
 def frames(folder: Path, count: int) -> dict[str, float]:
-    """Time frames, medians and 99th percentiles in milliseconds."""
+    """Return medians and 99th percentiles of the times of frames, in milliseconds."""
     played, todo = works(folder)
-    times = interleaved(todo, math.ceil(count / BLOCK))
+    times = interleaved(todo, math.ceil(count / BLOCK_FRAMES))
     return {
         **{f"{name}_ms": float(np.median(taken)) for name, taken in times.items()},
         "p99_ms": float(np.percentile(times["frame"], 99)),
@@ -197,7 +198,7 @@ def frames(folder: Path, count: int) -> dict[str, float]:
 
 
 def precompute(folder: Path) -> dict[str, float | None]:
-    """Time welding and the reduced model, with nothing kept from before."""
+    """Time welding and the reduced model, without a cache."""
     warm_up(folder)
     puppet = puppet_file.load(folder / CHARACTER)
     character = load_character(folder / puppet.character.mesh)
@@ -207,7 +208,7 @@ def precompute(folder: Path) -> dict[str, float | None]:
 
 
 def load(folder: Path) -> dict[str, float | None]:
-    """Time loading a character that was prepared before, and take the memory that it needs while it plays."""
+    """Time loading a character from the cache, and measure its memory while it plays."""
     warm_up(folder)
     before = resident_mb()
     clock = time.perf_counter
@@ -215,7 +216,7 @@ def load(folder: Path) -> dict[str, float | None]:
     rig = load_rig(folder / CHARACTER)
     first = clock() - start
     playing = Playing(rig, folder / LOG)
-    for _ in range(PLAYED):
+    for _ in range(FRAMES_BEFORE_MEMORY):
         playing.vertices(playing.controls())
     after = resident_mb()
     needed = None if before is None or after is None else after - before
@@ -225,7 +226,7 @@ def load(folder: Path) -> dict[str, float | None]:
 
 
 def converting(folder: Path) -> dict[str, float | None]:
-    """Time a conversion into a .glb, and take the most memory that its process needed."""
+    """Time a conversion to a .glb, and measure the peak memory of the process."""
     start = time.perf_counter()
     _, summary = convert(folder / LOG, folder / CHARACTER, folder / "converted.glb", Settings())
     seconds = time.perf_counter() - start
@@ -241,7 +242,7 @@ def warm_up(folder: Path) -> None:
 
 
 def resident_mb() -> float | None:
-    """Return the memory of this process without what is free to give back, in megabytes; None where it is not told."""
+    """Return the memory of this process without freed pages, in megabytes; None if the system does not report it."""
     gc.collect()
     if sys.platform == "linux":
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # musl has none
@@ -251,14 +252,14 @@ def resident_mb() -> float | None:
 
 
 def peak_mb() -> float | None:
-    """Return the most memory that this process ever had, in megabytes; None on Windows, which has no `resource`."""
+    """Return the peak memory of this process, in megabytes; None on Windows, which has no `resource`."""
     if sys.platform == "win32":
         return None
     if sys.platform == "darwin":
         import resource
 
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    # not ru_maxrss, which on Linux begins with that of the process that started this one
+    # not ru_maxrss, which on Linux starts from the value of the parent process
     return _from_status("VmHWM")
 
 
@@ -279,7 +280,7 @@ MEASUREMENTS: dict[str, Callable[..., dict[str, Any]]] = {
 
 
 def main(measurements: Mapping[str, Callable[..., dict[str, Any]]]) -> None:
-    """Run the measurement that the command line names and print what it returns."""
+    """Run the measurement that the command line names, and print its result."""
     name, folder, *count = sys.argv[1:]
     try:
         result = measurements[name](Path(folder), *map(int, count))

@@ -17,8 +17,8 @@ from capture.pose import Pose
 from capture.recording import as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.source import Counts
-from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import RecordSummary, record
+from capture.sources.replay import RecordingSource
+from engine_bridge.cli.recording import RecordSummary, record
 from puppetline.errors import OutputError, SourceError
 
 
@@ -87,7 +87,7 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
     clips = [make_clip([10.0, 10.01, 10.3]), make_clip([10.02], user=7)]
     reports = []
     path = tmp_path / "evening.take"
-    summary = record(TakeSource.of_clips("demo:x", clips), path, report=lambda *report: reports.append(report))
+    summary = record(RecordingSource.of_clips("demo:x", clips), path, report=lambda *report: reports.append(report))
     came = list(events(path))
     frames = sorted((frame for clip in clips for frame in clip.frames()), key=lambda frame: frame.time)
     assert [key(e) for e in came if isinstance(e, SkeletonFrame)] == [key(as_recorded(frame)) for frame in frames]
@@ -107,8 +107,8 @@ def test_a_source_is_recorded_until_it_ends(tmp_path):
 
 def test_what_is_recorded_replays_to_the_same_events_and_records_to_the_same_bytes(tmp_path):
     first, second = tmp_path / "first.take", tmp_path / "second.take"
-    record(TakeSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
-    record(TakeSource.of_file("replay:first", first), second)
+    record(RecordingSource.of_clips("demo:x", [make_clip(np.arange(12) / 60)]), first)
+    record(RecordingSource.of_file("replay:first", first), second)
     assert second.read_bytes() == first.read_bytes()
 
 
@@ -143,7 +143,7 @@ class Failing:
     def receive(self):
         if self._events:
             return [self._events.pop(0)]
-        raise SourceError(self.name, found="that it was unplugged", expected="a sensor", fix="Plug it in.")
+        raise SourceError(self.name, found="an unplugged sensor", expected="a sensor", fix="Plug it in.")
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
@@ -151,7 +151,7 @@ def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_pa
     path = tmp_path / "take"
     summary = record(Failing(*came), path)
     assert summary.ended == "source"
-    assert summary.why == "openni: found that it was unplugged; expected a sensor. Plug it in."
+    assert summary.why == "openni: found an unplugged sensor; expected a sensor. Plug it in."
     assert path.exists() == (Lost(1.0, 1) in came)
     assert not path.exists() or list(events(path)) == came
 
@@ -159,7 +159,9 @@ def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_pa
 def test_the_end_of_fused_recordings_is_no_trouble(tmp_path):
     members = [Member(name, Pose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
     times = [0.0, 0.05, 0.1]
-    source = FusedSource("fused:", members, lambda name: TakeSource.of_clips(name, [make_clip(times)], False), True)
+    source = FusedSource(
+        "fused:", members, lambda name: RecordingSource.of_clips(name, [make_clip(times)], False), True
+    )
     summary = record(source, tmp_path / "take")
     assert (summary.ended, summary.why) == ("source", "")
     assert summary.frames > 0
@@ -196,10 +198,10 @@ import signal
 import sys
 from pathlib import Path
 from puppetline.examples.performances import PERFORMANCES
-from capture.sources.replay import TakeSource
-from engine_bridge.cli.record import record
+from capture.sources.replay import RecordingSource
+from engine_bridge.cli.recording import record
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which shells take from what runs in the background
-source = TakeSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
+source = RecordingSource.of_clips("demo:walk", [PERFORMANCES["walk"]()], loop=True)
 print(record(source, Path(sys.argv[1]), report=lambda frames, _: print(frames, flush=True)).ended, flush=True)
 """
 

@@ -9,9 +9,9 @@ from click.testing import CliRunner
 from puppetline.examples.characters import CHARACTERS
 from puppetline.examples.performances import PERFORMANCES
 
-from engine_bridge.cli import bench, bench_process
-from engine_bridge.cli.bench import FIGURES, RATIOS, Report
-from engine_bridge.cli.bench_process import CHARACTER, Work, interleaved
+from engine_bridge.cli import benchmark, benchmark_process
+from engine_bridge.cli.benchmark import FIGURES, RATIOS, Report
+from engine_bridge.cli.benchmark_process import CHARACTER, Work, interleaved
 from engine_bridge.cli.main import main
 from engine_bridge.performance.rig import cache_folder
 from puppetline.errors import PuppetError
@@ -24,8 +24,12 @@ UNKNOWN_ELSEWHERE = {"precompute_peak_mb", "character_mb", "peak_mb"}
 def measured(blob_file):
     """What the command prints as JSON about the figure, measured in short."""
     with pytest.MonkeyPatch.context() as patch:
-        for name, short in (("FRAMES", bench_process.BLOCK), ("CONVERTED", 90), ("ROUNDS", 1)):
-            patch.setattr(bench, name, short)
+        for name, short in (
+            ("TIMED_FRAMES", benchmark_process.BLOCK_FRAMES),
+            ("CONVERTED_FRAMES", 90),
+            ("PROCESSES", 1),
+        ):
+            patch.setattr(benchmark, name, short)
         result = CliRunner().invoke(main, ["bench", "--mesh", str(blob_file), "--json"], catch_exceptions=False)
     return json.loads(result.stdout)
 
@@ -45,7 +49,7 @@ def test_works_take_turns_in_blocks_and_each_call_is_timed():
 def test_the_performance_goes_from_one_example_to_the_next_at_30_frames_a_second():
     first, second = (make() for make in islice(PERFORMANCES.values(), 2))
     count = len(first.times)
-    frames = list(islice(bench.performance(), count + 5))
+    frames = list(islice(benchmark.performance(), count + 5))
     np.testing.assert_allclose([frame.time for frame in frames], np.arange(count + 5) / 30)
     np.testing.assert_array_equal([frame.positions for frame in frames[:count]], first.positions)
     np.testing.assert_array_equal([frame.positions for frame in frames[count:]], second.positions[:5])
@@ -53,7 +57,7 @@ def test_the_performance_goes_from_one_example_to_the_next_at_30_frames_a_second
 
 def test_models_are_kept_apart_from_the_users(tmp_path):
     before = cache_folder(), dict(os.environ)
-    with bench.own_cache(tmp_path):
+    with benchmark.own_cache(tmp_path):
         assert cache_folder().is_relative_to(tmp_path)
     assert (cache_folder(), dict(os.environ)) == before
 
@@ -70,26 +74,26 @@ def test_ratios_are_quotients_of_their_figures_and_missing_with_them():
     [(None, "–"), (0.01234, "0.0123"), (1.0, "1.00"), (12.34, "12.3"), (99.96, "100"), (1234.5, "1,234")],
 )
 def test_a_number_has_three_digits_that_count(value, written):
-    assert bench.number(value) == written
+    assert benchmark.number(value) == written
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a process has at this moment")
 def test_memory_is_what_is_held_now_and_the_peak_what_was_held_once():
-    before = bench_process.resident_mb()
+    before = benchmark_process.resident_mb()
     held = np.ones(8_000_000)
-    with_it = bench_process.resident_mb()
+    with_it = benchmark_process.resident_mb()
     assert held.all()
     assert with_it - before == pytest.approx(held.nbytes / 1e6, abs=2)
     del held
-    assert bench_process.resident_mb() - before == pytest.approx(0, abs=2)
-    assert bench_process.peak_mb() > with_it - 2
+    assert benchmark_process.resident_mb() - before == pytest.approx(0, abs=2)
+    assert benchmark_process.peak_mb() > with_it - 2
 
 
 def test_a_mistake_of_the_user_comes_out_of_the_process_as_it_went_in(tmp_path):
     with pytest.raises(PuppetError) as direct:
-        bench_process.load_rig(tmp_path / CHARACTER)
-    with pytest.raises(bench.PuppetlineError) as raised:
-        bench.in_process(tmp_path, "frames", 1)
+        benchmark_process.load_rig(tmp_path / CHARACTER)
+    with pytest.raises(benchmark.PuppetlineError) as raised:
+        benchmark.in_process(tmp_path, "frames", 1)
     assert str(raised.value) == str(direct.value)
 
 
@@ -106,7 +110,7 @@ def test_every_figure_is_measured(measured):
 def test_figures_fit_together(measured, blob):
     figures, character = measured["figures"], measured["character"]
     assert (character["vertices"], character["triangles"]) == (len(blob.vertices), len(blob.faces))
-    assert character["frames"] == bench_process.BLOCK
+    assert character["frames"] == benchmark_process.BLOCK_FRAMES
     assert figures["p99_ms"] >= figures["frame_ms"]
     assert figures["solve_p99_ms"] >= figures["solve_ms"]
     assert figures["convert_fps"] * figures["convert_s"] == pytest.approx(90)
@@ -117,13 +121,13 @@ def test_figures_fit_together(measured, blob):
 def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_file):
     report = Report(measured["machine"], measured["character"], measured["figures"])
     assert report.as_dict() == measured
-    heading, _, _, *lines = bench.describe(report).splitlines()
+    heading, _, _, *lines = benchmark.describe(report).splitlines()
     assert heading.startswith(f"{blob_file.name}: ")
     assert [line.split()[0] for line in lines] == [*FIGURES, *RATIOS]
 
 
 @pytest.mark.slow
 def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path, example_character, monkeypatch):
-    made = example_character(bench.EXAMPLE)
-    monkeypatch.setitem(CHARACTERS, bench.EXAMPLE, lambda: made)
-    assert bench.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}
+    made = example_character(benchmark.EXAMPLE_CHARACTER)
+    monkeypatch.setitem(CHARACTERS, benchmark.EXAMPLE_CHARACTER, lambda: made)
+    assert benchmark.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

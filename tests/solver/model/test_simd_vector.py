@@ -1,33 +1,33 @@
-import numba
 import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from solver.model.row import WIDTH, item, load, plus_scaled, zeros
+from puppetline.compiled import compiled
+from solver.model.simd_vector import LENGTH, add_scaled, item, load, zeros
 
 
-@numba.njit
+@compiled
 def combination(table, places, factors, out):
     total = zeros()
     for place, factor in zip(places, factors):  # noqa: B905 - not in Numba
-        total = plus_scaled(total, factor, load(table, place))
-    for k in range(WIDTH):
+        total = add_scaled(total, factor, load(table, place))
+    for k in range(LENGTH):
         out[k] = item(total, k)
 
 
 def test_a_sum_of_scaled_rows_is_the_product_with_the_table():
     rng = np.random.default_rng(0)
-    table = rng.normal(size=(50, WIDTH)).astype(np.float32)
+    table = rng.normal(size=(50, LENGTH)).astype(np.float32)
     places, factors = np.array([0, 49, 7, 7, 20]), rng.normal(size=5).astype(np.float32)
-    out = np.empty(WIDTH, dtype=np.float32)
+    out = np.empty(LENGTH, dtype=np.float32)
     combination(table, places, factors, out)
     np.testing.assert_allclose(out, factors.astype(np.float64) @ table[places], rtol=0, atol=2e-6)
 
 
 def test_no_row_at_all_gives_zeros():
-    out = np.ones(WIDTH, dtype=np.float32)
+    out = np.ones(LENGTH, dtype=np.float32)
     nothing = np.zeros(0, dtype=np.int64)
-    combination(np.ones((3, WIDTH), dtype=np.float32), nothing, nothing.astype(np.float32), out)
+    combination(np.ones((3, LENGTH), dtype=np.float32), nothing, nothing.astype(np.float32), out)
     np.testing.assert_array_equal(out, 0)
 
 
@@ -36,4 +36,4 @@ def test_no_row_at_all_gives_zeros():
 )
 def test_a_table_of_another_kind_or_layout_is_refused(table):
     with pytest.raises(TypingError, match="contiguous 2-d float32"):
-        combination(table, np.array([0]), np.ones(1, dtype=np.float32), np.empty(WIDTH, dtype=np.float32))
+        combination(table, np.array([0]), np.ones(1, dtype=np.float32), np.empty(LENGTH, dtype=np.float32))

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from engine_bridge.cli.doctor import checks
-from engine_bridge.cli.doctor.checks import LIBRARIES, PORTS, examine, text
-from engine_bridge.cli.doctor.diagnosis import Finding
+from engine_bridge.cli.checks import machine
+from engine_bridge.cli.checks.finding import Finding
+from engine_bridge.cli.checks.machine import LIBRARIES, PORTS, examine, text
 
 SENSORS = ("libfreenect", "OpenNI 2", "MediaPipe", "OpenCV", "NiTE 2")
 
@@ -54,8 +54,8 @@ def test_the_libraries_are_those_that_the_distribution_depends_on():
 
 
 def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monkeypatch):
-    monkeypatch.setattr(checks, "LIBRARIES", {"numpy": "numpy", "no-such-thing": "no_such_thing", "click": "click"})
-    good, bad, also_good = checks._libraries()
+    monkeypatch.setattr(machine, "LIBRARIES", {"numpy": "numpy", "no-such-thing": "no_such_thing", "click": "click"})
+    good, bad, also_good = machine._libraries()
     assert (good.ok, bad.ok, also_good.ok) == (True, False, True)
     assert (bad.detail, bad.fix[:7]) == ("No module named 'no_such_thing'", "Install")
 
@@ -63,13 +63,13 @@ def test_a_library_that_is_missing_is_named_and_the_rest_is_still_looked_at(monk
 @pytest.mark.parametrize(
     ("has", "detail", "fix"),
     [
-        (True, "CURVE there", ""),
-        (False, "no CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which brings CURVE."),
+        (True, "with CURVE", ""),
+        (False, "without CURVE: tokens work, keys do not", "Install pyzmq from its wheel, which contains CURVE."),
     ],
 )
 def test_curve_is_optional(monkeypatch, has, detail, fix):
     monkeypatch.setattr("zmq.has", {"curve": has}.get)
-    finding = checks._pyzmq("27.0.0")
+    finding = machine._pyzmq("27.0.0")
     assert (finding.ok, finding.detail.split(", ", 2)[2], finding.fix) == (True, detail, fix)
 
 
@@ -80,9 +80,9 @@ def test_a_port_that_is_taken_is_no_fault_and_is_told_with_who_has_it(monkeypatc
         if kind == "tcp":
             other.listen()
         port = other.getsockname()[1]
-        monkeypatch.setattr(checks, "PORTS", ((kind, port, "stream"),))
-        (taken,) = checks._ports()
-    (free,) = checks._ports()
+        monkeypatch.setattr(machine, "PORTS", ((kind, port, "stream"),))
+        (taken,) = machine._ports()
+    (free,) = machine._ports()
     assert (taken.name, taken.ok, free.ok) == (f"port {port}/{kind}", None, True)
     assert f"process {os.getpid()} (stream)" in taken.detail
     assert free.detail == "free (stream)"
@@ -94,19 +94,19 @@ def test_a_machine_without_loopback_is_a_fault(monkeypatch):
             raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
 
     monkeypatch.setattr(socket, "socket", Socket)
-    assert [finding.ok for finding in checks._ports()] == [False] * len(PORTS)
+    assert [finding.ok for finding in machine._ports()] == [False] * len(PORTS)
 
 
 def test_a_folder_that_is_not_there_yet_is_judged_by_the_one_it_would_be_made_in(tmp_path):
-    finding = checks._folder("takes", tmp_path / "a" / "b")
+    finding = machine._folder("takes", tmp_path / "a" / "b")
     assert finding.ok is True
-    assert "will be made" in finding.detail
+    assert "will be created" in finding.detail
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_permission_has_a_fix(tmp_path):
     (tmp_path / "closed").mkdir(mode=0o500)
-    finding = checks._folder("takes", tmp_path / "closed", asked=True)
+    finding = machine._folder("takes", tmp_path / "closed", asked=True)
     assert finding.ok is False
     assert str(tmp_path / "closed") in finding.fix
 
@@ -116,8 +116,8 @@ def test_a_folder_that_cannot_be_written_to_is_a_fault_if_it_was_asked_for(tmp_p
     def refuse(dir):  # noqa: A002 - tempfile's own name
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(checks.tempfile, "TemporaryFile", refuse)
-    finding = checks._folder("takes", tmp_path, asked=asked)
+    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
+    finding = machine._folder("takes", tmp_path, asked=asked)
     assert (finding.ok, finding.detail) == (ok, f"{tmp_path}: cannot be written to (Permission denied)")
 
 
@@ -125,21 +125,21 @@ def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
     def refuse(dir):  # noqa: A002 - tempfile's own name
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(checks.tempfile, "TemporaryFile", refuse)
+    monkeypatch.setattr(machine.tempfile, "TemporaryFile", refuse)
     findings = examine()
     assert [named(findings, name).ok for name in ("cache", "state", "takes")] == [None] * 3
     assert named(examine(tmp_path), "takes").ok is False
 
 
 def test_little_room_is_told_and_no_fault(tmp_path, monkeypatch):
-    monkeypatch.setattr(checks, "LITTLE_ROOM", 1e18)
-    finding = checks._folder("takes", tmp_path)
-    assert (finding.ok, finding.fix) == (True, "Make room on that disk.")
+    monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
+    finding = machine._folder("takes", tmp_path)
+    assert (finding.ok, finding.fix) == (True, "Free space on that disk.")
 
 
 def test_a_coarse_clock_is_told_and_no_fault(monkeypatch):
-    monkeypatch.setattr(checks.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
-    finding = checks._clock()
+    monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
+    finding = machine._clock()
     assert finding.ok is True
     assert finding.detail.startswith("monotonic to 15625000 ns, too coarse to measure latencies, ")
 
@@ -149,16 +149,16 @@ def test_a_machine_without_a_network_is_no_fault(monkeypatch):
         raise OSError("Network is unreachable")
 
     monkeypatch.setattr("engine_bridge.service.discovery.find", no_network)
-    assert checks._network() == Finding(
+    assert machine._network() == Finding(
         "multicast DNS",
         None,
         "not available: Network is unreachable",
-        "Give clients the address of the service; they do not find it automatically here.",
+        "Give clients the address of the service; they cannot discover it here.",
     )
 
 
 def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faults(monkeypatch):
-    monkeypatch.setattr(checks, "FIRST_DATA_SECONDS", 1.0)
+    monkeypatch.setattr(machine, "FIRST_DATA_SECONDS", 1.0)
     with socket.socket(type=socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         silent = f"osc:{probe.getsockname()[1]}"
@@ -170,9 +170,9 @@ def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faul
     ]
     assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
         ("demo:nobody", False, "no performance 'nobody'"),
-        ("replay:no such file", False, "no such file: cannot be read (No such file or directory)"),
+        ("replay:no such file", False, "no such file: a file that cannot be read (No such file or directory)"),
     ]
-    assert findings[2].fix == "Name one of these, as in demo:walk?loop."
+    assert findings[2].fix == "Use one of these names, for example demo:walk?loop."
 
 
 def test_findings_are_lines_to_read_and_json():

@@ -1,0 +1,212 @@
+"""The parser of BVH files: the hierarchy of nodes and the motion of their channels.
+
+Keywords may be in any case. Tabs, blank lines and braces on the line of another keyword are accepted.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.formats._rows import Line, LineSource, RowLayout, count_note, is_number, line_error, read_lines
+from puppetline.errors import SkeletonLogError, at
+
+FRAMES = re.compile(r"frames\s*:?\s*(\d{1,9})", re.IGNORECASE)
+FRAME_TIME = re.compile(r"frame\s*time\s*:?(.*)", re.IGNORECASE)
+MAX_JOINTS = 500
+"""Maximum number of nodes; a detailed rig with fingers and face has about 150."""
+MAX_NUMBER = 1e9
+"""Bound of the magnitude of a number: larger than any length or angle, small enough that nothing overflows."""
+MAX_POSITIONS = 10_000_000
+"""Maximum number of nodes times frames, about 100 bytes each: half an hour of CMU's skeleton at 120 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A joint or an end site of the hierarchy.
+
+    Attributes
+    ----------
+    name : str
+        Empty for an end site.
+    parent : int
+        Index of the parent, which precedes its children; −1 for a root.
+    offset : (3,) float64
+        Offset from the parent, in the parent's axes.
+    channels : tuple of (str, str)
+        Axis and "position" or "rotation", in the order of the numbers in a frame.
+    """
+
+    name: str
+    parent: int
+    offset: NDArray[np.float64]
+    channels: tuple[tuple[str, str], ...]
+
+
+def parse(path: Path, fps: float | None = None) -> tuple[list[Node], NDArray[np.float64], float, tuple[str, ...]]:
+    """Parse a file.
+
+    Parameters
+    ----------
+    path : Path
+    fps : float, optional
+        Frames per second if the file has no usable frame time.
+
+    Returns
+    -------
+    nodes : list of Node
+    motion : (T, C) float64
+        Numbers of all channels of all nodes, in file units and degrees.
+    frame_time : float
+        Seconds per frame.
+    notes : tuple of str
+        Notes on contradictions in the file.
+
+    Raises
+    ------
+    SkeletonLogError
+        A line violates the format, or the file has too much motion or none.
+    """
+    lines = _Lines(path)
+    nodes = _hierarchy(lines)
+    count_line = lines.take("Frames: and a number")
+    count = FRAMES.fullmatch(count_line[1])
+    if count is None:
+        raise line_error(path, count_line, repr(count_line[1][:40]), "Frames: and an integer")
+    frame_time, time_notes = _frame_time(path, lines.take("Frame Time: and seconds"), fps)
+    layout = RowLayout(sum(len(node.channels) for node in nodes), "one number per channel")
+    rows, row_notes = _motion_lines(layout, list(lines), int(count[1]))
+    if not rows:
+        raise SkeletonLogError(
+            at(path, count_line[0]),
+            found=f"Frames: {count[1]}, and 0 lines of motion",
+            expected="at least one line of motion",
+            fix="The file may be incomplete. Copy it again, or export the motion with the skeleton.",
+        )
+    if len(rows) * len(nodes) > MAX_POSITIONS:
+        raise SkeletonLogError(
+            at(path, count_line[0]),
+            found=f"{len(rows)} frames of {len(nodes)} joints",
+            expected=f"at most {MAX_POSITIONS // len(nodes)} frames",
+            fix="Shorten the recording, or export it at a lower frame rate.",
+        )
+    motion = layout.table(path, rows)
+    for row, values in zip(rows, motion, strict=True):
+        _check_size(path, row, values)
+    return nodes, motion, frame_time, (*time_notes, *row_notes)
+
+
+def _frame_time(path: Path, line: Line, fps: float | None) -> tuple[float, tuple[str, ...]]:
+    """Return the seconds per frame, from `fps` if the file's frame time is not usable."""
+    stated = FRAME_TIME.fullmatch(line[1])
+    if stated is None:
+        raise line_error(path, line, repr(line[1][:40]), "Frame Time: and seconds")
+    frame_time = RowLayout(1, "seconds per frame").numbers(path, (line[0], stated[1] + "\n"))[0]
+    if 1e-5 <= frame_time <= 3600:
+        return frame_time, ()
+    if fps is None:
+        raise SkeletonLogError(
+            at(path, line[0]),
+            found=f"a frame time of {frame_time:g} s",
+            expected="a time above 0, for example 0.0333",
+            fix="Set the frames per second, or correct the line.",
+        )
+    return 1 / fps, (f"The frame time of {frame_time:g} s is invalid. {fps:g} frames per second are used, as given.",)
+
+
+def _motion_lines(layout: RowLayout, lines: list[Line], stated: int) -> tuple[list[Line], tuple[str, ...]]:
+    """Return the lines of motion, and notes on differences from the stated number of frames.
+
+    Lines after the stated frames are motion too, except for words at the end of the file.
+    """
+    end = len(lines)
+    while end > stated and not is_number(lines[end - 1][1].split()[0]):
+        end -= 1
+    rows, notes = layout.complete(lines[:end])
+    if len(rows) != stated:
+        notes = (*notes, count_note(stated, len(rows)))
+    if end < len(lines):
+        notes = (*notes, f"The text from line {lines[end][0]} on, after the last frame, is omitted.")
+    return rows, notes
+
+
+class _Lines(LineSource):
+    """The lines that are not blank, with each brace on a line of its own."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, self._split(read_lines(path)))
+
+    @staticmethod
+    def _split(lines: list[Line]) -> Iterator[Line]:
+        for number, text in lines:
+            if "{" in text or "}" in text:
+                yield from ((number, part) for part in re.split("([{}])", text) if part.strip())
+            else:
+                yield number, text
+
+    def take(self, expected: str) -> Line:
+        """Return the next line without surrounding white space."""
+        number, text = super().take(expected)
+        return number, text.strip()
+
+
+def _hierarchy(lines: _Lines) -> list[Node]:
+    path = lines.path
+    line = lines.take("HIERARCHY")
+    if line[1].upper() != "HIERARCHY":
+        raise line_error(path, line, repr(line[1][:40]), "HIERARCHY")
+    nodes: list[Node] = []
+    parents: list[int] = []
+    while True:
+        line = lines.take("the rest of the hierarchy")
+        word, name = _keyword(line)
+        if word == "}" and parents:
+            parents.pop()
+        elif word == "MOTION" and nodes and not parents:
+            return nodes
+        elif (word == "ROOT" and not parents) or (word in ("JOINT", "END") and parents and nodes[parents[-1]].name):
+            if len(nodes) == MAX_JOINTS:
+                raise line_error(path, line, f"more than {MAX_JOINTS} joints", "the skeleton of one body")
+            nodes.append(_node(lines, "" if word == "END" else name or "unnamed", parents[-1] if parents else -1))
+            parents.append(len(nodes) - 1)
+        else:
+            raise line_error(path, line, repr(line[1][:40]), "ROOT, JOINT, End Site, } or, after the last }, MOTION")
+
+
+def _node(lines: _Lines, name: str, parent: int) -> Node:
+    path = lines.path
+    line = lines.take("{")
+    if line[1] != "{":
+        raise line_error(path, line, repr(line[1][:40]), "{")
+    line = lines.take("OFFSET")
+    word, numbers = _keyword(line)
+    if word != "OFFSET":
+        raise line_error(path, line, repr(line[1][:40]), "OFFSET and three numbers")
+    offset = np.array(RowLayout(3, "OFFSET x y z").numbers(path, (line[0], numbers + "\n")))
+    _check_size(path, line, offset)
+    return Node(name, parent, offset, _channels(path, lines.take("CHANNELS")) if name else ())
+
+
+def _check_size(path: Path, line: Line, values: NDArray[np.float64]) -> None:
+    if values.size and np.abs(values).max() > MAX_NUMBER:
+        raise line_error(path, line, f"the number {values[np.abs(values).argmax()]:g}", f"numbers up to {MAX_NUMBER:g}")
+
+
+def _keyword(line: Line) -> tuple[str, str]:
+    """Return a line's first word in capitals, which some programs do not write, and the rest of the line."""
+    word, *rest = line[1].split(maxsplit=1)
+    return word.upper(), "".join(rest)
+
+
+def _channels(path: Path, line: Line) -> tuple[tuple[str, str], ...]:
+    word, *count = line[1].split()
+    names = count[1:]
+    channels = tuple((name[:1].upper(), name[1:].lower()) for name in names)
+    known = all(axis in "XYZ" and kind in ("position", "rotation") for axis, kind in channels)
+    if word.upper() != "CHANNELS" or count[:1] != [str(len(names))] or not known or len(set(channels)) != len(names):
+        expected = "CHANNELS, their number, and that many different channels of Xposition … Zrotation"
+        raise line_error(path, line, repr(line[1][:80]), expected)
+    return channels

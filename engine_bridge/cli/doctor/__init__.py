@@ -1,1 +1,0 @@
-"""`puppetline doctor`: what works on this machine and what does not."""

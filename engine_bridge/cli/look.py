@@ -1,0 +1,127 @@
+"""`puppetline look`: what a source sees, and why nothing moves."""
+
+import os
+import sys
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from engine_bridge.cli import options
+from engine_bridge.cli.options import FILE, Finite
+
+if TYPE_CHECKING:
+    from capture.sensors.sight import Sight
+
+STATUS_PERIOD_SECONDS = 0.2
+"""Time between two updates of the status line, in seconds."""
+
+
+@click.command()
+@options.source
+@click.option("-o", "--output", type=FILE, help="The .png file to write.")
+@click.option("--live", is_flag=True, help="Show a status line in this terminal.")
+@click.option(
+    "--seconds",
+    type=Finite(0, min_open=True),
+    help="Duration.  [default: 3 from the first data; with --live until Ctrl-C]",
+)
+@options.as_json
+def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:
+    """Show what a source sees, and explain why nothing moves.
+
+    The exit code is 1 if no performer is in view.
+    """
+    from capture.sensors.sight import reasons
+    from engine_bridge.pictures.look import draw
+    from puppetline.files import check_writable, written_whole
+
+    if output is None and not live:
+        raise click.UsageError("Give -o, --live, or both.")
+    if live and not sys.stdout.isatty():
+        raise click.UsageError("--live requires a terminal. Use -o look.png to draw an image.")
+    if output is not None:
+        check_writable(output, ".png")
+    if sys.stderr.isatty():
+        click.echo(f"looking at {source} …", err=True)
+    sight, connected = _watch_live(source, seconds) if live else (_watch(source, seconds), True)
+    if output is not None:
+        with written_whole(output) as partial:
+            draw(sight, reasons(sight)).save(partial, format="PNG")
+    if connected:
+        _report(sight, output, as_json)
+    if not (connected and sight.performers):
+        raise click.exceptions.Exit(1)
+
+
+def _report(sight: "Sight", output: Path | None, as_json: bool) -> None:
+    """Print what was seen, and why nothing moves."""
+    from capture.sensors.sight import reasons, summary, told
+
+    why = reasons(sight)
+    if as_json:
+        options.echo_json(summary(sight, why))
+        return
+    click.echo(f"{'' if output is None else f'{output}: '}{sight.source}, {sight.seconds:.1f} s")
+    for _, performer in sorted(sight.performers.items()):
+        click.echo(f"  {told(performer)}")
+    if sight.level is not None:
+        click.echo(f"  the sensor: {sight.level}")
+    for reason in why:
+        click.echo(f"  {reason.what}" + (f"\n    → {reason.fix}" if reason.fix else ""))
+
+
+def _watch(source: str, seconds: float | None) -> "Sight":
+    """Return what a source sees during some seconds."""
+    from capture.sensors.sight import watch
+    from capture.sources.registry import open_source
+    from engine_bridge.service.monitoring import native_output
+
+    with native_output.logged(), closing(open_source(source)) as opened:
+        return watch(opened, 3.0 if seconds is None else seconds)
+
+
+def _watch_live(source: str, seconds: float | None) -> "tuple[Sight, bool]":
+    """Show a status line; return what the source saw last, and whether the terminal is still connected."""
+    import math
+    import time
+    from dataclasses import replace
+
+    from rich.live import Live
+    from rich.text import Text
+
+    from capture.reconnecting import ReopeningSource
+    from capture.sensors.sight import RECENT, Watch, status_line
+    from capture.sources.registry import open_source
+    from engine_bridge.service.monitoring import native_output
+    from engine_bridge.service.signals import Signals
+
+    with ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        stack.enter_context(native_output.logged())
+        opened = ReopeningSource(source, lambda: open_source(source))
+        stack.callback(opened.close)
+        signals.waiting = True
+        watched, end = Watch(opened, RECENT), time.monotonic() + (math.inf if seconds is None else seconds)
+        try:
+            with Live(auto_refresh=False, transient=True) as line:
+                while not (signals.stop or signals.take_reload() or watched.over or time.monotonic() >= end):
+                    due = min(time.monotonic() + STATUS_PERIOD_SECONDS, end)
+                    while not (signals.stop or watched.over) and time.monotonic() < due:
+                        watched.take_in(due)
+                    line.update(Text(status_line(watched.sight())), refresh=True)
+            connected = sys.stdout.isatty()  # false after SIGHUP from a terminal that was closed
+        except OSError:  # the terminal was closed while the line was written
+            connected = False
+        if not connected:  # writing remaining output to a closed terminal would make the exit fail
+            _discard_output()
+        sight = replace(watched.sight(), retried=False)
+    return sight, connected
+
+
+def _discard_output() -> None:
+    """Discard what this process prints from now on."""
+    with open(os.devnull, "w") as nowhere:  # noqa: PTH123
+        for stream in (sys.stdout, sys.stderr):
+            os.dup2(nowhere.fileno(), stream.fileno())

@@ -1,0 +1,124 @@
+"""`puppetline new`: a puppet file is proposed for a mesh."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from engine_bridge.cli import options
+from engine_bridge.cli.options import FILE, Finite
+
+if TYPE_CHECKING:
+    from engine_bridge.puppet.puppet import Direction, Puppet
+
+AXIS = click.Choice(["x", "-x", "y", "-y", "z", "-z"])
+
+
+@click.command()
+@click.argument("mesh", type=FILE)
+@options.output("The puppet file to write.")
+@click.option(
+    "--handle",
+    "handles",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="A handle at this point; replaces the proposed limbs. Can be repeated.",
+)
+@click.option(
+    "--map",
+    "maps",
+    multiple=True,
+    metavar="NAME=JOINT[,JOINT]",
+    help="The joint that moves a handle, or several to average; for a limb, one joint per point. Can be repeated.",
+)
+@click.option(
+    "--limb",
+    "ends",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="The tip of a limb that was not found, or that has the wrong name. Can be repeated.",
+)
+@click.option("--up", type=AXIS, help="Axis of the mesh that points up.  [default: from its skeleton or shape]")
+@click.option("--front", type=AXIS, help="Axis of the mesh that points forward.  [default: from its skeleton or shape]")
+@click.option(
+    "--scale",
+    type=Finite(0, min_open=True),
+    metavar="METRES",
+    help="Metres per mesh unit.  [default: from the character's height]",
+)
+@click.option("--mirror", is_flag=True, help="Make the character the performer's mirror image.")
+@click.option(
+    "--preview", type=FILE, metavar="PNG", help="File for the image of the puppet.  [default: OUTPUT with .handles.png]"
+)
+@click.option("--force", is_flag=True, help="Replace an existing puppet file.")
+def new(
+    mesh: Path,
+    output: Path,
+    handles: tuple[str, ...],
+    maps: tuple[str, ...],
+    ends: tuple[str, ...],
+    up: "Direction | None",
+    front: "Direction | None",
+    scale: float | None,
+    mirror: bool,
+    preview: Path | None,
+    force: bool,
+) -> None:
+    """Propose a puppet file for a MESH.
+
+    It contains the mesh's limbs, or handles if the mesh has no limbs, and the joints that move them.
+    """
+    from engine_bridge.pictures import portrait
+    from engine_bridge.puppet import proposal, puppet_file
+    from puppetline.files import check_writable
+
+    picture = preview or output.with_suffix(".handles.png")  # plain .png may be the name of a texture or contact sheet
+    check_writable(output, ".toml", inputs=(mesh,))
+    check_writable(picture, ".png", inputs=(mesh,))
+    if output.exists() and not force:
+        raise click.UsageError(f"{output} exists already; use --force to replace it.")
+    proposed = proposal.new_puppet(
+        mesh,
+        output,
+        handles=_pairs("--handle", handles),
+        maps=_pairs("--map", maps),
+        ends=_pairs("--limb", ends),
+        up=up,
+        front=front,
+        scale=scale,
+        mirror=mirror,
+    )
+    puppet_file.dump(proposed.puppet, output)
+    portrait.draw(proposed.puppet, proposed.character, picture, f"{output.stem} · {mesh.name}")
+    counts = {"limbs": len(proposed.puppet.limb), "handles": len(proposed.puppet.handle)}
+    click.echo(
+        f"{output}: {', '.join(f'{count} {what}' for what, count in counts.items() if count)}, shown in {picture}"
+    )
+    for reason in proposed.assumed:
+        click.echo(f"  assumed: {reason}")
+    for note in proposed.notes:
+        click.echo(f"  unclear: {note}")
+    _echo_mapping(proposed.puppet)
+    click.echo(f"Convert a recording:  puppetline convert LOG --puppet {output} -o OUT.glb")
+
+
+def _echo_mapping(puppet: "Puppet") -> None:
+    """Print which joints move each limb and handle."""
+    for limb in puppet.limb:
+        joints = ", ".join(" + ".join(dict.fromkeys(joints)) for joints in limb.driven_by)
+        click.echo(f"  {limb.name:16} ({limb.follow})  ←  {joints}{_times(limb.gain)}")
+    for handle in puppet.handle:
+        place = ", ".join(f"{value:.4g}" for value in handle.position)
+        click.echo(f"  {handle.name:16} ({place})  ←  {' + '.join(handle.driven_by) or 'fixed'}{_times(handle.gain)}")
+
+
+def _times(gain: float) -> str:
+    return f" × {gain:g}" if gain != 1 else ""
+
+
+def _pairs(option: str, values: tuple[str, ...]) -> dict[str, str]:
+    """Split NAME=VALUE options."""
+    pairs = dict(value.rpartition("=")[::2] for value in values)
+    if len(pairs) < len(values) or not all(name and value for name, value in pairs.items()):
+        raise click.UsageError(f"{option} requires NAME=VALUE, with each name once.")
+    return pairs

@@ -1,0 +1,47 @@
+"""Options that several commands have, the types of their values, and the output that `--json` asks for."""
+
+import json
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+FILE = click.Path(path_type=Path)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Finite(click.FloatRange):
+    """A finite number in a range; "nan" and "inf" are refused."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a number, or report why it is refused."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+def output(what: str) -> Callable[[Function], Function]:
+    """Return the option for the file to write, of which the help text says what it is."""
+    return click.option("-o", "--output", required=True, type=FILE, help=what)
+
+
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+source = click.option("--source", required=True, metavar="URI", help="Source of skeletons, as in puppetline serve.")
+targets = click.option(
+    "--targets", type=click.IntRange(2), metavar="K", help="Maximum number of morph targets, whatever the error."
+)
+
+
+def echo_json(value: object) -> None:
+    """Print a value as JSON."""
+    click.echo(json.dumps(value, indent=2))
+
+
+def echo_notes(notes: Iterable[str]) -> None:
+    """Print the notes of a result, one per line."""
+    for note in notes:
+        click.echo(f"  note: {note}")

@@ -1,0 +1,151 @@
+"""`puppetline serve`: the live service."""
+
+import gc
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from engine_bridge.cli.options import FILE, Finite
+
+if TYPE_CHECKING:
+    from engine_bridge.service.service_file import ServiceFile
+
+
+@click.command()
+@click.option("--config", type=FILE, metavar="SERVICE.toml", help="Service file; replaces the options it has keys for.")
+@click.option("--puppet", "puppets", multiple=True, type=FILE, help="Puppet file of a character. Can be repeated.")
+@click.option(
+    "--source",
+    "sources",
+    multiple=True,
+    metavar="URI",
+    help="Source of skeletons, for all puppet files or one for each; docs/live.md lists them.  [default: osc:7110]",
+)
+@click.option("--loop", is_flag=True, help="Add ?loop to every recorded source, to play it in a loop.")
+@click.option(
+    "--people",
+    type=click.Choice(["each", "nearest", "queue"]),
+    help="Which performers drive the characters if several are in view.  [default: each]",
+)
+@click.option(
+    "--calibrate",
+    type=click.Choice(["still", "at_once", "command"]),
+    help="When a performer's pose is mapped to the character's rest pose.  [default: still]",
+)
+@click.option("--idle", type=FILE, metavar="LOG", help="Recording to play while no performer drives the character.")
+@click.option("--morphs", type=FILE, metavar="GLB", help="Output of puppetline bake, to stream morph weights.")
+@click.option("--host", help="Address to listen on.  [default: 127.0.0.1]")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65534),
+    help="Port of the stream; the control socket uses the next port.  [default: 7400]",
+)
+@click.option("--token-file", type=FILE, help="Token that clients must send; puppetline token FILE writes one.")
+@click.option("--osc", "targets", multiple=True, metavar="HOST:PORT", help="Also send OSC there. Can be repeated.")
+@click.option("--osc-rate", type=Finite(1, 1000), help="Frames per second for each OSC receiver.  [default: 30]")
+@click.option("--takes", type=FILE, metavar="FOLDER", help="Folder that takes are recorded to.  [default: takes]")
+@click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Port for Prometheus, on loopback only.")
+@click.option(
+    "--announce/--no-announce", default=None, help="Announce the service on the network by mDNS.  [default: yes]"
+)
+@click.option("--status", is_flag=True, help="Show a live status table.")
+@click.option(
+    "--log-format",
+    default="text",
+    show_default=True,
+    type=click.Choice(["text", "json"]),
+    help="Format of the log on standard error.",
+)
+@click.option(
+    "--log-level",
+    default="info",
+    show_default=True,
+    type=click.Choice(["debug", "info", "warning", "error"]),
+    help="Least severe messages that are logged.",
+)
+def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **settings: Any) -> None:
+    """Stream characters that performers drive live, until stopped."""
+    service_file, folder = _service_file(config, settings)
+    _run(service_file, folder, status, log_format, log_level)
+
+
+def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
+    """Serve puppet files with the default settings, each with its own source, until stopped."""
+    from engine_bridge.service import service_file
+
+    _run(service_file.from_flags(tuple(sources), tuple(puppets), {}, {}, {}), Path())
+
+
+def _run(
+    settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
+) -> None:
+    gc.disable()  # while modules are loaded, which leaves almost no garbage
+    from engine_bridge.service.signals import Signals
+
+    with ExitStack() as stack:
+        signals = stack.enter_context(Signals())
+        from engine_bridge.service.commands import commands
+        from engine_bridge.service.monitoring import logs, native_output
+        from engine_bridge.service.service import Service
+
+        stack.enter_context(native_output.logged())
+        logs.setup(log_format, log_level)
+        stack.enter_context(logs.beside())
+        display = None
+        if status:
+            from engine_bridge.service.monitoring.status_table import StatusDisplay
+
+            display = StatusDisplay()
+            stack.callback(display.close)
+        service = Service(settings, folder, commands, None if display is None else display.update)
+        stack.callback(service.close)
+        gc.collect()
+        gc.freeze()  # what is loaded stays, so later collections need not examine it
+        gc.enable()
+        signals.waiting = True
+        service.run(signals)
+
+
+def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[ServiceFile, Path]":
+    """Return the settings of a service file or of options, and the folder that their paths are relative to."""
+    from engine_bridge.service import service_file
+
+    loop = settings.pop("loop")
+    given = {name: value for name, value in settings.items() if value is not None and value != ()}
+    if config is not None:
+        if given or loop:
+            raise click.UsageError("--config cannot be combined with options that the service file has keys for.")
+        return service_file.load(config), config.parent
+    if "puppets" not in given:
+        raise click.UsageError("Give --puppet or --config.")
+    rest: dict[str, Any] = {
+        "network": {name: given[name] for name in ("host", "port", "token_file") if name in given},
+        "osc": [_osc_receiver(each, given.get("osc_rate")) for each in settings["targets"]],
+    }
+    if "takes" in given:
+        rest["takes"] = str(given["takes"])
+    if "announce" in given:
+        rest["announce"] = given["announce"]
+    if "metrics" in given:
+        rest["metrics"] = {"port": given["metrics"]}
+    stage: dict[str, Any] = {name: given[name] for name in ("people", "calibrate") if name in given}
+    character: dict[str, Any] = {name: str(given[name]) for name in ("idle", "morphs") if name in given}
+    sources = tuple(_looped(uri) if loop else uri for uri in given.get("sources", ("osc:7110",)))
+    return service_file.from_flags(sources, given["puppets"], stage, character, rest), Path()
+
+
+def _looped(uri: str) -> str:
+    from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
+
+    if not uri.startswith(RECORDED_PREFIXES) or uri.endswith(("?loop", "&loop")):
+        return uri
+    return uri + ("&loop" if "?" in uri else LOOP_SUFFIX)
+
+
+def _osc_receiver(text: str, rate: float | None) -> dict[str, Any]:
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal():
+        raise click.UsageError(f"--osc requires HOST:PORT, not {text!r}.")
+    return {"host": host.strip("[]") or "127.0.0.1", "port": int(port), **({} if rate is None else {"rate": rate})}

@@ -1,0 +1,56 @@
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from puppetline.compiled import compiled
+
+ROOT = Path(__file__).parents[2]
+
+MODULE = """
+from puppetline.compiled import compiled
+
+@compiled(inner=True)
+def square(x):
+    return x * x
+
+@compiled
+def sum_of_squares(x, y):
+    return square(x) + square(y)
+
+print(sum_of_squares(3.0, 4.0), sum_of_squares.stats.cache_hits.total(), sum_of_squares.stats.cache_misses.total())
+"""
+
+
+def test_a_second_process_loads_what_the_first_has_compiled(tmp_path):
+    (tmp_path / "module.py").write_text(MODULE)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, tmp_path / "module.py"]
+    outputs = [subprocess.run(command, env=environment, capture_output=True, text=True, check=True) for _ in range(2)]
+    assert [output.stdout for output in outputs] == ["25.0 0 1\n", "25.0 1 0\n"]
+
+
+def test_options_of_numba_are_passed_on():
+    def quotient(a, b):
+        return a / b
+
+    with pytest.raises(ZeroDivisionError):
+        compiled(inner=True)(quotient)(1.0, 0.0)
+    assert compiled(inner=True, error_model="numpy")(quotient)(1.0, 0.0) == float("inf")
+
+
+def test_only_functions_that_are_compiled_have_no_type_hints():
+    """mypy lets all functions of a module with compiled functions go without."""
+    found = {
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for room in ("puppetline", "capture", "solver", "engine_bridge", "examples")
+        for path in (ROOT / room).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+        and node.returns is None
+        and not any(ast.unparse(each).startswith(("compiled", "intrinsic")) for each in node.decorator_list)
+    }
+    assert found == set()

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+
+from solver.model import matrix_blocks
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def test_the_entry_of_a_matrix_is_where_the_layout_says(rng):
+    S = rng.normal(size=(37, 3, 3))
+    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), matrix_blocks.matrix_row_places(37))
+    assert len(packed) == 3 * matrix_blocks.NUMBERS
+    for isoline, row, column in [(0, 0, 0), (1, 0, 0), (15, 2, 1), (16, 1, 2), (36, 2, 2)]:
+        place = 144 * (isoline // 16) + 48 * column + 16 * row + isoline % 16
+        assert packed[place] == S[isoline, row, column]
+    assert np.count_nonzero(packed) == S.size
+
+
+def test_the_row_of_a_plain_stack_is_where_the_layout_says(rng):
+    rows = rng.normal(size=(50, 3))
+    packed = matrix_blocks.pack_rows(rows, matrix_blocks.row_places(50))
+    assert [packed[144 * (row // 48) + 48 * 2 + row % 48] for row in (0, 47, 48, 49)] == [*rows[[0, 47, 48, 49], 2]]
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 80, 100])
+def test_what_is_packed_comes_back(rng, count):
+    for place in (matrix_blocks.matrix_row_places(count), matrix_blocks.row_places(count)):
+        stack = rng.normal(size=(len(place), 3))
+        np.testing.assert_array_equal(matrix_blocks.unpack_rows(matrix_blocks.pack_rows(stack, place), place), stack)
+
+
+@pytest.mark.parametrize(
+    ("row", "column"),
+    [
+        (matrix_blocks.matrix_row_places(80), matrix_blocks.matrix_row_places(80)),
+        (matrix_blocks.row_places(320), matrix_blocks.matrix_row_places(80)),
+        (matrix_blocks.matrix_row_places(21), matrix_blocks.row_places(5)),
+        (matrix_blocks.row_places(1600), matrix_blocks.matrix_row_places(7)),
+        (matrix_blocks.row_places(1), matrix_blocks.row_places(100)),
+    ],
+)
+def test_a_product_in_lanes_is_the_product_and_is_added_to_what_was_there(rng, row, column):
+    M, x, y = (
+        rng.normal(size=(len(row), len(column))),
+        rng.normal(size=(len(column), 3)),
+        rng.normal(size=(len(row), 3)),
+    )
+    result = matrix_blocks.pack_rows(y, row)
+    matrix_blocks.add_product(matrix_blocks.pack_matrix(M, row, column), matrix_blocks.pack_rows(x, column), result)
+    np.testing.assert_allclose(matrix_blocks.unpack_rows(result, row), y + M @ x, rtol=0, atol=1e-13 * len(column))
+
+
+@pytest.mark.parametrize("count", [1, 17, 80])
+def test_turning_on_is_the_product_with_the_transpose_and_the_new_one(rng, count):
+    place = matrix_blocks.matrix_row_places(count)
+    turns, before, now = rng.normal(size=(3, count, 3, 3))
+    packed = [matrix_blocks.pack_rows(stack.reshape(-1, 3), place) for stack in (turns, before, now)]
+    matrix_blocks.apply_change(*packed)
+    expected = turns @ before.transpose(0, 2, 1) @ now
+    np.testing.assert_allclose(
+        matrix_blocks.unpack_rows(packed[0], place).reshape(-1, 3, 3), expected, rtol=0, atol=1e-12
+    )
+    np.testing.assert_array_equal(matrix_blocks.unpack_rows(packed[1], place), before.reshape(-1, 3))

@@ -118,7 +118,7 @@ def test_reach_is_the_straight_limb_from_shoulder_or_hip():
         assert found[f"foot_{side}"] == pytest.approx(0.45 + 0.35 + 0.15)
 
 
-def test_what_leaning_carries_reaches_as_far_as_the_trunk_is_long():
+def test_the_reach_of_the_trunk_is_its_length():
     found = dict(zip(JOINTS, reach(simple_pose()), strict=True))
     for joint in (*JOINTS[:4], "shoulder_left", "shoulder_right", "hip_left", "hip_right"):
         assert found[joint] == pytest.approx(0.1 + 0.4 + 0.3)
@@ -196,14 +196,14 @@ def test_resting_pose_is_the_median_of_the_frames_asked_for(take):
     )
 
 
-def test_a_joint_lost_for_a_while_is_taken_from_the_frames_in_which_it_is_known(take):
+def test_a_joint_lost_in_some_frames_is_measured_in_the_others(take):
     lose(take, 5, [3, 4, 7])
     found = resting_pose(*take, first=3, count=5)
     np.testing.assert_array_equal(found[5], [5.5, 5, 0])
     np.testing.assert_array_equal(found[4], [5.0, 4, 0])
 
 
-def test_a_joint_lost_throughout_is_taken_from_the_nearest_frames(take):
+def test_a_joint_lost_in_all_frames_is_measured_in_the_nearest_frames(take):
     lose(take, 5, slice(0, 6))
     np.testing.assert_array_equal(resting_pose(*take, first=3, count=3)[5], [7.0, 5, 0])  # of frames 6, 7, 8
     positions, confidence = take

@@ -69,12 +69,12 @@ def run(source, until):
     return events
 
 
-def test_what_cannot_be_opened_at_first_is_an_error(reopening):
+def test_a_source_that_cannot_be_opened_at_first_is_an_error(reopening):
     with pytest.raises(SourceError, match="nothing there"):
         reopening(GONE)
 
 
-def test_a_failed_source_is_closed_and_ticks_stand_for_it_until_it_is_open_again(reopening):
+def test_a_failed_source_is_closed_and_replaced_by_ticks_until_it_is_open_again(reopening):
     first, second = Scripted(RuntimeError("the cable"), clock=100.0), Scripted([Lost(0.0, 3)])
     source = reopening(first, second)
     assert source.receive() == []
@@ -88,7 +88,7 @@ def test_a_failed_source_is_closed_and_ticks_stand_for_it_until_it_is_open_again
     assert all(earlier.time < later.time for earlier, later in itertools.pairwise(ticks))
 
 
-def test_it_is_tried_until_it_can_be_opened_whatever_goes_wrong(reopening):
+def test_it_is_retried_until_it_can_be_opened_whatever_the_error(reopening):
     last = Scripted()
     source = reopening(Scripted(GONE), GONE, OSError("in its own way"), last)
     run(source, lambda: source.inner is last)
@@ -96,7 +96,7 @@ def test_it_is_tried_until_it_can_be_opened_whatever_goes_wrong(reopening):
     assert last.closed
 
 
-def test_counting_goes_on(reopening):
+def test_counts_continue(reopening):
     source = reopening(Scripted(GONE, received=5), Scripted(received=2))
     source.receive()
     assert source.counts.received == 5
@@ -104,7 +104,7 @@ def test_counting_goes_on(reopening):
     assert source.counts.received == 7
 
 
-def test_trouble_is_told_once_and_its_end_with_the_first_event_that_is_no_tick(reopening, caplog):
+def test_a_failure_is_logged_once_and_its_end_with_the_first_event_except_ticks(reopening, caplog):
     caplog.set_level("INFO")
     tick, lost = Tick(0.0), Lost(0.0, 1)
     source = reopening(Scripted(GONE), Scripted([tick], GONE), GONE, Scripted([tick], [lost], [lost], GONE), Scripted())
@@ -114,7 +114,7 @@ def test_trouble_is_told_once_and_its_end_with_the_first_event_that_is_no_tick(r
     assert {record.fields["source"] for record in caplog.records} == {"device:0"}
 
 
-def test_pictures_without_anybody_are_the_end_of_trouble(reopening):
+def test_images_without_a_performer_end_a_failure(reopening):
     second = Scripted([Tick(0.0)], [Tick(1.0)])
     source = reopening(Scripted(GONE), second)
     run(source, lambda: source.inner is second)

@@ -133,7 +133,9 @@ SECOND = ("frames", 1, "bodies", 1)
         (document([body(joint_confidence=[0] * 32)]), "take.json", "no frame with a tracked performer"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(tmp_path: Path, content: object, place: str, message: str) -> None:
+def test_violations_of_the_format_are_refused_with_their_place(
+    tmp_path: Path, content: object, place: str, message: str
+) -> None:
     assert_refused(azure_json, write(tmp_path, content), place, message)
 
 

@@ -178,7 +178,7 @@ def test_rest_pose_faces_the_sensor(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("angle", [0, 40, 123, 180, -90])
-def test_wherever_the_performer_stands_and_looks_in_the_first_frame(tmp_path: Path, angle: float) -> None:
+def test_position_and_facing_in_the_first_frame_do_not_matter(tmp_path: Path, angle: float) -> None:
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
     rows[:, :3] = (210, 95, -340)
     rows[:, 4] = angle
@@ -312,7 +312,7 @@ def test_real_bones_by_hand(real_data: Path) -> None:
     np.testing.assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
 
 
-def test_real_kinect_names_stand_where_their_bones_end(real_data: Path) -> None:
+def test_joints_with_real_kinect_names_are_at_the_ends_of_their_bones(real_data: Path) -> None:
     (clip,) = bvh.read(real_data / "bvh" / "kinect2_static.bvh", ReadOptions())
     # In this file HipLeft and SpineMid are both at the spine's base, and the hip is where HipLeft's bone ends.
     expected = {"hip_left": (59.881489, 0.746525, 12.966921), "spine": (0, -59.991196, 191.345337)}
@@ -382,7 +382,7 @@ ZEROS = ["0"] * (3 + 3 * JOINT_COUNT)
         ([line.replace("LeftForeArm", "Wing") for line in GOOD], "take.bvh", "no joint for elbow_left"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(
+def test_violations_of_the_format_are_refused_with_their_place(
     tmp_path: Path, lines: list[str], place: str, message: str
 ) -> None:
     assert_refused(bvh, write(tmp_path, lines), place, message)
@@ -392,7 +392,7 @@ def clips_of(path: Path, **options: object) -> tuple[SkeletonClip, ...]:
     return tuple(bvh.read(path, ReadOptions(**options)))  # type: ignore[arg-type]
 
 
-def test_names_and_keywords_of_other_programs_give_the_same_clip_without_a_note(
+def test_names_and_keywords_of_other_programs_make_the_same_clip_without_a_note(
     tmp_path: Path, assert_same_frames: Callable[..., None]
 ) -> None:
     path = body_file(tmp_path, random_rows())
@@ -431,7 +431,7 @@ def test_a_wrong_frame_count_is_noted_and_all_frames_are_read(
     assert clip.notes == (*whole.notes, note)
 
 
-def test_a_take_cut_in_mid_line_is_read_up_to_the_last_whole_one(
+def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_line(
     tmp_path: Path, assert_same_frames: Callable[..., None]
 ) -> None:
     rows = random_rows()
@@ -450,14 +450,14 @@ def test_a_take_cut_in_mid_line_is_read_up_to_the_last_whole_one(
         )
 
 
-def test_a_take_cut_within_its_first_frame_is_refused(tmp_path: Path) -> None:
+def test_a_recording_cut_off_within_its_first_frame_is_refused(tmp_path: Path) -> None:
     path = body_file(tmp_path, random_rows())
     path.write_text("\n".join(path.read_text().split("\n")[: MOTION + 3])[:-30])
     with pytest.raises(SkeletonLogError, match=f"line {MOTION + 3}: found the end of the file after"):
         clips_of(path)
 
 
-def test_words_after_the_last_frame_are_left_out_with_a_note(
+def test_text_after_the_last_frame_is_skipped_with_a_note(
     tmp_path: Path, assert_same_frames: Callable[..., None]
 ) -> None:
     (whole,) = clips_of(write(tmp_path, GOOD))
@@ -468,7 +468,7 @@ def test_words_after_the_last_frame_are_left_out_with_a_note(
 
 
 @pytest.mark.parametrize("stated", ["0", "0.0", "-0.1", "1e9"])
-def test_a_take_without_a_frame_time_has_the_rate_that_is_given(tmp_path: Path, stated: str) -> None:
+def test_a_recording_without_a_frame_time_has_the_configured_rate(tmp_path: Path, stated: str) -> None:
     path = body_file(tmp_path, random_rows())
     (whole,) = clips_of(path)
     (given,) = clips_of(path, fps=50.0)
@@ -488,9 +488,7 @@ def two_roots(folder: Path, first: list[str], second: list[str], rows: np.ndarra
     return write(folder, ["HIERARCHY", *first, *second, *motion(rows)], name)
 
 
-def test_a_root_that_is_no_body_is_left_out_with_a_note(
-    tmp_path: Path, assert_same_frames: Callable[..., None]
-) -> None:
+def test_a_root_without_a_body_is_skipped_with_a_note(tmp_path: Path, assert_same_frames: Callable[..., None]) -> None:
     rows, sword = random_rows(), np.full((6, 3), 9.0)
     (whole,) = clips_of(body_file(tmp_path, rows))
     note = "The skeleton of ROOT Sword has no human joint names. It is omitted."
@@ -525,7 +523,7 @@ def test_roots_that_only_together_are_a_body_are_one_performer(
     assert clip.notes == whole.notes
 
 
-def test_where_no_root_is_a_body_the_missing_joints_are_named(tmp_path: Path) -> None:
+def test_if_no_root_is_a_body_the_error_names_the_missing_joints(tmp_path: Path) -> None:
     with pytest.raises(SkeletonLogError, match=r"no joint for .* among Sword, Sword; expected"):
         clips_of(two_roots(tmp_path, PROP, PROP, np.zeros((2, 6))))
 
@@ -558,7 +556,7 @@ def test_more_places_than_memory_should_hold_are_refused(tmp_path: Path, monkeyp
         bvh.read(write(tmp_path, GOOD), ReadOptions())
 
 
-def test_a_performer_whose_facing_cannot_be_told(tmp_path: Path) -> None:
+def test_a_performer_whose_facing_is_unknown_is_refused(tmp_path: Path) -> None:
     rows = np.zeros((2, 3 + 3 * JOINT_COUNT))
     rows[:, 3] = 90  # lies on its side
     with pytest.raises(SkeletonLogError, match="left-to-right line of hips and shoulders points up"):

@@ -29,7 +29,7 @@ from puppetline.errors import SkeletonLogError
         ("__UpLeg_L", ""),
     ],
 )
-def test_names_are_taken_apart(name: str, key: str) -> None:
+def test_names_are_normalised(name: str, key: str) -> None:
     assert normalised_name(name) == key
 
 

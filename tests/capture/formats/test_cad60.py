@@ -47,7 +47,7 @@ def test_each_joint_is_found_by_its_place_in_metres(tmp_path):
     assert len(clip.notes) == 3
 
 
-def test_confidence_0_is_inferred_and_a_joint_at_zero_takes_its_wrist_along(tmp_path):
+def test_confidence_0_is_inferred_and_a_lost_hand_loses_its_wrist(tmp_path):
     positions, confidence = MILLIMETRES.copy(), np.ones(15)
     positions[CAD60.index("hand_left")] = 0.0
     confidence[CAD60.index("head")] = 0.0

@@ -92,7 +92,7 @@ def changed(*path: object, value: object) -> object:
         ([[body(**{f"j{index}": joint(z=-500) for index in range(21)})]], "take.json", "no frame with a tracked"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(
+def test_violations_of_the_format_are_refused_with_their_place(
     tmp_path: Path, document: object, place: str, message: str
 ) -> None:
     assert_refused(kinect_v2_json, write(tmp_path, document), place, message)

@@ -93,7 +93,7 @@ def next_events(source, ticks=False):
     raise AssertionError("nothing came")
 
 
-def test_one_performer_comes_of_two_sensors_in_the_frame_and_by_the_clock_of_the_first(
+def test_two_sensors_make_one_performer_in_the_coordinates_and_on_the_clock_of_the_first(
     source, opened, frame, here, beside, walk
 ):
     start = time.monotonic()
@@ -109,7 +109,7 @@ def test_one_performer_comes_of_two_sensors_in_the_frame_and_by_the_clock_of_the
     assert source.counts.received == 3
 
 
-def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
+def test_every_member_ends_the_wait(source, opened, frame, here, beside):
     source.receive()
     assert select([source.fileno()], [], [], 0)[0] == []
     for name, pose in (("a", here), ("b", beside)):
@@ -118,7 +118,7 @@ def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
         source.receive()
 
 
-def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opened, frame, here, beside):
+def test_a_member_that_fails_is_opened_again_while_the_other_continues(source, opened, frame, here, beside):
     descriptor = source.fileno()
     opened["a"][0].show(RuntimeError("the cable"))
     source.receive()
@@ -163,7 +163,7 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here
     assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
 
 
-def test_what_cannot_be_opened_at_first_is_an_error_and_nothing_stays_open(opened, here, beside):
+def test_a_member_that_cannot_be_opened_at_first_is_an_error_and_closes_the_others(opened, here, beside):
     def opener(uri):
         if uri == "b":
             raise SourceError("b", found="nothing there", expected="a device", fix="Plug it in.")
@@ -175,9 +175,7 @@ def test_what_cannot_be_opened_at_first_is_an_error_and_nothing_stays_open(opene
     assert opened["a"][0].closed
 
 
-def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_lost_him(
-    source, opened, frame, here, beside
-):
+def test_ticks_fill_gaps_and_a_performer_is_lost_once_all_members_have_lost_them(source, opened, frame, here, beside):
     start = time.monotonic()
     opened["a"][0].show(frame(here, start))
     opened["b"][0].show(frame(beside, start + 0.04))
@@ -189,7 +187,7 @@ def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_l
     assert (type(lost), lost.user) == (Lost, 1)
 
 
-def test_how_the_first_sensor_stands_is_told_in_order_and_how_the_others_do_is_not(source, opened, frame, here, beside):
+def test_the_tilt_of_the_first_sensor_is_reported_in_order_and_no_other(source, opened, frame, here, beside):
     start = time.monotonic()
     level = Cue(start + 0.001, "level", {"tilt": 4.0, "height": 1.2})
     opened["b"][0].show(Cue(start + 0.04, "level", {"tilt": 9.0, "height": 0.5}))
@@ -199,7 +197,7 @@ def test_how_the_first_sensor_stands_is_told_in_order_and_how_the_others_do_is_n
     assert events[1] == level
 
 
-def test_how_a_sensor_stands_that_is_laid_into_another_frame_is_not_told(opened, frame, beside):
+def test_the_tilt_in_other_coordinates_is_not_reported(opened, frame, beside):
     def opener(uri):
         opened[uri].append(Scripted(uri))
         return opened[uri][-1]
@@ -211,7 +209,7 @@ def test_how_a_sensor_stands_that_is_laid_into_another_frame_is_not_told(opened,
     source.close()
 
 
-def test_only_the_newest_frame_of_each_performer_is_given(source, opened, frame, here):
+def test_only_the_newest_frame_of_each_performer_is_returned(source, opened, frame, here):
     start = time.monotonic()
     opened["a"][0].show(*(frame(here, start + 0.001 * k) for k in range(5)))
     assert [event.time for event in next_events(source)] == [start + 0.004]

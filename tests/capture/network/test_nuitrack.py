@@ -14,7 +14,7 @@ def _projected(place):
     return 0.5 + x / (z * WIDTH), 0.5 - y / (z * HEIGHT), 1000 * z
 
 
-def test_a_walk_comes_back(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle):
+def test_a_walk_is_received(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle):
     wire = listen()
     for pose in walk:
         joints = [
@@ -42,7 +42,7 @@ def test_without_its_mirror_sides_and_x_are_exchanged_once_more(listen, osc_mess
     assert frame.positions[JOINT_INDEX["hand_right"], 0] == pytest.approx(0.56114, abs=1e-4)
 
 
-def test_lost_performers_are_told_in_osceletons_words(listen, osc_message, osc_bundle):
+def test_lost_performers_are_reported_by_osceletons_message(listen, osc_message, osc_bundle):
     wire = listen()
     wire.frame(osc_bundle(osc_message("/joint", "isfff", 9, "head", 0.5, 0.5, 2000.0)))
     [lost] = wire.events(osc_message("/lost_user", "i", 9))

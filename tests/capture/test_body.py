@@ -24,7 +24,7 @@ CHAINS = [
         [("hip", (0.06, -0.08, 0)), ("knee", (0, -0.45, 0)), ("ankle", (0, -0.35, 0)), ("foot", (0, 0, -0.15))],
     ),
 ]
-"""Each limb's joints with the offset to the one before; y up, the right side at +x."""
+"""Joints of each limb with the offset from the joint before; y up, the right side at +x."""
 
 LENGTHS = {
     "spine": 0.1,
@@ -79,7 +79,7 @@ def test_every_bone_has_a_typical_length():
 
 
 def test_bones_of_a_lost_joint_are_typical_ones_scaled_to_the_rest():
-    """Without the left elbow its two bones are unknown; the 17 others say how large the body is."""
+    """Without the left elbow, its two bones are unknown; the 17 others determine the size of the body."""
     found = bone_lengths(without("elbow_left"))
     known = [joint for joint in PARENTS if joint not in ("elbow_left", "wrist_left")]
     size = sum(LENGTHS[bone_of(joint)] for joint in known) / sum(typical_bone_length(joint) for joint in known)
@@ -125,7 +125,7 @@ def test_the_reach_of_the_trunk_is_its_length():
 
 
 def test_reach_does_not_depend_on_the_pose():
-    """Arms bent or raised: as long as they were."""
+    """Bent or raised arms have the same length."""
     pose = simple_pose()
     bent = pose.copy()
     wrist, hand = JOINT_INDEX["wrist_right"], JOINT_INDEX["hand_right"]
@@ -173,7 +173,7 @@ def test_height_is_the_same_crouching():
 
 @pytest.fixture
 def take():
-    """Twelve frames in which joint j stands at (frame, j, 0)."""
+    """Twelve frames in which joint j is at (frame, j, 0)."""
     positions = np.zeros((12, 20, 3))
     positions[..., 0] = np.arange(12)[:, None]
     positions[..., 1] = np.arange(20)

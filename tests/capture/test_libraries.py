@@ -9,7 +9,7 @@ from puppetline.errors import SourceError
     [
         ("import no_such_module", NotInstalledError),
         ("import no_such_module.part", NotInstalledError),
-        ("import a_module", SourceError),  # which imports one that is not there
+        ("import a_module", SourceError),  # it imports a missing module
         ("import a_module.no_such_part", SourceError),
         ("from an_empty_module import name", SourceError),
     ],

@@ -13,7 +13,7 @@ PATIENCE = 20.0
 
 
 class Scripted:
-    """A source that gives a list at a time, or raises what stands there, and nothing in the end."""
+    """A source that returns one list of a script per call, or raises its exception; nothing at the end."""
 
     name = "scripted"
 
@@ -42,7 +42,7 @@ class Scripted:
 
 @pytest.fixture
 def reopening():
-    """Make a source of what the opener gives, one after the other; an exception is raised."""
+    """Return a source whose opener returns the given sources one after the other, or raises an exception."""
 
     def make(*openings):
         left = list(openings)
@@ -79,7 +79,7 @@ def test_a_failed_source_is_closed_and_replaced_by_ticks_until_it_is_open_again(
     source = reopening(first, second)
     assert source.receive() == []
     assert (first.closed, type(source.inner), source.name) == (True, SilentSource, "device:0")
-    assert 0 < source.now() - time.monotonic() - 100.0 + 1e-3 < 1e-2  # the clock goes on
+    assert 0 < source.now() - time.monotonic() - 100.0 + 1e-3 < 1e-2  # the clock continues
     events = run(source, lambda: source.inner is second and not second.script)
     assert events[-1] == Lost(0.0, 3)
     ticks = events[:-1]

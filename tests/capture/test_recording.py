@@ -24,7 +24,7 @@ from puppetline.errors import OutputError, SkeletonLogError
 
 
 def make_frame(k, user=1):
-    """Frame k of a performance that every process makes alike; every third frame loses some joints."""
+    """Return frame k of a motion that is equal in every process; every third frame has lost joints."""
     rng = np.random.default_rng(k)
     confidence = rng.choice([1.0, 0.5, 0.7], size=20).astype(np.float32)
     if k % 3 == 0:
@@ -40,7 +40,7 @@ def record(path, events):
 
 
 def performance(count):
-    """Frames of two performers, and all else that happens between them."""
+    """Return frames of two performers, and all other events between them."""
     state = {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}  # floats of every kind
     yield Cue(0.0, "stage", {"characters": state, "level": {}})
     for k in range(count):
@@ -52,7 +52,7 @@ def performance(count):
 
 
 def same(event, other):
-    """Whether two events are equal to the bit."""
+    """Return whether two events are equal bit for bit."""
     if not isinstance(event, SkeletonFrame):
         return event == other and type(event) is type(other)
     return (
@@ -65,7 +65,7 @@ def same(event, other):
 
 
 def assert_reads_back(path, written):
-    """All that was written is read, to the bit, frames as `as_recorded` promises."""
+    """All written events are read back bit for bit, frames as returned by `as_recorded`."""
     read_back = list(events(path))
     promised = [as_recorded(event) if isinstance(event, SkeletonFrame) else event for event in written]
     assert len(read_back) == len(promised)
@@ -153,7 +153,7 @@ def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
 
 
 def test_no_frame_waits_for_the_disk(tmp_path, monkeypatch):
-    """The disk is busy until the recording is closed; meanwhile everything is written, and nothing is synced twice."""
+    """The disk is busy until the take is closed. All events are written, and nothing is synchronised twice."""
     clock, done, synced = itertools.count(), threading.Event(), []
     monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", lambda file: (synced.append(file), done.wait(60)))
@@ -226,8 +226,8 @@ def test_values_that_json_lacks_are_refused_before_writing(tmp_path, wrong):
 
 
 def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continued(tmp_path, monkeypatch):
-    """The lines hold objects in objects, so that many of the cuts leave a line that ends in a brace."""
-    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
+    """The lines contain nested objects, so many cut-off lines end in a brace."""
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
     written = list(performance(3))
     record(tmp_path / "whole", written)
     whole = (tmp_path / "whole").read_bytes()
@@ -243,7 +243,7 @@ def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continue
 
 
 def test_cut_off_at_any_byte_a_clip_has_all_complete_frames_and_a_note(tmp_path, monkeypatch):
-    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
     frames = [make_frame(k) for k in range(3)]
     record(tmp_path / "whole", frames)
     whole = (tmp_path / "whole").read_bytes()
@@ -322,7 +322,7 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path):
 
 
 def test_a_full_disk_ends_the_take_which_can_be_continued(tmp_path):
-    """A limit on the size of files stands for the full disk."""
+    """A limit on the size of files simulates the full disk."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     whole = HEADER + b"".join(encode(make_frame(k)) for k in range(2))

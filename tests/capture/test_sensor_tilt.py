@@ -10,7 +10,7 @@ from .network.conftest import STANDING
 
 
 def turned(pose, degrees, height):
-    """Return what a sensor sees that looks down by so much, at that height above the floor."""
+    """Return a pose as seen by a sensor with a tilt, at a height above the floor."""
     angle = np.radians(degrees)
     x, y, z = (pose - [0.0, height, 0.0]).T
     up, forward = (np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))  # the sensor's axes in the room
@@ -19,7 +19,7 @@ def turned(pose, degrees, height):
 
 @pytest.fixture
 def upright():
-    """Somebody on the floor: ankles at their height above it, legs and trunk in one line."""
+    """Return a performer on the floor, with ankles at their height above it, and legs and trunk in one line."""
     pose = np.array([STANDING[name] for name in JOINTS]) + np.array([0.0, 0.0, 2.5])
     pose[:, 2] = 2.5 + 0.2 * (pose[:, 2] - 2.5)
     pose[:, 1] += 0.09 - pose[[JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]], 1].mean()

@@ -25,7 +25,7 @@ def random_walk(count, seed=0, step=0.03):
 
 
 def eq_4(p, beta, gamma, k=0.0):
-    """The paper's loop, frame by frame."""
+    """Return the result of the paper's recursion, frame by frame."""
     smoothed, trend = p[1], p[1] - p[0]
     out = [p[0], smoothed + k * trend]
     for measurement in p[2:]:
@@ -37,7 +37,7 @@ def eq_4(p, beta, gamma, k=0.0):
 
 
 def kinect_sdk(raw, smoothing, correction, prediction, jitter, deviation, inferred):
-    """The SDK's loop for one joint (T, 3), with Eq. 4's first trend and the jitter rule from the second frame."""
+    """Filter one joint (T, 3) with the SDK's loop, Eq. 4's first trend, and the jitter rule from frame two."""
     filtered, trend, out = raw[0], np.zeros(3), []
     for n, p in enumerate(raw):
         widen = 2.0 if inferred[n] else 1.0

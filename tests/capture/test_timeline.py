@@ -12,7 +12,7 @@ HEAD, SPINE = JOINT_INDEX["head"], JOINT_INDEX["spine"]
 
 
 def clip(times, x, confidence=1.0, user=0):
-    """Every joint at (x, 10 x, joint number); confidence 0 makes NaN."""
+    """Return a clip with every joint at (x, 10 x, joint number); confidence 0 makes NaN."""
     times = np.asarray(times, dtype=float)
     x = np.broadcast_to(np.asarray(x, dtype=float).reshape(len(times), -1), (len(times), 20))
     positions = np.stack([x, 10 * x, np.broadcast_to(np.arange(20.0), x.shape)], axis=2)

@@ -35,7 +35,7 @@ BODY = ("Hips", (0, 0, 0), [
 ])  # fmt: skip
 JOINT_COUNT = 20
 
-# The sensor frame of the body in its rest pose: turned to face the sensor, its hips at (0, 0, 2.5).
+# Sensor coordinates of the body in its rest pose: it faces the sensor, with the hips at (0, 0, 2.5).
 REST = {
     "hip_center": (0, 0, 2.5),
     "spine": (0, 0.10, 2.5),
@@ -86,14 +86,14 @@ def body_file(folder: Path, rows: np.ndarray | None = None, name: str = "take.bv
 
 
 def random_rows(frames: int = 6, seed: int = 3) -> np.ndarray:
-    """A take of small bends; columns are root x y z, then z y x degrees of each joint."""
+    """Return a recording of small bends; the columns are root x y z, then z y x degrees of each joint."""
     rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
     rows[:, 3:6] /= 10
     return rows
 
 
 def chain_file(folder: Path, channels: str, row: Sequence[float], count: int = 6) -> Path:
-    """Root at (1, 2, 3), a joint 1 along x from it, and an end 2 along y and 3 along z from that."""
+    """Write a chain: the root at (1, 2, 3), a joint 1 further along x, an end 2 further along y and 3 along z."""
     lines = [
         "HIERARCHY",
         "ROOT a",
@@ -144,7 +144,7 @@ def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
     expected = ends(chain_file(tmp_path, " ".join(values), list(values.values())))
     tried = 0
     for order in permutations(values):
-        if [name for name in order if name in ROTATIONS] == list(ROTATIONS):  # the order of turns has a meaning
+        if [name for name in order if name in ROTATIONS] == list(ROTATIONS):  # the order of rotations matters
             path = chain_file(tmp_path, " ".join(order), [values[name] for name in order])
             np.testing.assert_array_equal(ends(path), expected)
             tried += 1
@@ -154,8 +154,8 @@ def test_channels_may_come_in_any_order(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("channels", "row", "joint"),
     [
-        ("Xposition Yposition Zposition", (1.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near the offset: instead of it
-        ("Xposition Yposition Zposition", (0.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near zero: on top of it
+        ("Xposition Yposition Zposition", (1.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near the offset: replaces it
+        ("Xposition Yposition Zposition", (0.1, 0.2, 0.3), (2.1, 2.2, 3.3)),  # near zero: added to it
         ("Yposition", (0.5,), (2, 2.5, 3)),
         ("Xposition", (1.25,), (2.25, 2, 3)),
     ],
@@ -198,7 +198,7 @@ def test_a_turn_after_the_first_frame_is_kept(tmp_path: Path) -> None:
 def test_z_up_equals_y_up(tmp_path: Path) -> None:
     rows = random_rows()
     (upright,) = bvh.read(body_file(tmp_path, rows), ReadOptions())
-    # (x, y, z) becomes (x, −z, y): positions are exchanged so, and the turns about z y x are turns about −y z x.
+    # (x, y, z) becomes (x, −z, y): positions are swapped, and the rotations about z y x are rotations about −y z x.
     turned = rows.copy()
     turned[:, 1], turned[:, 2] = -rows[:, 2], rows[:, 1]
     turned[:, 3::3] = -rows[:, 3::3]
@@ -293,7 +293,7 @@ def test_real_files_are_human(real_data: Path, name: str) -> None:
     assert ("All frames are equal" in notes) == (name == "kinect2_static")
     assert (clip.confidence == 1).all()
     check_body(clip.positions)
-    # Toes point to where the body faces, which no name tells: towards the sensor.
+    # Toes point in the direction that the body faces, independently of names: towards the sensor.
     toes = [clip.positions[0, JOINT_INDEX[f"foot_{side}"]] for side in ("left", "right")]
     ankles = [clip.positions[0, JOINT_INDEX[f"ankle_{side}"]] for side in ("left", "right")]
     assert np.mean(toes, axis=0)[2] < np.mean(ankles, axis=0)[2] - 0.05
@@ -306,7 +306,7 @@ def test_real_bones_by_hand(real_data: Path) -> None:
     np.testing.assert_allclose(np.linalg.norm(forearm, axis=1), 3.44417 * unit)  # OFFSET of RightHand
     thigh = clip.positions[:, JOINT_INDEX["knee_left"]] - clip.positions[:, JOINT_INDEX["hip_left"]]
     np.testing.assert_allclose(np.linalg.norm(thigh, axis=1), np.hypot(2.44811, 6.72613) * unit)
-    # The root's height over the take is its Yposition; it is 17.8693 in the first line of motion.
+    # The root's height is its Yposition; it is 17.8693 in the first line of motion.
     lines = (real_data / "bvh" / "cmu_01_01_hops.bvh").read_text().splitlines()[187:]
     heights = np.array([float(line.split()[1]) for line in lines])
     np.testing.assert_allclose(clip.positions[:, 0, 1], (heights - 17.8693) * unit, atol=1e-12)
@@ -328,7 +328,7 @@ MOTION = GOOD.index("MOTION") + 1  # the number of its line, from 1
 
 
 def broken(line: int, text: str | None) -> list[str]:
-    """The good file with one line replaced, or cut before it."""
+    """Return the valid file with one line replaced, or cut off before that line."""
     return GOOD[: line - 1] if text is None else [*GOOD[: line - 1], text, *GOOD[line:]]
 
 

@@ -12,7 +12,7 @@ RATE = "The recording has no clock; 30 frames per second are assumed."
 
 
 def _line(number, positions=MILLIMETRES, confidence=1):
-    """Write one frame as the data set's documentation has it: eleven joints with an orientation, four without."""
+    """Return one frame as in the data set's documentation: eleven joints with an orientation, four without."""
     confidence = np.broadcast_to(confidence, 15)
     values = [str(number)]
     for joint in range(15):

@@ -18,7 +18,7 @@ def joint(x: float = 256, y: float = 212, z: float = 0) -> dict[str, object]:
 
 
 def body(user: int = 7, slot: int = 0, **joints: dict[str, object]) -> dict[str, object]:
-    """All joints in the middle of the picture at 2.25 m, except joints given as j3=joint(…)."""
+    """Return a body with all joints in the middle of the image at 2.25 m, except those given as j3=joint(…)."""
     return {
         "bodyIndex": slot,
         "trackingId": str(user),

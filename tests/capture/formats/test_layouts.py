@@ -52,7 +52,7 @@ def test_a_joint_without_confidence_is_nan():
 
 
 def _fifteen():
-    """One frame of a skeleton with NiTE's joints, at places that are easy to average."""
+    """Return one frame of a skeleton with NiTE's joints, at positions that are easy to average."""
     at = {name: np.array([j, 2.0 * j, 10.0]) for j, name in enumerate(NITE15)}
     ours, confidence = to_kinect20(NITE15, np.array([at[name] for name in NITE15]), np.ones(15, dtype=np.float32))
     return at, ours, confidence

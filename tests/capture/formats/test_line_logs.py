@@ -1,4 +1,4 @@
-"""What holds for the readers of line and column logs together: where a log is cut, and on every real recording."""
+"""Common properties of the readers of text recordings: incomplete files, invalid lines, and all real recordings."""
 
 import importlib
 

@@ -46,7 +46,7 @@ def test_joints_are_matched_by_name(tmp_path: Path) -> None:
 
 
 def test_each_body_id_is_a_clip_with_the_times_at_which_it_is_seen(tmp_path: Path) -> None:
-    first, second = 72057594037931101, 72057594037931102  # differ by less than a float64 can tell
+    first, second = 72057594037931101, 72057594037931102  # not distinguishable as float64
     lines = take(
         [],
         [body_lines(first, 1, 1)],
@@ -78,7 +78,7 @@ def test_frame_rate_can_be_given(tmp_path: Path) -> None:
 
 
 def broken(line: int, text: str | None) -> list[str]:
-    """A take of an empty frame and one with a body, with one line (from 1) replaced or the file cut before it."""
+    """Return an empty frame and one with a body, with one line (from 1) replaced, or cut off before that line."""
     lines = take([], [body_lines(7, 1)])
     return lines[: line - 1] if text is None else [*lines[: line - 1], text, *lines[line:]]
 

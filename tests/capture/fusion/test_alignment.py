@@ -9,7 +9,7 @@ from puppetline.errors import SkeletonLogError
 
 
 def errors(found, pose, clip):
-    """Return how far a pose is off where the performer is, metres, and in angle, degrees."""
+    """Return the error of a pose at the performer's position in metres, and of its angle in degrees."""
     middle = clip.positions[:, 0].mean(axis=0)
     apart = found.apply((middle - pose.position) @ pose.rotation) - middle
     cosine = (np.trace(found.rotation.T @ pose.rotation) - 1) / 2
@@ -73,7 +73,7 @@ def test_recordings_with_too_little_in_common_are_refused(walk):
 
 
 def test_a_plank_that_turns_about_itself_has_no_front(virtual_sensor, here, walk):
-    """The body laid into one plane, only going up and down: it fits as well when turned round."""
+    """A body in one plane that only moves up and down fits equally well in the opposite direction."""
     flat = np.repeat(walk.positions[:1], len(walk.times), axis=0)
     flat[..., 2] = 2.5
     flat[..., 1] += 0.2 * np.sin(3 * walk.times**1.5)[:, None]

@@ -71,7 +71,7 @@ def test_motion_above_the_maximum_speed_is_not_extrapolated():
 
 
 def with_hand(x, confidence=1.0):
-    """Return somebody who stands at the origin, and whose left hand is somewhere along x."""
+    """Return a performer at the origin whose left hand is at x."""
     seen = observation(1.0)
     seen.positions[HAND, 0], seen.confidence[HAND] = x, confidence
     return seen
@@ -89,7 +89,7 @@ def fused_hand(*observations, before=None):
 def test_of_three_positions_the_one_far_from_the_others_does_not_count(wrong):
     hands = [with_hand(x) for x in np.insert([0.0, 0.02], wrong, 0.42)]
     assert fused_hand(*hands) == pytest.approx((0.01, 1))
-    assert fused_hand(*hands, before=0.42) == pytest.approx((0.01, 1))  # the others are two
+    assert fused_hand(*hands, before=0.42) == pytest.approx((0.01, 1))  # the two others agree
 
 
 @pytest.mark.parametrize(("before", "found"), [(0.05, 0.0), (0.35, 0.4)])
@@ -101,7 +101,9 @@ def test_of_two_positions_the_one_near_the_previous_position_counts(before, foun
 def test_a_tracked_joint_prevails_over_an_inferred_one_at_the_previous_position():
     sure, guess = with_hand(0.0), with_hand(0.34, confidence=0.5)
     assert fused_hand(sure, guess, before=0.34) == pytest.approx((0.02, 1))
-    assert fused_hand(with_hand(0.0, 0.5), guess, before=0.34) == pytest.approx((0.17, 0.5))  # of guesses all count
+    assert fused_hand(with_hand(0.0, 0.5), guess, before=0.34) == pytest.approx(
+        (0.17, 0.5)
+    )  # all inferred positions count
 
 
 def test_up_to_fifteen_centimetres_they_are_of_one_mind():

@@ -19,7 +19,7 @@ def performers():
 
 @pytest.fixture
 def body(walk):
-    """Make a frame of somebody who stands somewhere."""
+    """Return a frame of a performer who stands at x."""
 
     def make(time, user=1, x=0.0, confidence=1.0, swapped=False):
         positions = walk.positions[0] + [x, 0, 0]
@@ -30,7 +30,7 @@ def body(walk):
 
 
 def together(performers, *recordings):
-    """Show recordings to performers in the order of time; return the frames."""
+    """Pass recordings to `Performers` in the order of time; return the frames."""
     streams = [[(frame.time, k, frame) for frame in each] for k, each in enumerate(recordings)]
     seen = [performers.observe(sensor, frame) for _, sensor, frame in merge(*streams, key=lambda each: each[:2])]
     return [frame for frame in seen if frame is not None]
@@ -57,7 +57,7 @@ def test_without_noise_a_turn_is_exact_though_both_exchange_left_and_right(
 def test_two_sensors_beat_the_better_one_alone_in_the_turn(
     turn, seed, from_where, request, virtual_sensor, here, performers, true_positions
 ):
-    """The one alone is even told which side is left."""
+    """The single sensor even knows which side is left."""
     poses = [here, request.getfixturevalue(from_where)]
     sensors = [virtual_sensor(pose, seed=seed + k) for k, pose in enumerate(poses)]
     frames = together(performers, *(placed(s, s.record(turn, phase=0.013 * k)) for k, s in enumerate(sensors)))
@@ -82,7 +82,7 @@ def test_two_sensors_beat_the_better_one_alone_in_the_turn(
 def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
     turn, count, most, virtual_sensor, here, beside, opposite, performers, true_positions
 ):
-    """The mean of all would be 8 cm off. What only one of two sees is where that one says."""
+    """The mean of all would be 8 cm off. A joint that only one of two sensors sees has that sensor's position."""
     sensors = [virtual_sensor(pose, seed=1 + k, wrong=0.1) for k, pose in enumerate([here, beside, opposite][:count])]
     frames = together(performers, *(placed(s, s.record(turn, phase=0.01 * k)) for k, s in enumerate(sensors)))
     true = true_positions(turn, np.array([frame.time for frame in frames]))
@@ -134,7 +134,7 @@ def test_a_performer_is_lost_when_all_sensors_have_lost_them(performers, body):
 def test_a_performer_is_removed_after_a_long_absence(performers, body):
     assert performers.observe(0, body(0.0)).user == 1
     assert performers.forget(FORGET_SECONDS - 1) == []
-    assert performers.observe(0, body(FORGET_SECONDS, user=1)).user == 1  # the sensor's own number is enough
+    assert performers.observe(0, body(FORGET_SECONDS, user=1)).user == 1  # the sensor's own user number suffices
     assert performers.forget(2 * FORGET_SECONDS + 1) == [Lost(2 * FORGET_SECONDS + 1, 1)]
 
 
@@ -158,7 +158,7 @@ def test_afterwards_the_sides_are_those_of_the_frames_before(performers, body):
 
 
 def sides_exchanged(performers, sensors, clip, truth):
-    """Return which frames that come of a clip have left and right exchanged."""
+    """Return which frames of a clip have left and right swapped."""
     frames = together(performers, *(placed(s, s.record(clip, phase=0.013 * k)) for k, s in enumerate(sensors)))
     true = truth(clip, np.array([frame.time for frame in frames]))
     found = np.stack([frame.positions for frame in frames])
@@ -170,7 +170,7 @@ def sides_exchanged(performers, sensors, clip, truth):
 def test_a_performer_who_enters_backwards_is_corrected_once_by_walking(
     walk, seed, virtual_sensor, here, beside, performers, true_positions, turned
 ):
-    """Three metres away from them, and then a turn on the spot."""
+    """The performer walks three metres away from the sensors, and then turns on the spot."""
     middle = walk.positions[:, :1] * [1, 0, 1]
     place = np.minimum(1.0 * walk.times, 3.0)[:, None, None] * [0, 0, 1] + [0.3, 0, 1.5]
     clip = replace(walk, positions=(walk.positions - middle) * [-1, 1, -1] + place)

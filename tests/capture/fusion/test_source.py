@@ -17,7 +17,7 @@ TIMEOUT_SECONDS = 20.0
 
 
 class Scripted:
-    """A live source that gives what a test puts into it; what is an exception is raised."""
+    """A live source whose events come from a test; exceptions are raised."""
 
     recorded = False
 
@@ -57,7 +57,7 @@ class Scripted:
 
 @pytest.fixture
 def opened():
-    """The sources that were opened, by their URI, the newest last."""
+    """The opened sources by URI, the newest last."""
     return {"a": [], "b": []}
 
 
@@ -74,7 +74,7 @@ def source(opened, here, beside):
 
 @pytest.fixture
 def frame(walk):
-    """Make what a sensor sees of somebody who stands still."""
+    """Return a sensor's frame of a performer who stands still."""
 
     def make(pose, taken, user=1):
         positions = (walk.positions[0] - pose.position) @ pose.rotation
@@ -137,7 +137,7 @@ def test_a_member_that_fails_is_opened_again_while_the_other_continues(source, o
     assert select([descriptor], [], [], TIMEOUT_SECONDS)[0] == [descriptor]
     assert [(event.time, event.user) for event in next_events(source)] == [(again, 1)]
     assert source.fileno() == descriptor
-    assert source.counts.received == 2  # counted on where the member failed
+    assert source.counts.received == 2  # counts continue after a failure
 
 
 def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here, beside, caplog):
@@ -158,7 +158,7 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here
         wait(source, give_up)
         source.receive()
     assert tries == ["a", "b", "a", "a", "a"]
-    assert len(caplog.messages) == 2  # it is silent, and it cannot be opened: not again with each attempt
+    assert len(caplog.messages) == 2  # silent, and cannot be opened; attempts are not logged again
     source.close()
     assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
 
@@ -217,7 +217,7 @@ def test_only_the_newest_frame_of_each_performer_is_returned(source, opened, fra
 
 
 def to_the_end(source):
-    """Return all events, and the error that says it is over."""
+    """Return all events, and the error at the end."""
     events = []
     while True:
         try:
@@ -232,7 +232,7 @@ def part(clip, start, end):
 
 @pytest.mark.parametrize("late", [0.0, 0.4, -0.4])
 def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk, here, beside, virtual_sensor, late):
-    """The second begins as much later or earlier than the first; its clock is 100 s ahead."""
+    """The second recording begins later or earlier than the first; its clock is 100 s ahead."""
     other = virtual_sensor(beside, 100.0).record(walk)
     begin = round(abs(late) * 30)
     first = part(walk, begin if late < 0 else 0, 40)

@@ -10,7 +10,7 @@ FORWARDS, SIDEWAYS, UP = np.array([0, 0, -1.0]), np.array([1.0, 0, 0]), np.array
 
 @pytest.fixture
 def walked(walk):
-    """Follow somebody who faces the sensor and moves evenly, 30 times a second; return how far that was forwards."""
+    """Follow a performer who faces the sensor and moves evenly, at 30 Hz; return the distance walked forwards."""
 
     def follow(*velocities, seconds=1.0, body=None, pause=0.0):
         found, time, place = Walk(), 0.0, np.zeros(3)

@@ -18,7 +18,7 @@ def _feed(assembly, names, time, **kwargs):
 
 @pytest.fixture
 def assembly():
-    """One that has just given a frame of three parts."""
+    """An assembly that has just completed a frame of three parts."""
     new = FrameAssembly()
     assert _feed(new, "abc", 1.0) == []
     assert _names(new.end()) == ["abc"]

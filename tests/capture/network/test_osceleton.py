@@ -8,10 +8,10 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def _nite(pose, name, *, mirror):
-    """Return what NiTE measures of one of its joints, millimetres.
+    """Return NiTE's measurement of one of its joints in millimetres.
 
-    Without OSCeleton's mirror the picture is a mirror and NiTE names sides rightly; with it, it sees the camera's own
-    view, in which everything to the performer's right is to the left, and names the sides as they look.
+    If `mirror` is false, the image is mirrored and NiTE names the sides correctly. If it is true, NiTE sees the
+    camera's view, in which the performer's right is on the left, and swaps the names.
     """
     joint = JOINT_INDEX[name]
     return 1000 * (pose[OPPOSITE[joint]] * MIRROR if mirror else pose[joint])

@@ -35,7 +35,7 @@ SDK = "siiffffd"
 
 @pytest.fixture
 def body(osc_message, osc_bundle):
-    """One frame of one performer in OSCeleton's way, the head at a height of screen coordinates."""
+    """A function that returns OSCeleton's bundle for a frame, with the head at a height in screen coordinates."""
 
     def made(user, height=0.5):
         joints = (("head", height), ("neck", 0.4), ("torso", 0.5))
@@ -49,7 +49,7 @@ def _head(frame):
 
 
 def _port(opened):
-    """Return where a source listens by default, or would if nobody else did on this machine."""
+    """Return the default port of a source, even if another program on this machine uses it."""
     try:
         source = opened("")
     except SourceError as error:
@@ -102,7 +102,7 @@ def test_closing_twice_frees_the_port():
 
 
 def test_a_sender_in_another_process_is_received(listen, walk):
-    """With python-osc, one datagram a joint, as OSCeleton-KinectSDK2 sends them."""
+    """The sender uses python-osc and one datagram per joint, like OSCeleton-KinectSDK2."""
     wire = listen()
     script = f"""
 from pythonosc.udp_client import SimpleUDPClient
@@ -337,7 +337,7 @@ ANY = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_f
 @settings(max_examples=round(1000 * EFFORT), **ANY)
 @given(DATAGRAMS)
 def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
-    """One source for all examples, so that what one leaves behind meets the next."""
+    """One source serves all examples, so that each begins in the state that the last one left."""
     source, sender = long_lived
     received, refused = source.counts.received, sum(source.counts.refused.values())
     for datagram in datagrams:

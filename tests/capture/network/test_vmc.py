@@ -17,7 +17,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 def _sent(address, name, place=(0.0, 0.0, 0.0), turn=IDENTITY):
-    """Write a bone as another program's library does."""
+    """Write a bone with another program's library."""
     builder = OscMessageBuilder(address)
     builder.add_arg(name, "s")
     for number in (*place, *turn):
@@ -26,7 +26,7 @@ def _sent(address, name, place=(0.0, 0.0, 0.0), turn=IDENTITY):
 
 
 def _bone(name, turn=IDENTITY, place=(0.3, -0.2, 0.1)):
-    """A bone's place is an avatar's and must not matter, but for the hips."""
+    """Write a bone's rotation. Its position is the avatar's and must not matter, except for the hips."""
     return _sent("/VMC/Ext/Bone/Pos", name, (0.0, 1.0, 0.0) if name == "Hips" else place, turn)
 
 
@@ -71,7 +71,7 @@ def test_a_raised_arm_and_an_arm_held_out_are_at_computed_positions(listen):
 
 
 def test_random_poses_agree_with_scipy(listen, rng):
-    """Turned into a right-handed frame, which is the sensor's, a quaternion's x and y change their signs."""
+    """In right-handed sensor coordinates, x and y of a quaternion change their signs."""
     wire = listen(scheme="vmc")
     flip, flip_turn = np.array([1, 1, -1]), np.array([-1, -1, 1, 1])
     for _ in range(10):

@@ -17,7 +17,7 @@ from puppetline.errors import SkeletonLogError, SourceError
 
 
 class Clock:
-    """A monotonic clock that goes on when it is told to."""
+    """A monotonic clock that a test advances."""
 
     def __init__(self):
         self.now = 5000.0
@@ -59,7 +59,7 @@ def take(path, events):
 
 
 def play(source, clock, step=1 / 120, most=10_000):
-    """Call the source as the service does until it ends; return what came, with the clock's time of each."""
+    """Call the source like the service until it ends; return the events, each with the clock's time."""
     came = []
     for _ in range(most):
         try:
@@ -71,14 +71,14 @@ def play(source, clock, step=1 / 120, most=10_000):
 
 
 def key(event):
-    """What tells an event from all others, to the bit."""
+    """Return a value that is equal for events that are equal bit for bit."""
     if isinstance(event, SkeletonFrame):
         return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
     return event
 
 
 def performance():
-    """Some seconds of a stage with everything in it: a gap of a second without ticks, several events at one time."""
+    """Return some seconds of a stage: all kinds of events, a gap of 1 s without ticks, several events at a time."""
     yield Cue(100, "stage", {"characters": {"dog": {"since": 1 / 3, "user": None}}})
     for k in range(60):
         yield make_frame(100 + k / 30, user=1 + k % 2)
@@ -223,7 +223,7 @@ def test_real_logs_play_all_their_frames(real_logs, clock):
 
 
 def test_events_that_go_back_in_time_are_skipped(tmp_path, clock):
-    """A recording that was continued after a restart of the machine, whose clock began anew."""
+    """The recording was continued after a restart of the machine, whose clock restarted."""
     events = [
         make_frame(50.0),
         make_frame(50.05),
@@ -302,7 +302,7 @@ def test_many_events_at_one_time_are_returned_in_portions(tmp_path, clock):
     steps=st.lists(st.floats(0, 2.5), min_size=1, max_size=50),
 )
 def test_the_time_is_between_the_last_event_and_the_next(start, gaps, steps):
-    """So that a cue stamped with it stands between the events that it came between."""
+    """A cue with this time is between the events around it."""
     clock = Clock()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(capture.sources.replay, "time", clock)

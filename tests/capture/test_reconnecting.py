@@ -9,7 +9,7 @@ from capture.source import Counts, SilentSource, wait
 from puppetline.errors import SourceError
 
 GONE = SourceError("device", found="nothing there", expected="a device", fix="Plug it in.")
-PATIENCE = 20.0
+TIMEOUT_SECONDS = 20.0
 
 
 class Scripted:
@@ -61,7 +61,7 @@ def reopening():
 
 
 def run(source, until):
-    events, give_up = [], time.monotonic() + PATIENCE
+    events, give_up = [], time.monotonic() + TIMEOUT_SECONDS
     while not until():
         assert time.monotonic() < give_up
         wait(source, give_up)
@@ -130,7 +130,7 @@ def test_a_recording_that_has_ended_is_not_opened_again(reopening):
     silence = source.inner
     ticks = []
     while len(ticks) * TICK_SECONDS < 1.5 * RETRY_SECONDS:
-        wait(source, time.monotonic() + PATIENCE)
+        wait(source, time.monotonic() + TIMEOUT_SECONDS)
         ticks += source.receive()
     assert source.inner is silence
     assert len(source.left) == 1

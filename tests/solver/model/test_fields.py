@@ -232,12 +232,6 @@ def test_interpolation_is_the_hat_function_of_the_two_isolines_around(creature):
     np.testing.assert_allclose(phi, hats, atol=1e-12)
 
 
-def test_the_blends_of_each_field_sum_to_one(creature):
-    phi = fields.interpolation(fields.ladder_coordinates(modes_of(creature), 10), 10).toarray()
-    np.testing.assert_allclose(phi.reshape(-1, 8, 10).sum(axis=2), 1.0, atol=1e-12)
-    assert phi.min() >= 0
-
-
 # --- weights
 
 

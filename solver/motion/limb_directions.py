@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from puppetline.compiled import compiled
+from solver.model.vectors import MIN_LENGTH, between, blend, dot, length, row_of, unit
 from solver.motion import quaternions as quat
 from solver.motion.limb_plan import SIDES
 from solver.motion.retarget import is_position
-from solver.motion.vectors import MIN_LENGTH, between, blend, dot, length, row_of, unit
 
 INNER_JOINT_SHARES = 0.15, 0.35
 """Distances of a joint within the trunk from the trunk's ends, as shares of its length, above which it counts, and
@@ -39,7 +39,7 @@ TIME, SIDE_TIME, EXCHANGED, SINCE, HEADING = range(5)
 
 @compiled(inner=True)
 def observed(plan, state, time, positions, confidence, orientations):
-    """Return what a frame says about the performer's bones.
+    """Measure the performer's bones in a frame.
 
     Returns
     -------

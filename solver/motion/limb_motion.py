@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
+from solver.model.vectors import blend, in_axes, row_of, scaled, unit
 from solver.motion import quaternions as quat
 from solver.motion.limb_directions import HEADING, TIME, observed
 from solver.motion.limb_plan import plan_of
 from solver.motion.limb_turns import turn_bone
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
-from solver.motion.vectors import blend, in_axes, row_of, scaled, unit
 
 
 class _State(NamedTuple):

@@ -25,10 +25,7 @@ def aligned(modes, reference):
 def deformed(mesh, handles, targets):
     model = reduced_model.build(mesh)
     R = Deformer(model, mesh, handles, iterations=20).solve(targets)
-    W = reduced_model.position_matrix(
-        model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
-    )
-    return (W @ R) * model.diagonal + model.center
+    return (model.position_matrix(mesh.vertices) @ R) * model.diagonal + model.center
 
 
 def motion(handles, size=0.3):

@@ -11,7 +11,7 @@ from solver.surface.mesh import SolverMesh
 
 @pytest.fixture(scope="module")
 def frames(creature_model):
-    """Control variables of seven wild poses: nothing of them is smooth or small."""
+    """Control variables of seven random poses, neither smooth nor small."""
     return creature_model.rest_controls + np.random.default_rng(0).normal(
         scale=0.2, size=(7, *creature_model.rest_controls.shape)
     )
@@ -101,7 +101,7 @@ def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
 
 
 def test_places_from_the_middle_are_precise_far_from_the_origin(creature, creature_model, creature_handles, frames):
-    """Model units do not know where the mesh is: only its center does."""
+    """Model units do not depend on the position of the mesh."""
     far = replace(creature_model, center=creature_model.center + 3000 * creature.diagonal)
     moved = BatchBinding(far, creature.vertices + 3000 * creature.diagonal, np.arange(len(creature.vertices)))
     here = BatchBinding.of_solver_mesh(creature_model, creature)

@@ -50,7 +50,7 @@ def test_no_weight_between_two_vertices_is_negative(creature):
 
 
 def test_a_fin_with_a_needle_at_its_root_leaves_the_operator_bounded(figure):
-    """Three faces meet at the edge, which no flip can take away; one of them is flat on it."""
+    """Three faces meet at an edge that cannot be flipped; one of them is degenerate."""
     a, b = figure.edges[100]
     middle = figure.vertices[[a, b]].mean(axis=0)
     for height in (1e-3, 1e-6, 1e-9):
@@ -257,7 +257,7 @@ def test_weights_do_not_depend_on_place_scale_or_direction(creature, change):
     )
 
 
-# --- what must not show in the result
+# --- invariance of the deformation
 
 
 @pytest.fixture(scope="module")

@@ -59,7 +59,7 @@ def stiffness_of(model, mode, rows):
 
 
 class Plain:
-    """The iteration of Eq. 9 as it is written: solve for R, look at the surface, turn, and so on."""
+    """The iteration of Eq. 9 as written: solve for R, and compute the rotations from the surface."""
 
     def __init__(self, model, mesh, handles, mode):
         self.model, self.mode = model, mode
@@ -88,7 +88,7 @@ class Plain:
 
 
 def energy(model, mode, rows, R, turns, wanted):
-    """‖M^(−1/2) (L X − δ)‖² + λ ‖ΦX − C‖², and what clusters add, without what does not depend on R."""
+    """‖M^(−1/2) (L X − δ)‖² + λ ‖ΦX − C‖² and the edge term of clusters, without terms that do not depend on R."""
     A, B = energy_matrices(model, mode)
     surface = np.sum(R * (A @ R)) - 2 * np.sum(R * (B @ turns))
     return surface + stiffness_of(model, mode, rows) * np.sum((rows @ R - wanted) ** 2)
@@ -117,7 +117,7 @@ def test_rigid_motion_of_all_handles_is_rigid_motion_of_all_vertices(
 
 @pytest.mark.parametrize("mode", ISOLINES)
 def test_a_turn_of_120_degrees_frame_by_frame_ends_rigid(bound, creature, creature_model, surface, turn, mode):
-    """Warm-started, so that the rigid fit of the first frame does not do the work."""
+    """Frame by frame, so that only the first frame uses the rigid fit."""
     deformer = bound(mode=mode)
     for degrees in range(4, 121, 4):
         R = deformer.solve(deformer.handles @ turn(5, degrees))
@@ -244,7 +244,7 @@ def test_the_folded_iteration_is_the_plain_one(bound, creature, creature_model, 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_iteration_of_clusters_raises_the_energy(bound, creature, creature_model, creature_handles, seed):
-    """Turning and solving lower the same sum, so that clusters settle wherever the handles go."""
+    """Both steps lower the same sum, so clusters converge for all targets."""
     deformer = bound(mode="clusters", iterations=1)
     targets = pulled(deformer, seed)
     rows, wanted = creature_model.rows(creature, creature_handles), creature_model.to_model(targets)
@@ -352,7 +352,7 @@ def test_conversion_of_a_stack_is_that_of_each(bound, creature_model):
     np.testing.assert_array_equal(to_file_units(R, creature_model), [to_file_units(one, creature_model) for one in R])
 
 
-# --- handles that say little
+# --- handles that do not determine the pose
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -405,7 +405,7 @@ def test_a_real_character_at_rest_turned_and_pulled(real_character, surface, tur
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_handles_on_a_line_do_not_let_the_character_roll_away(bound, creature, creature_handles, count):
-    """After many loops of the handles, the pose is that of one quiet step and not of all the motion before."""
+    """After many loops of the handles, the pose does not depend on the motion before."""
     handles = creature_handles[:count]
     looping, quiet = bound(handles), bound(handles, iterations=60)
     rest = looping.handles
@@ -439,7 +439,7 @@ def test_frames_after_the_first_allocate_no_array(bound, creature, creature_mode
 @pytest.mark.parametrize(("count", "isolines"), [(3, 7), (1, 2), (5, 10)])
 @pytest.mark.parametrize("mode", MODES)
 def test_any_number_of_isolines_is_turned(creature, creature_handles, mode, count, isolines):
-    """Also where they do not fill up whole blocks of sixteen."""
+    """Also numbers that are not multiples of sixteen."""
     model = build(creature, ModelParameters(count, isolines))
     deformer = Deformer(model, creature, creature_handles, iterations=2, mode=mode)
     plain, targets = Plain(model, creature, creature_handles, mode), pulled(deformer)

@@ -10,7 +10,7 @@ UNLIMITED = np.full((3, 3, 2), np.inf)
 
 
 def mapping(rows, axes=((True,) * 3,) * 3, gain=(1.0, 1.0, 1.0)):
-    """A handle a row, each {joint: share}."""
+    """Return a mapping with one handle per row {joint: share}."""
     matrix = np.zeros((len(rows), JOINTS))
     for row, joints in zip(matrix, rows, strict=True):
         for joint, share in joints.items():
@@ -65,7 +65,7 @@ def test_the_sum_of_motions_is_the_displacement_while_every_joint_is_tracked(usu
 
 
 def test_after_a_drop_out_the_sum_drifts_and_the_displacement_does_not(usual, fit, walk):
-    """While joint 3 is lost a sensor's sum of motions stands still, and what was missed never comes back."""
+    """While joint 3 is lost, the sum of motions does not change, and the missed motion is never added."""
     frames, lost = walk.copy(), slice(50, 90)
     stepwise = retargeter(usual, fit, calibration=walk[0])
     targets = []
@@ -190,7 +190,7 @@ def test_a_joint_that_comes_back_closes_the_distance_smoothly(usual, fit, rate):
 
 
 def test_targets_never_jump_however_often_joints_are_lost(usual, fit):
-    """A smooth wave, lost at random: no step is larger than the wave's own plus the closing of the distance."""
+    """A smooth wave, lost at random: no step is larger than the wave's plus that of the easing."""
     rng = np.random.default_rng(1)
     times = np.arange(600) / 30
     wave = 0.3 * np.sin(2 * np.pi * times)

@@ -56,13 +56,13 @@ def test_the_rest_pose_is_where_the_vertices_are(binding, creature, creature_mod
 def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, frames):
     differences = frames - creature_model.rest_controls
     lengths = np.linalg.norm(binding.displacements(differences), axis=1)
-    distance, vertex = binding.farthest(differences)
+    distance, vertex = binding.largest_displacements(differences)
     np.testing.assert_array_equal(vertex, lengths.argmax(axis=0))
     np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
 
 
 def test_what_stands_still_is_at_distance_zero(binding, creature_model):
-    distance, vertex = binding.farthest(np.zeros((2, *creature_model.rest_controls.shape)))
+    distance, vertex = binding.largest_displacements(np.zeros((2, *creature_model.rest_controls.shape)))
     assert (distance.tolist(), len(vertex)) == ([0, 0], 2)
 
 
@@ -88,11 +88,11 @@ def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be
 
 
 def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
-    assert binding.at_a_time == batch.MAX_BATCH_FRAMES
+    assert binding.batch_frames == batch.MAX_BATCH_FRAMES
     monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding) * 20)
-    assert binding.at_a_time == 20
+    assert binding.batch_frames == 20
     monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding))
-    assert binding.at_a_time == batch.MIN_BATCH_FRAMES
+    assert binding.batch_frames == batch.MIN_BATCH_FRAMES
 
 
 def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):

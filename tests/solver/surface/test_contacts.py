@@ -68,7 +68,7 @@ def test_a_mesh_of_one_part_has_no_contacts_and_does_not_come_apart(creature):
     assert len(contacts(creature).vertices) == 0
     measure = PartSeparation(creature)
     measure.add((3 * creature.vertices)[:, :, None])
-    assert measure.worst == 0
+    assert measure.largest == 0
 
 
 def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_its_surface():
@@ -202,11 +202,11 @@ def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.25, 0.999, 0.25], [0.75, 2, 0.75], 0.25))
     measure = PartSeparation(mesh)
     measure.add((mesh.vertices)[:, :, None])
-    assert measure.worst == pytest.approx(0.001 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.001 / mesh.diagonal)
     upper = mesh.components[:, None] == 1
     for lift in (0.02, 0.05, 0.03):
         measure.add((mesh.vertices + lift * upper * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0.05 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.05 / mesh.diagonal)
 
 
 @pytest.mark.parametrize(
@@ -220,9 +220,9 @@ def test_separation_does_not_see_what_does_not_touch_at_rest(other):
     number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
     measure = PartSeparation(mesh)
     measure.add((mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0, abs=1e-12)
+    assert measure.largest == pytest.approx(0, abs=1e-12)
     measure.add((mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0.1 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.1 / mesh.diagonal)
 
 
 def test_rigid_motion_separates_nothing(turn):
@@ -230,7 +230,7 @@ def test_rigid_motion_separates_nothing(turn):
     rest, moved = PartSeparation(mesh), PartSeparation(mesh)
     rest.add((mesh.vertices)[:, :, None])
     moved.add((mesh.vertices @ turn(3, 70) + [4.0, -3, 2])[:, :, None])
-    assert moved.worst == pytest.approx(rest.worst, abs=1e-12)
+    assert moved.largest == pytest.approx(rest.largest, abs=1e-12)
 
 
 def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
@@ -251,4 +251,4 @@ def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
     measure, rng = PartSeparation(mesh), np.random.default_rng(5)
     for _ in range(10):
         measure.add((binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))[:, :, None])
-    assert measure.worst < TOUCH_DIAGONALS + 0.001
+    assert measure.largest < TOUCH_DIAGONALS + 0.001

@@ -1,4 +1,4 @@
-"""Compiles and calls avx2_blend.c, the yardstick for positions and normals."""
+"""Positions and normals by avx2_blend.c, which Puppetline's code is compared with."""
 
 import ctypes
 import shutil
@@ -12,11 +12,11 @@ from solver.model.reduced_model import Controls, ReducedModel
 
 SOURCE = Path(__file__).with_name("avx2_blend.c")
 FIELDS = 8
-"""The only number of fields that it takes."""
+"""Number of fields that avx2_blend.c supports."""
 
 
 class MissingError(Exception):
-    """The yardstick cannot be had on this machine; says why."""
+    """The loop in C cannot run on this machine; the message states why."""
 
 
 class Avx2Blend:
@@ -25,10 +25,10 @@ class Avx2Blend:
     Parameters
     ----------
     folder : Path
-        For the compiled library.
+        Folder for the compiled library.
     model : ReducedModel
     binding : ShadedBinding
-        The vertices.
+        Binding of the vertices.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class Avx2Blend:
 
     def __init__(self, folder: Path, model: ReducedModel, binding: ShadedBinding) -> None:
         if len(model.weights) != FIELDS:
-            raise MissingError(f"it is made for {FIELDS} fields")
+            raise MissingError(f"avx2_blend.c supports {FIELDS} fields only")
         self._frame = _compiled(folder).frame
         weights = model.weights.astype(np.float32)
         self._isolines = model.isolines
@@ -67,5 +67,5 @@ def _compiled(folder: Path) -> ctypes.CDLL:
     command = [compiler, "-O3", "-mavx2", "-mfma", "-shared", "-fPIC", "-o", library, SOURCE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise MissingError(f"{compiler} cannot compile it: {done.stderr.splitlines()[0]}")
+        raise MissingError(f"{compiler} cannot compile avx2_blend.c: {done.stderr.splitlines()[0]}")
     return ctypes.CDLL(str(library))

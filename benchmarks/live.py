@@ -1,10 +1,10 @@
-"""Measure the live service: the real command with real senders and clients, all of it on loopback.
+"""Measure the live service: the real command with real senders and clients on loopback.
 
 python -m benchmarks.live [--data FOLDER] [--quick] [--only latency,people,crowd,recovery,soak] [--keep FILE]
 
-Takes three quarters of an hour on a machine that does nothing else; --quick takes four minutes and shows whether it
-works. FOLDER is searched for armadillo.obj as by `benchmarks.performance`. FILE (JSON) has all figures, also those of
-parts that were measured before.
+This takes three quarters of an hour on an otherwise idle machine; --quick takes four minutes and tests the benchmark.
+FOLDER is searched for armadillo.obj as by `benchmarks.performance`. FILE (JSON) gets all values, and keeps those of
+parts that were measured earlier.
 """
 
 import argparse
@@ -25,14 +25,14 @@ from engine_bridge.cli.benchmark_process import CHARACTER, WARM_UP
 
 PARTS = ("latency", "people", "crowd", "recovery", "soak")
 
-PEOPLE, CLIENTS = 8, 100
+PERFORMERS, CLIENTS = 8, 100
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured."""
+    """Durations and numbers of the measurements."""
 
     latency_seconds: float = 60.0
     people_seconds: float = 30.0
@@ -49,27 +49,27 @@ QUICK = Plan(10.0, 10.0, 240.0, 4_000, 2, 20_000, 0.02)
 def measure(
     folder: Path, character: dict[str, Any], plan: Plan, parts: tuple[str, ...], say: Say, keep: Path | None = None
 ) -> dict[str, Any]:
-    """Measure what is asked for, one after the other.
+    """Measure parts one after the other.
 
     Parameters
     ----------
     folder : Path
-        As `benchmark.prepare` laid it out.
+        Folder from `benchmark.prepare`.
     character : dict
-        What that returned.
+        Result of `benchmark.prepare`.
     plan : Plan
     parts : tuple of str
-        Of `PARTS`.
+        Some of `PARTS`.
     say : callable
-        Told what comes next.
+        Called with the name of the next step.
     keep : Path, optional
-        Has what was measured before, and gets each part as soon as it is there.
+        File with earlier measurements, to which each part is added when it is complete.
 
     Returns
     -------
     dict
-        A value for each part, and beside them ``character``, ``machine`` and ``load``, what else the machine did
-        before each part: the mean number of processes that ran in the last minute.
+        A value for each part, ``character``, ``machine``, and ``load``: the mean number of running processes in the
+        minute before each part.
     """
     puppet, scratch = folder / CHARACTER, folder / "live"
     say("compiling")
@@ -83,7 +83,7 @@ def measure(
             f"{rate:g}": live_numbers.latency(scratch, puppet, rate, round(rate * plan.latency_seconds))
             for rate in (30.0, 60.0)
         },
-        "people": lambda: live_numbers.people(scratch, puppet, PEOPLE, plan.people_seconds),
+        "people": lambda: live_numbers.people(scratch, puppet, PERFORMERS, plan.people_seconds),
         "crowd": lambda: live_numbers.crowd(scratch, puppet, CLIENTS, plan.crowd_rate, plan.crowd_frames),
         "recovery": lambda: live_numbers.recovery(scratch, puppet, plan.recoveries, say),
         "soak": lambda: live_soak.soak(scratch / "soak", folder / WARM_UP, plan.soak_frames, plan.soak_pause, say),
@@ -99,12 +99,12 @@ def measure(
 
 
 def table(found: dict[str, Any]) -> Iterator[str]:
-    """Yield what `measure` found, line by line, as Markdown."""
-    it, on = found["character"], found["machine"]
+    """Yield the result of `measure` as lines of Markdown."""
+    character, system = found["character"], found["machine"]
     loads = ", ".join(f"{load:.1f} {part}" for part, load in found["load"].items())
     yield (
-        f"{it['name']}: {it['vertices']:,} vertices; {on['processor']}, {on['cores']} cores; {on['system']}; "
-        f"Python {on['python']}; load before: {loads}"
+        f"{character['name']}: {character['vertices']:,} vertices; {system['processor']}, {system['cores']} cores; "
+        f"{system['system']}; Python {system['python']}; load before: {loads}"
     )
     yield from ("", "| what | goal | measured | |", "| --- | --- | --- | --- |")
     yield from (goal.line() for goal in _goals(found))
@@ -121,18 +121,18 @@ def _goals(found: dict[str, Any]) -> Iterator[Goal]:
         yield Goal("… datagram sent → controls, median", each["sent_p50_ms"], 3, "ms")
         yield Goal("… 99th percentile", each["sent_p99_ms"], 8, "ms")
     if "people" in found:
-        yield Goal(f"{PEOPLE} characters at 30 Hz, share of one core", 100 * found["people"]["cpu"], 100, "%")
+        yield Goal(f"{PERFORMERS} characters at 30 Hz, share of one core", 100 * found["people"]["cpu"], 100, "%")
     if "crowd" in found:
         crowd = found["crowd"]
         spread = crowd["memory_mb"]["most"] - crowd["memory_mb"]["least"]
-        who = f"{CLIENTS} clients, {live_numbers.STALLED} of which never read, {crowd['frames']:,} frames"
-        yield Goal(f"{who}: frames that the others lost", crowd["lost"], 0, "")
+        clients = f"{CLIENTS} clients, {live_numbers.STALLED_CLIENTS} of which never read, {crowd['frames']:,} frames"
+        yield Goal(f"{clients}: frames that the others lost", crowd["lost"], 0, "")
         yield Goal("… memory, ± around its midpoint", spread / 2, 5, "MB")
     if "recovery" in found:
         recovery = found["recovery"]
         back = [then - start for then, start in zip(recovery["performing"], recovery["start"], strict=True)]
         for what, seconds in (
-            (f"source back after {live_numbers.SILENCE:g} s → performing", recovery["silent"]),
+            (f"source back after {live_numbers.SILENCE_SECONDS:g} s → performing", recovery["silent"]),
             ("service killed, and back → performing", back),
             ("a new client → scene and controls", recovery["client"]),
         ):
@@ -153,7 +153,10 @@ def _facts(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
             (f"{each['frames']:,}; {100 * each['cpu']:.1f} %; {each['received_max_ms']:.1f} ms received → controls"),
         )
     if "people" in found:
-        yield f"{PEOPLE} characters: frames that came out", f"{100 * found['people']['performed']:.1f} % of those sent"
+        yield (
+            f"{PERFORMERS} characters: frames streamed",
+            f"{100 * found['people']['performed']:.1f} % of those sent",
+        )
     if "crowd" in found:
         crowd = found["crowd"]
         yield (
@@ -186,10 +189,10 @@ def _series(values: list[float]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
-    parser.add_argument("--quick", action="store_true", help="little of everything")
+    parser.add_argument("--data", type=Path, help="a folder that contains armadillo.obj")
+    parser.add_argument("--quick", action="store_true", help="short measurements")
     parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join(PARTS)}")
-    parser.add_argument("--keep", type=Path, metavar="FILE", help="add to the figures of an earlier run")
+    parser.add_argument("--keep", type=Path, metavar="FILE", help="file to add the values to")
     options = parser.parse_args()
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None
     with tempfile.TemporaryDirectory() as folder, benchmark.own_cache(Path(folder)):

@@ -1,7 +1,4 @@
-"""What may befall a live service, done to a running one again and again; `benchmarks.live_soak` watches how it is.
-
-Each in turn, until standard input is closed.
-"""
+"""Faults for `benchmarks.live_soak`, inflicted on a running service in turn until standard input is closed."""
 
 import os
 import random
@@ -23,26 +20,26 @@ from benchmarks.live_peers import say, take_part
 from capture.network.osc import BUNDLE, bundle, encode
 from engine_bridge.service.protocol.header import subscription
 
-OPEN_FOR = 3
-"""Rounds for which half-open connections stay."""
+HALF_OPEN_ROUNDS = 3
+"""Number of rounds after which half-open connections are closed."""
 
-STEPS = (3600, -3600, 86_400, -86_400, 30 * 365 * 86_400, -1, 0)
-"""Seconds that the wall clock is ahead, one after the other."""
+CLOCK_STEPS_SECONDS = (3600, -3600, 86_400, -86_400, 30 * 365 * 86_400, -1, 0)
+"""Offsets of the wall clock, one after the other, in seconds."""
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 READY = b"\x05READY\x0bSocket-Type"
-SHAKEN = [
+HANDSHAKE = [
     GREETING,
     *(
         b"\x04" + bytes([len(READY) + 4 + len(kind)]) + READY + struct.pack(">I", len(kind)) + kind
         for kind in (b"SUB", b"DEALER")
     ),
 ]
-"""ZMTP 3's greeting, and what a stream's and a control socket's client says next."""
+"""ZMTP 3's greeting, and the READY commands of clients of the stream and of the control socket."""
 
 
 def _packed(*elements: tuple[int, bytes]) -> bytes:
-    """Return a bundle with the sizes it claims."""
+    """Return a bundle whose elements state the given sizes."""
     return BUNDLE + bytes(8) + b"".join(struct.pack(">i", size) + content for size, content in elements)
 
 
@@ -53,7 +50,7 @@ def _nested(depth: int) -> bytes:
     return packet
 
 
-HOSTILE = (
+HOSTILE_DATAGRAMS = (
     _packed((-4, b"")),
     _nested(400),
     b"/\xff\xfe\xfd\0\0\0\0,\0\0\0",
@@ -72,7 +69,7 @@ HOSTILE = (
     bytes(65_000),
     b"/" * 65_000,
 )
-"""What makes readers of OSC hang or fall over, and what is only wrong."""
+"""Datagrams that make readers of OSC hang or crash, and datagrams that are only wrong."""
 
 WRONG_BODIES = (
     b"",
@@ -93,25 +90,25 @@ WRONG_BODIES = (
 
 
 class Faults:
-    """Does them: whatever method has no underscore is a fault.
+    """Every public method except `names` and `run` is a fault.
 
     Parameters
     ----------
     stream, control : str
-        Where the service listens.
+        Endpoints of the service.
     source : int
-        Port that skeletons come to.
+        Port of its source.
     process : int
-        Of the service.
+        Its process id.
     puppet : str
-        A puppet file that it has loaded, to be written to.
+        A puppet file that it has loaded, which faults change.
     takes : str
         Its folder of takes.
     clock : str or None
-        The file that its wall clock looks at (clock.c).
+        File with the offset of its wall clock (clock.c).
     characters : list of str
     pause : float
-        Seconds from one fault to the next.
+        Seconds between two faults.
     seed : int
     """
 
@@ -145,7 +142,7 @@ class Faults:
         self.done: Counter[str] = Counter()
 
     def hostile_datagrams(self) -> None:
-        for datagram in HOSTILE:
+        for datagram in HOSTILE_DATAGRAMS:
             self._send(datagram)
 
     def mutilated_datagrams(self) -> None:
@@ -173,7 +170,7 @@ class Faults:
 
     def killed_in_handshake(self) -> None:
         for port in self._ports:
-            for said in (GREETING[:1], GREETING[:11], GREETING[:-1], GREETING, GREETING + SHAKEN[1][:9]):
+            for said in (GREETING[:1], GREETING[:11], GREETING[:-1], GREETING, GREETING + HANDSHAKE[1][:9]):
                 with self._connected(port) as client:
                     client.sendall(said)
                     client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # a reset
@@ -186,7 +183,7 @@ class Faults:
                 client.sendall(said)
                 opened.append(client)
         self._half_open.append(opened)
-        if len(self._half_open) > OPEN_FOR:
+        if len(self._half_open) > HALF_OPEN_ROUNDS:
             for client in self._half_open.pop(0):
                 client.close()
 
@@ -196,8 +193,8 @@ class Faults:
             self._random.randbytes(2000),
             GREETING + self._random.randbytes(2000),
             *(
-                b"".join(SHAKEN[:1]) + ready + rest
-                for ready in SHAKEN[1:]
+                b"".join(HANDSHAKE[:1]) + ready + rest
+                for ready in HANDSHAKE[1:]
                 for rest in (
                     b"\x02" + struct.pack(">Q", 2**62),
                     b"\x00\xff" + bytes(100),
@@ -280,8 +277,8 @@ class Faults:
 
     def a_step_of_the_wall_clock(self) -> None:
         if self._clock is not None:
-            with self._clock.open("r+b") as clock:  # in its place: the service maps it, and may read at any moment
-                clock.write(struct.pack("q", STEPS[self._steps % len(STEPS)]))
+            with self._clock.open("r+b") as clock:  # not replaced, because the service maps it
+                clock.write(struct.pack("q", CLOCK_STEPS_SECONDS[self._steps % len(CLOCK_STEPS_SECONDS)]))
             self._steps += 1
 
     def _send(self, datagram: bytes) -> None:
@@ -293,7 +290,7 @@ class Faults:
         beside.replace(self._puppet)
 
     def _ask(self, do: str, **arguments: Any) -> None:
-        """Make a request and wait for the answer; that it may be an error is no fault."""
+        """Send a request and wait for the reply, which may be an error."""
         with self._context.socket(zmq.REQ) as client:
             client.linger = 0
             client.connect(self._control)
@@ -306,12 +303,12 @@ class Faults:
 
     @contextmanager
     def _connected(self, port: int) -> Iterator[socket.socket]:
-        """Connect; that the service hangs up is no fault."""
+        """Connect; the service may close the connection."""
         with socket.create_connection(("127.0.0.1", port)) as client:
             try:
                 yield client
             except OSError:
-                self.done["hung up on"] += 1
+                self.done["closed by the service"] += 1
 
     @classmethod
     def names(cls) -> list[str]:
@@ -319,7 +316,7 @@ class Faults:
         return [name for name in vars(cls) if not name.startswith("_") and name not in ("names", "run")]
 
     def run(self, ended: threading.Event) -> dict[str, int]:
-        """Do one after the other, each of them as often as the others."""
+        """Inflict the faults in turn; return how often."""
         say("ready")
         try:
             while not ended.is_set():

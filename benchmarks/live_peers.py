@@ -1,7 +1,7 @@
-"""Those around a live service while it is measured: itself, who sends it skeletons, and who listens.
+"""The processes of a measurement of the live service: the service, senders and listeners.
 
-Each is a process of its own. Senders, listeners and whoever else takes part (``python -m MODULE ROLE SETTINGS``) say in
-a line of JSON that they are ready, and in another one how it was, when they are through or their input is closed.
+A sender, a listener or another peer (``python -m MODULE ROLE SETTINGS``) prints a line of JSON when it is ready, and
+another one with its result when it has finished or its standard input is closed.
 """
 
 import json
@@ -24,34 +24,34 @@ from benchmarks.datagrams import bodies
 from engine_bridge.service.protocol.header import PAYLOAD_OFFSET, TOPIC_BYTES, Header, subscription
 from engine_bridge.service.states import STATES
 
-PATIENCE = 300.0
-"""Seconds to wait for what must come."""
+TIMEOUT_SECONDS = 300.0
+"""How long to wait for the service, in seconds."""
 
 PERFORMING = STATES.index("performing")
 
-AT_A_TIME = 16
-"""Messages that a listener takes from one socket before the next has its turn."""
+MAX_MESSAGES_PER_TURN = 16
+"""Number of messages that a listener receives from one socket before the next socket has its turn."""
 
 
 class Service:
-    """The real command, from a service file.
+    """The real command with a service file.
 
     Parameters
     ----------
     folder : Path
-        For the service file, the log, takes and state.
+        Folder for the service file, the log, takes and state.
     settings : str
-        The service file.
+        Content of the service file.
     environment : dict, optional
-        Beside the usual one.
+        Additional environment variables.
 
     Attributes
     ----------
     process : subprocess.Popen
     started, ready : int
-        `time.monotonic_ns` at which it was started, and at which it served.
+        `time.monotonic_ns` when it was started, and when it served.
     stream, control : str
-        Where it listens.
+        Its endpoints.
     """
 
     def __init__(self, folder: Path, settings: str, environment: dict[str, str] | None = None) -> None:
@@ -59,7 +59,7 @@ class Service:
         (folder / "service.toml").write_text(settings, encoding="utf-8")
         self._log = folder / "service.log"
         command = [sys.executable, "-m", "puppetline", "serve", "--config", str(folder / "service.toml")]
-        # as it is installed: with its bytecode
+        # bytecode is written, as in an installation
         own = {"XDG_STATE_HOME": str(folder), "PYTHONDONTWRITEBYTECODE": "", **(environment or {})}
         self.started = time.monotonic_ns()
         with self._log.open("ab") as log:
@@ -72,27 +72,27 @@ class Service:
 
     @property
     def log(self) -> str:
-        """All that it has said, in earlier runs as well."""
+        """The log, including earlier runs."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def cpu_seconds(self) -> float:
-        """Return the seconds that all of its threads have worked so far."""
+        """Return the processor time of all its threads, in seconds."""
         times = self._usage.cpu_times()
         return times.user + times.system
 
     def memory(self) -> int:
-        """Return its resident memory, bytes."""
+        """Return its resident memory in bytes."""
         return self._usage.memory_info().rss
 
     def end(self, number: int = signal.SIGTERM) -> int:
-        """End it and return its exit code."""
+        """Stop the service and return its exit code."""
         self.process.send_signal(number)
-        return self.process.wait(PATIENCE)
+        return self.process.wait(TIMEOUT_SECONDS)
 
     def _wait_for(self, event: str, begin: int) -> Any:
         """Return the fields of an event in the log."""
-        give_up = time.monotonic() + PATIENCE
-        while time.monotonic() < give_up and self.process.poll() is None:
+        deadline = time.monotonic() + TIMEOUT_SECONDS
+        while time.monotonic() < deadline and self.process.poll() is None:
             with self._log.open("rb") as log:
                 log.seek(begin)
                 lines = [line for line in log if line.startswith(b"{") and line.endswith(b"}\n")]
@@ -107,17 +107,17 @@ class Service:
 def settings(
     puppets: dict[str, Path], port: int, *, max_clients: int = 64, stream: int = 0, calibrate: str = "at_once"
 ) -> str:
-    """Return a service file.
+    """Return the content of a service file.
 
     Parameters
     ----------
     puppets : dict
-        Puppet files by the names of their characters.
+        Names of characters to their puppet files.
     port : int
-        That skeletons come to.
+        Port of the source.
     max_clients : int
     stream : int
-        The port of the stream; 0 for any.
+        Port of the stream; 0 for any.
     calibrate : str
     """
     lines = ["announce = false", 'takes = "takes"', "[network]", f"port = {stream}", f"max_clients = {max_clients}"]
@@ -140,14 +140,14 @@ def serving(folder: Path, text: str, environment: dict[str, str] | None = None) 
 
 
 def free_udp_port() -> int:
-    """Return a port that nobody listens on."""
+    """Return a free UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         return int(free.getsockname()[1])
 
 
 def free_tcp_ports() -> int:
-    """Return a port that is free, as is the next one."""
+    """Return a free TCP port whose successor is also free."""
     while True:
         with socket.socket() as first, socket.socket() as second:
             first.bind(("127.0.0.1", 0))
@@ -160,15 +160,15 @@ def free_tcp_ports() -> int:
 
 
 class Peer:
-    """A sender or a listener, at work from the start.
+    """A sender, a listener or another peer, which starts immediately.
 
     Parameters
     ----------
     role : str
-        One of those that the module knows.
+        A role of the module.
     module : str
     settings : JSON
-        What it is called with.
+        Keyword arguments of the role.
     """
 
     def __init__(self, role: str, module: str = "benchmarks.live_peers", **settings: Any) -> None:
@@ -177,13 +177,13 @@ class Peer:
         self._said().readline()
 
     def result(self) -> Any:
-        """Wait until it is through, and return what it has found."""
+        """Wait until the peer has finished, and return its result."""
         line = self._said().readline()
         self.end()
         return json.loads(line)
 
     def end(self) -> Any:
-        """Let it come to an end, and return what it has found."""
+        """Stop the peer, and return its result."""
         found, _ = self._process.communicate()
         return json.loads(found) if found else None
 
@@ -193,20 +193,20 @@ class Peer:
 
 
 def sender(port: int, schedule: Sequence[tuple[float, int]], users: int = 1) -> Peer:
-    """Start somebody who sends skeletons as OSCeleton does.
+    """Start a sender of skeletons in the format of OSCeleton.
 
     Parameters
     ----------
     port : int
     schedule : sequence of (float, int)
-        So many frames a second for so many frames, and then the next.
+        Pairs of frames per second and number of frames.
     users : int
-        Performers, numbered from 1, each with a bundle a frame.
+        Number of performers, each with one bundle per frame.
 
     Returns
     -------
     Peer
-        Its result is the list of `time.monotonic_ns` at which frames were sent.
+        Its result is the list of `time.monotonic_ns` when frames were sent.
     """
     return Peer("send", port=port, schedule=[list(each) for each in schedule], users=users)
 
@@ -214,25 +214,25 @@ def sender(port: int, schedule: Sequence[tuple[float, int]], users: int = 1) -> 
 def listener(
     endpoint: str, topics: Sequence[str], sockets: int = 1, *, reads: bool = True, times: bool = False
 ) -> Peer:
-    """Start a client with so many SUB sockets.
+    """Start a client with SUB sockets.
 
     Parameters
     ----------
     endpoint : str
     topics : sequence of str
-        That each socket subscribes to.
+        Subscriptions of each socket.
     sockets : int
     reads : bool
-        Or it does not even look at what comes.
+        False for a client that never reads.
     times : bool
         Whether to keep the times of each message.
 
     Returns
     -------
     Peer
-        Its result is a list with a dict a socket: by topic the number of `messages`, the `first` and `last` sequence
-        numbers and how many were `lost` between them; and with `times` a list of [state, received, arrived], in
-        nanoseconds, by `Peer`'s clock.
+        Its result is a list with one dict per socket: by topic the number of `messages`, the `first` and `last`
+        sequence numbers and how many were `lost` between them; and with `times` a list of [state, received, arrived],
+        in nanoseconds of `time.monotonic_ns`.
     """
     return Peer("listen", endpoint=endpoint, topics=list(topics), sockets=sockets, reads=reads, times=times)
 
@@ -266,7 +266,7 @@ def _listen(
         opened.linger = 0
         opened.reconnect_ivl, opened.reconnect_ivl_max = 20, 200
         if not reads:
-            opened.rcvhwm = 10  # what does not fit waits on the service's side
+            opened.rcvhwm = 10  # more messages wait in the service
         for topic in topics:
             opened.subscribe(subscription(topic))
         opened.connect(endpoint)
@@ -284,8 +284,8 @@ def _listen(
 
 
 def _take(opened: "zmq.Socket[bytes]", found: dict[str, Any]) -> None:
-    """Take down what has come to a socket."""
-    for _ in range(AT_A_TIME):
+    """Record the messages that a socket has received."""
+    for _ in range(MAX_MESSAGES_PER_TURN):
         try:
             message = opened.recv(zmq.NOBLOCK)
         except zmq.Again:
@@ -303,12 +303,12 @@ def _take(opened: "zmq.Socket[bytes]", found: dict[str, Any]) -> None:
 
 
 def say(value: Any) -> None:
-    """Tell whoever started this process."""
+    """Print a line of JSON for the process that started this one."""
     print(json.dumps(value), flush=True)
 
 
 def take_part(roles: Mapping[str, Callable[..., Any]]) -> None:
-    """Play the role that the command line names until standard input is closed, and say what became of it."""
+    """Run the role that the command line names until standard input is closed, and print its result."""
     ended = threading.Event()
 
     def wait() -> None:

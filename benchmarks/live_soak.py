@@ -1,9 +1,9 @@
-"""A live service on a bad day: as many frames as it takes, while everything that may befall it does (`live_faults`).
+"""Run a live service for many frames while all faults of `live_faults` are inflicted on it.
 
 python -m benchmarks.live_soak PUPPET [--frames N] [--pause SECONDS]
 
-Performers send a frame as soon as the one before has come out, so that the service is always busy and, but for its
-stalls, nothing is overtaken. A good client is connected from beginning to end: it must miss nothing.
+Performers send a frame as soon as the previous one has been streamed. So the service is always busy, and drops nothing
+except while it stalls. A good client is connected from beginning to end and must lose nothing.
 """
 
 import argparse
@@ -34,60 +34,60 @@ CHARACTERS = ("one", "two", "three", "four")
 
 FRAMES = 1_000_000
 
-PATIENCE = 0.03
-"""Seconds after which a performer who got no frame goes on: theirs was overtaken, or they play nothing."""
+REPLY_TIMEOUT_SECONDS = 0.03
+"""Time after which a performer sends the next frame although the last one was not streamed, in seconds."""
 
-NEWCOMER = 0.01
-"""Seconds between the frames of a performer who is being calibrated, which takes some time, not some frames."""
+CALIBRATION_PERIOD_SECONDS = 0.01
+"""Time between two frames during calibration, which takes a time and not a number of frames, in seconds."""
 
-STAY = 4000
-"""Frames for which a performer stays, as a rule."""
+MAX_STAY_FRAMES = 4000
+"""Largest number of frames for which a performer stays."""
 
-AWAY = (0.1, 0.7, 2.0)
-"""Seconds for which they go."""
+ABSENCE_SECONDS = (0.1, 0.7, 2.0)
+"""How long performers stay away, in seconds."""
 
-WARM_UP = 0.1
-"""Share of the frames after which memory is compared with that at the end."""
+WARM_UP_SHARE = 0.1
+"""Share of the frames before the memory is compared with the end."""
 
-LONGEST = 45 * 60.0
-"""Seconds after which it ends in any case."""
+MAX_SECONDS = 45 * 60.0
+"""Longest duration, in seconds."""
 
 CLOCK = Path(__file__).with_name("clock.c")
 
 
 class Performer:
-    """Somebody before the sensor, who comes and goes."""
+    """A performer who enters and leaves at random."""
 
     def __init__(self, bodies: list[bytes], user: int) -> None:
         self.user = user
         self._bodies = bodies
         self._sent = 0
-        self._stay = random.randint(STAY // 2, STAY)
+        self._stay = random.randint(MAX_STAY_FRAMES // 2, MAX_STAY_FRAMES)
         self.sent_at = self.due = 0.0
         self.performing = False
 
     def send(self, sending: socket.socket, port: int, now: float) -> None:
-        """Send the next frame, or leave: silently, or so that the sensor notices."""
+        """Send the next frame, or leave, with or without a message of the sensor."""
         self._sent += 1
         if self._sent % self._stay == 0:
             self.performing = False
-            self.due = now + random.choice(AWAY)
+            self.due = now + random.choice(ABSENCE_SECONDS)
             if random.random() < 0.5:
                 sending.sendto(datagrams.lost(self.user), ("127.0.0.1", port))
             return
         sending.sendto(self._bodies[self._sent % len(self._bodies)], ("127.0.0.1", port))
         self.sent_at = time.monotonic()
-        self.due = now + PATIENCE
+        self.due = now + REPLY_TIMEOUT_SECONDS
 
     def answered(self, header: Header, now: float) -> None:
-        """Take note of a frame that has come out."""
+        """Note that a frame was streamed."""
         self.performing = header.state == PERFORMING
         if header.received * 1e-9 >= self.sent_at:
-            self.due = now if self.performing else self.sent_at + NEWCOMER
+            self.due = now if self.performing else self.sent_at + CALIBRATION_PERIOD_SECONDS
 
 
 class GoodClient:
-    """Listens to everything, and misses nothing."""
+    """A client that receives all characters and counts what it loses."""
 
     def __init__(self, endpoint: str) -> None:
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -105,7 +105,7 @@ class GoodClient:
         self._socket.poll(max(0, round(1000 * seconds)))
 
     def take(self) -> list[Header]:
-        """Return the headers of what has come."""
+        """Return the headers of the messages that have arrived."""
         headers: list[Header] = []
         for _ in range(64):
             try:
@@ -135,23 +135,23 @@ class GoodClient:
 def soak(
     folder: Path, puppet: Path, frames: int, pause: float, progress: Callable[[str], None] = lambda _: None
 ) -> dict[str, Any]:
-    """Run a service for so many frames with all faults.
+    """Run a service with all faults until `frames` frames have arrived.
 
     Parameters
     ----------
     folder : Path
-        For whatever it leaves.
+        Folder for all files.
     puppet : Path
     frames : int
-        Of all characters together that reach the good client.
+        Number of frames of all characters together that reach the good client.
     pause : float
-        Seconds from one fault to the next.
+        Seconds between two faults.
     progress : callable
 
     Returns
     -------
     dict
-        What was done, what the service counted, and what the good client noticed.
+        What was done, what the service counted, and what the good client received.
     """
     folder.mkdir(parents=True, exist_ok=True)
     own = folder / "puppet.toml"
@@ -175,14 +175,14 @@ def soak(
             pause=pause,
         )
         started = time.monotonic()
-        memory = _perform(client, service, port, frames, progress, started + LONGEST)
+        memory = _perform(client, service, port, frames, progress, started + MAX_SECONDS)
         seconds = time.monotonic() - started
         done = faults.end()
         status = _calm(client)
         late = _late_client(service.stream)
         code = service.end()
         client.close()
-    settled = memory[round(WARM_UP * len(memory)) :]
+    settled = memory[round(WARM_UP_SHARE * len(memory)) :]
     first, *_, last = tenths = [float(np.median(part)) for part in np.array_split(settled, 10) if len(part)]
     said = [json.loads(line)["event"].partition(":")[0] for line in service.log.splitlines() if line.startswith("{")]
     events = Counter(said)
@@ -210,7 +210,7 @@ def soak(
 
 
 def _copy(puppet: Path, own: Path) -> None:
-    """Write a puppet file that may be changed and that finds its mesh from anywhere."""
+    """Copy a puppet file, with an absolute path of its mesh."""
     loaded = puppet_file.load(puppet)
     mesh = (puppet.parent / loaded.character.mesh).resolve()
     character = loaded.character.model_copy(update={"mesh": str(mesh)})
@@ -220,13 +220,13 @@ def _copy(puppet: Path, own: Path) -> None:
 def _perform(
     client: GoodClient, service: Service, port: int, frames: int, progress: Callable[[str], None], until: float
 ) -> NDArray[np.float64]:
-    """Perform for so many frames; return the memory of the service, megabytes, in equal intervals."""
+    """Send frames until `frames` have arrived; return the memory of the service in megabytes, once per second."""
     people = datagrams.bodies(len(CHARACTERS))
     performers = {
         user: Performer([together[user - 1] for together in people], user) for user in range(1, len(CHARACTERS) + 1)
     }
     memory: list[float] = []
-    look_at = time.monotonic()
+    next_sample = time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         while client.frames < frames and (now := time.monotonic()) < until:
             for header in client.take():
@@ -236,8 +236,8 @@ def _perform(
                 if performer.due <= now:
                     performer.send(sending, port, now)
             client.wait(min(performer.due for performer in performers.values()) - time.monotonic())
-            if now >= look_at:
-                look_at = now + 1.0
+            if now >= next_sample:
+                next_sample = now + 1.0
                 memory.append(service.memory() / 1e6)
                 if len(memory) % 30 == 0:
                     progress(f"{client.frames:,} frames, {memory[-1]:.1f} MB, {client.lost} lost")
@@ -247,7 +247,7 @@ def _perform(
 
 
 def _calm(client: GoodClient, seconds: float = 3.0) -> dict[str, Any]:
-    """Let the service come to rest and return its status."""
+    """Wait until the service is idle, and return its status."""
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         client.take()
@@ -256,7 +256,7 @@ def _calm(client: GoodClient, seconds: float = 3.0) -> dict[str, Any]:
 
 
 def _late_client(endpoint: str) -> bool:
-    """Tell whether somebody who comes now gets a scene and frames without gaps."""
+    """Return whether a new client receives a scene, and frames without gaps."""
     with zmq.Context() as context, context.socket(zmq.SUB) as late:
         late.linger = 0
         for topic in ("one/scene/late", "one/controls"):
@@ -273,7 +273,7 @@ def _late_client(endpoint: str) -> bool:
 
 
 def _clock(folder: Path) -> dict[str, str] | None:
-    """Return the environment in which the wall clock steps; None where it cannot be compiled."""
+    """Return the environment in which the wall clock steps; None if clock.c cannot be compiled."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or sys.platform != "linux":
         return None
@@ -289,7 +289,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("puppet", type=Path)
     parser.add_argument("--frames", type=int, default=FRAMES)
-    parser.add_argument("--pause", type=float, default=0.5, help="seconds from one fault to the next")
+    parser.add_argument("--pause", type=float, default=0.5, help="seconds between two faults")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = soak(Path(folder), options.puppet, options.frames, options.pause, _progress)

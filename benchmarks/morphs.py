@@ -1,9 +1,9 @@
-"""What `puppetline bake` makes of the example characters, and how well it follows what it has not seen.
+"""Size and accuracy of `puppetline bake` for the example characters, also for motion that was not baked.
 
 python -m benchmarks.morphs FOLDER
 
-prints the table of docs/morphs.md and draws FOLDER/morphs.png: of each character the moment in which a vertex is
-farthest off, as the solver has it and as weights do. Each performance is left out of a basis once, and then projected.
+prints the table of docs/morphs.md and draws FOLDER/morphs.png: for each character the frame with the largest error, by
+the solver and by weights. Each performance is omitted from one basis, and then projected on it.
 """
 
 import shutil
@@ -31,8 +31,8 @@ from solver.model.batch import BatchBinding
 
 PUPPETS = Path(__file__).parents[1] / "examples" / "puppets"
 SETTINGS = Settings(tolerance=DEFAULT_TOLERANCE)
-TILE_SIZE = (320, 320)
-REPEATED = 2000
+TILE_PIXELS = (320, 320)
+REPETITIONS = 2000
 HEADER = """| character | vertices | targets | file, MB | baked in, s | largest error | unseen: mean | worst frame | \
 worst vertex | targets of recordings | their worst frame | projection, µs |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
@@ -40,7 +40,7 @@ worst vertex | targets of recordings | their worst frame | projection, µs |
 
 @dataclass(frozen=True)
 class Unseen:
-    """A performance on a basis that was not made of it: residuals, and the pose whose vertex is farthest off."""
+    """A performance on a basis without it: residuals, and the pose with the largest error of a vertex."""
 
     targets: int
     left: NDArray[np.float64]
@@ -82,7 +82,7 @@ def main() -> None:
         )
         tiles += pictures(rig, worst)
         labels += [f"{name}: solver", f"weights, {percent(worst.farthest)} off"]
-    write_contact_sheet(tiles, labels, 2, folder / "morphs.png", "Where an unseen clip is farthest off")
+    write_contact_sheet(tiles, labels, 2, folder / "morphs.png", "Largest errors of unseen motion")
 
 
 def silent(_stage: str, _share: float) -> None: ...
@@ -104,7 +104,7 @@ def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
     shown = [basis.project(R) for R in frames]
     moved = np.tensordot([each.weights for each in shown], basis.targets, axes=1).transpose(0, 2, 1)
     nearest = (rig.model.rest_controls + moved).astype(np.float32)
-    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).farthest(frames - nearest)
+    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).largest_displacements(frames - nearest)
     left = [each.residual for each in shown]
     at = int(away.argmax())
     return Unseen(len(basis.names), np.array(left), float(away[at]) / rig.mesh.diagonal, frames[at], nearest[at])
@@ -113,7 +113,7 @@ def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
 def microseconds(basis: LiveBasis, R: NDArray[np.float64]) -> float:
     basis.project(R)
     took = []
-    for _ in range(REPEATED):
+    for _ in range(REPETITIONS):
         start = time.perf_counter()
         basis.project(R)
         took.append(time.perf_counter() - start)
@@ -124,7 +124,7 @@ def pictures(rig: Rig, worst: Unseen) -> list[NDArray[np.uint8]]:
     binding = BatchBinding(rig.model, rig.character.vertices, rig.mesh.of_render)
     poses = binding.vertices(np.array([worst.R, worst.nearest])).transpose(2, 0, 1) @ rig.puppet.character.basis.T
     view = View.around(poses[0])
-    return [render(pose, rig.character.triangles, view, TILE_SIZE, rig.character.colors) for pose in poses]
+    return [render(pose, rig.character.triangles, view, TILE_PIXELS, rig.character.colors) for pose in poses]
 
 
 def percent(share: float) -> str:

@@ -1,8 +1,8 @@
-"""Compare what Blender shows of exported files with what was solved: ``python -m benchmarks.peers [--data FOLDER]``.
+"""Compare exported files in Blender with the solver: ``python -m benchmarks.peers [--data FOLDER]``.
 
-Each example character plays its own performance; with the folder of real meshes and recordings, five characters play
-three recordings each, with the puppets that are proposed for them. A row of the table is a file of morph targets: the
-largest distance of a vertex at forty evenly spaced times from where the solver puts it, as a share of the diagonal.
+Each example character plays its own motion. With a folder of real meshes and recordings, five characters with proposed
+puppet files also play three recordings each. A row of the table is a file with morph targets: the largest distance of a
+vertex from its position in the solver at forty evenly spaced times, relative to the diagonal.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def main() -> None:
     options = parser.parse_args()
     blender = players.commands()["Blender"]
     if blender is None:
-        parser.error("Blender is not here: call make peers")
+        parser.error("Blender is not installed: run make peers")
     with tempfile.TemporaryDirectory() as place, benchmark.own_cache(Path(place)):
         folder, version = Path(place), None
         for character, log, puppet in [*_examples(folder), *(_real(folder, options.data) if options.data else ())]:
@@ -48,7 +48,7 @@ def main() -> None:
             shown = players.play(blender, output, TIMES, folder / "shown")
             if version is None:
                 version = shown.report["version"]
-                print(f"Blender {version}, {TIMES} times a file; distances as % of the diagonal\n")
+                print(f"Blender {version}, {TIMES} times per file; distances as % of the diagonal\n")
                 print("| character | recording | frames | targets | weights | printed error | largest distance |")
                 print("| --- | --- | --- | --- | --- | --- | --- |")
             distance = players.farthest(shown.meshes, players.solved(clip)(shown.times)) / clip.rig.mesh.diagonal

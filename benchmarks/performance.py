@@ -1,10 +1,10 @@
-"""Make the tables and plots of docs/performance.md anew; takes about ten minutes, on a machine that does nothing else.
+"""Update the tables and plots of docs/performance.md; takes about ten minutes on an otherwise idle machine.
 
 python -m benchmarks.performance [--data FOLDER] [--only goals,table1,convergence,live] [--live FILE]
 
-FOLDER is searched for armadillo.obj, the 43,243-vertex Armadillo of libigl's tutorial data; without it, an example
-character of as many vertices takes its place. The live service (`benchmarks.live`) takes three quarters of an hour and
-is measured only where --only names it; with --live, its table is made of what `benchmarks.live` kept in FILE.
+FOLDER is searched for armadillo.obj, the Armadillo of libigl's tutorial data with 43,243 vertices; the default is an
+example character with as many vertices. The live service (`benchmarks.live`) takes three quarters of an hour and is
+measured only if --only names it. With --live, its table is made from the FILE of `benchmarks.live --keep`.
 """
 
 import argparse
@@ -28,10 +28,10 @@ LIVE = "live"
 
 
 def replaced(text: str, name: str, lines: list[str]) -> str:
-    """Replace what stands between <!-- name --> and <!-- /name -->."""
+    """Replace the lines between <!-- name --> and <!-- /name -->."""
     pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
     if not pattern.search(text):
-        raise SystemExit(f"{DOCUMENT}: no place from <!-- {name} --> to <!-- /{name} -->")
+        raise SystemExit(f"{DOCUMENT}: no lines between <!-- {name} --> and <!-- /{name} -->")
     return pattern.sub(lambda found: "\n".join([found[1].rstrip(), *lines, found[2]]), text)
 
 
@@ -41,9 +41,9 @@ def say(text: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, help="a folder that holds armadillo.obj")
+    parser.add_argument("--data", type=Path, help="a folder that contains armadillo.obj")
     parser.add_argument("--only", default=",".join(PARTS), help=f"a part of {','.join((*PARTS, LIVE))}")
-    parser.add_argument("--live", type=Path, metavar="FILE", help="what benchmarks.live has measured")
+    parser.add_argument("--live", type=Path, metavar="FILE", help="measurements from benchmarks.live --keep")
     options = parser.parse_args()
     todo = options.only.split(",")
     mesh = min(options.data.rglob("armadillo.obj"), default=None) if options.data else None

@@ -1,7 +1,7 @@
-"""Programs that open a .glb: run their players in tests/peers, and compare what they show with what was solved.
+"""Programs that open a .glb: run their players in tests/peers, and compare what they show with the solver.
 
-Each player takes a file, a number of times and where to write, and leaves a table of (node, primitive) of the file with
-world positions at evenly spaced times, from the start of the animation to its end.
+Each player gets a file, a number of times and an output path. It writes the world positions of each (node, primitive)
+of the file at evenly spaced times, from the start of the animation to its end.
 """
 
 import ctypes.util
@@ -25,17 +25,17 @@ from solver.model.reduced_model import position_matrix
 ROOT = Path(__file__).parents[1]
 PEERS = ROOT / "tests" / "peers"
 BLENDER = ROOT / ".venv-blender"
-"""An environment with bpy, where `make peers` finds the Python that bpy is for."""
+"""Virtual environment with bpy, which `make peers` creates."""
 
-ASSIMP = {(5, 1), (5, 2)}
-"""Versions of assimp whose structures its player knows."""
+ASSIMP_VERSIONS = {(5, 1), (5, 2)}
+"""Versions of assimp whose structures the player supports."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Shown:
-    """What a program shows of a file.
+    """Positions that a program shows.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Shown:
     meshes : dict
         (node, primitive) of the file to (n, V, 3) world positions; NaN where the program dropped a vertex.
     report : dict
-        All else that the player told, see its script.
+        Other output of the player; see its script.
     """
 
     times: Floats
@@ -53,7 +53,7 @@ class Shown:
 
 
 def commands() -> dict[str, list[str | Path] | None]:
-    """Return how each program's player is called, None where the program is not here."""
+    """Return the command of each program's player; None if the program is not installed."""
     node, godot = shutil.which("node"), shutil.which(os.environ.get("GODOT", "godot"))
     modules = node is not None and (PEERS / "node_modules").is_dir()
     bpy = any(BLENDER.glob("lib/*/site-packages/bpy"))
@@ -61,18 +61,18 @@ def commands() -> dict[str, list[str | Path] | None]:
         "Blender": [BLENDER / "bin" / "python", PEERS / "play_blender.py"] if bpy else None,
         "three.js": [node, PEERS / "play.mjs"] if modules else None,
         "Babylon.js": [node, PEERS / "play_babylon.mjs"] if modules else None,
-        "assimp": [sys.executable, PEERS / "play_assimp.py"] if _assimp_is_known() else None,
+        "assimp": [sys.executable, PEERS / "play_assimp.py"] if _has_assimp() else None,
         "Godot": [godot, "--headless", "--path", PEERS / "godot", "--script", "play.gd", "--"] if godot else None,
     }
 
 
-def _assimp_is_known() -> bool:
-    """Whether the C library of assimp is here, in a version whose structures the player knows."""
+def _has_assimp() -> bool:
+    """Return whether the C library of assimp is installed in a version that the player supports."""
     name = ctypes.util.find_library("assimp")
     if name is None:
         return False
     library = ctypes.CDLL(name)
-    return (library.aiGetVersionMajor(), library.aiGetVersionMinor()) in ASSIMP
+    return (library.aiGetVersionMajor(), library.aiGetVersionMinor()) in ASSIMP_VERSIONS
 
 
 def play(command: list[str | Path], file: Path, count: int, base: Path, *more: str) -> Shown:
@@ -81,7 +81,7 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
     Raises
     ------
     RuntimeError
-        With what the program wrote, if it failed.
+        The program failed; the message contains its output.
     """
     ran = subprocess.run(
         [*map(str, command), str(file), str(count), str(base), *more], capture_output=True, text=True, check=False
@@ -116,7 +116,7 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
 
 
 def vertices_used(document: Document) -> dict[tuple[int, int], NDArray[np.int64]]:
-    """Return the vertices of each (node, primitive) that its indices name, in ascending order."""
+    """Return the sorted vertices of each (node, primitive) that its indices use."""
     used = {}
     for index, node in enumerate(document.gltf["nodes"]):
         if "mesh" in node:
@@ -130,10 +130,10 @@ def vertices_used(document: Document) -> dict[tuple[int, int], NDArray[np.int64]
 
 
 def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
-    """Return what gives each (node, primitive) its world positions at any times, straight lines between the keyframes.
+    """Return a function from times to the world positions of each (node, primitive), linear between keyframes.
 
-    Positions are float64 and come from the control variables themselves, not from what was exported; the clock is that
-    of the file, whose key times are float32.
+    Positions are float64 and computed from the control variables, not from the exported file; key times are float32, as
+    in the file.
     """
     model, mesh, character = clip.rig.model, clip.rig.mesh, clip.rig.character
     W = position_matrix(model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines)
@@ -157,7 +157,7 @@ def solved(clip: Clip) -> Callable[[Floats], dict[tuple[int, int], Floats]]:
 
 
 def farthest(shown: dict[tuple[int, int], Floats], expected: dict[tuple[int, int], Floats]) -> float:
-    """Return the largest distance of a vertex from where it should be, over all times and meshes.
+    """Return the largest distance of a vertex from its expected position, over all times and meshes.
 
     Raises
     ------

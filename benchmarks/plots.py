@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 BLUE, ORANGE, GREEN, GREY = "#1f6fb4", "#d95f0e", "#238b57", "#6b7280"
 
 STYLE = {
-    "figure.facecolor": "white",  # a card of its own, to be read on dark pages too
+    "figure.facecolor": "white",  # readable on dark pages too
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.edgecolor": GREY,
@@ -36,7 +36,7 @@ Points = Sequence[dict[str, Any]]
 
 
 def cost(points: Points, path: Path) -> None:
-    """Draw the cost of a frame, of the pre-computation and its memory, against vertices."""
+    """Draw time per frame, and time and memory of the pre-computation, against vertices."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.5, 3.9), layout="constrained")
         frame, seconds, memory = figure.subplots(1, 3, width_ratios=(1.5, 1, 1))
@@ -58,7 +58,7 @@ def cost(points: Points, path: Path) -> None:
 
 
 def convergence(found: dict[str, Any], path: Path) -> None:
-    """Draw the distance to the converged result against iterations a frame."""
+    """Draw the distance to the converged result against iterations per frame."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7, 4), layout="constrained")
         axes = figure.subplots()
@@ -70,7 +70,7 @@ def convergence(found: dict[str, Any], path: Path) -> None:
         axes.axvline(4, color=GREY, linewidth=1, linestyle=(0, (1, 2)))
         axes.text(4.1, axes.get_ylim()[1], "default", color=GREY, fontsize=8.5, va="top")
         axes.legend(frameon=False)
-        axes.set(xscale="log", yscale="log", xlabel="iterations a frame", xticks=iterations)
+        axes.set(xscale="log", yscale="log", xlabel="iterations per frame", xticks=iterations)
         axes.set_title("Distance from the converged result, % of the diagonal")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

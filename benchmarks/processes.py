@@ -1,4 +1,4 @@
-"""The measurements of `benchmarks.performance`, each in a process of its own as in `engine_bridge.cli.benchmark`."""
+"""The measurements of `benchmarks.performance`, each in a separate process as in `engine_bridge.cli.benchmark`."""
 
 import time
 from collections.abc import Iterator
@@ -27,24 +27,24 @@ from solver.model.rotations import TRIANGLES_PER_ISOLINE, RotationMode
 from solver.motion.deformer import Deformer, to_file_units
 
 MODULE = "benchmarks.processes"
-"""What `engine_bridge.cli.benchmark.in_process` starts."""
+"""Module that `engine_bridge.cli.benchmark.in_process` starts."""
 
-LARGEST_ARAP = 260_000
-"""Vertices of the largest mesh on which a full-resolution ARAP is bearable."""
+MAX_ARAP_VERTICES = 260_000
+"""Number of vertices of the largest mesh that is measured with full-resolution ARAP."""
 
 MODES: tuple[RotationMode, ...] = ("covariance", "triangles")
 
 ITERATIONS = (1, 2, 4, 8, 16)
 
-SETTLED = 60
-"""Iterations a frame after which nothing moves any more."""
+CONVERGED_ITERATIONS = 60
+"""Iterations per frame after which vertices no longer move."""
 
-WATCHED = 4000
-"""Vertices, spread over the mesh, at which the error is taken."""
+SAMPLED_VERTICES = 4000
+"""Number of vertices, spread over the mesh, at which the error is measured."""
 
 
 def yardstick(folder: Path) -> dict[str, Any]:
-    """Time positions and normals in turn with the loop in C, after a look whether both say the same."""
+    """Time positions and normals in turn with the loop in C, after a check that both agree."""
     playing = Playing(load_rig(folder / CHARACTER), folder / LOG)
     try:
         avx2 = Avx2Blend(folder, playing.rig.model, playing.binding)
@@ -66,7 +66,7 @@ def yardstick(folder: Path) -> dict[str, Any]:
 
 
 def point(folder: Path) -> dict[str, float]:
-    """Time a frame's parts on a mesh of any size."""
+    """Time the steps of a frame on a mesh of any size."""
     rig = load_rig(folder / CHARACTER)
     playing = Playing(rig, folder / LOG)
     controls = playing.controls().copy()
@@ -74,7 +74,7 @@ def point(folder: Path) -> dict[str, float]:
         "solve": Work(lambda _: playing.controls(), 250),
         "vertices": Work(lambda _: playing.vertices(controls), 5),
     }
-    if len(rig.mesh.vertices) <= LARGEST_ARAP:
+    if len(rig.mesh.vertices) <= MAX_ARAP_VERTICES:
         todo["arap_iteration"] = arap_iteration(
             rig.mesh, playing.performance.deformer.handles, handle_path(playing, 60)
         )
@@ -82,7 +82,7 @@ def point(folder: Path) -> dict[str, float]:
 
 
 def table1_row(folder: Path) -> dict[str, Any]:
-    """Measure what a row of the paper's Table 1 has: both rotation updates, one iteration a frame."""
+    """Measure a row of the paper's Table 1: both rotation updates, with one iteration per frame."""
     benchmark_process.warm_up(folder)
     rig = load_rig(folder / CHARACTER)
     handles = rig.puppet.handle_positions
@@ -106,7 +106,7 @@ def table1_row(folder: Path) -> dict[str, Any]:
     todo["vertices"] = Work(lambda _: playing.vertices(controls), 10)
     retargeting = Playing(rig, folder / LOG)
     still = retargeting.performance.step(retargeting.frame()).R
-    retargeting.performance.deformer.solve = lambda *_: still  # what is left is filter and retargeting
+    retargeting.performance.deformer.solve = lambda *_: still  # leaves filter and retargeting
     todo["input"] = Work(lambda _: retargeting.performance.step(retargeting.frame()), 60)
     return found | medians(interleaved(todo, 40))
 
@@ -123,16 +123,16 @@ def with_solver(rig: Rig, mode: RotationMode, iterations: int) -> Rig:
 
 
 def convergence(folder: Path) -> dict[str, Any]:
-    """Take the distance of vertices from where endless iterations would put them, frames following each other as live.
+    """Measure the distance of vertices from the converged result, each frame starting from the previous one.
 
     Returns
     -------
     dict
-        For each mode and number of iterations the largest and the 99th percentile, percent of the diagonal.
+        For each mode and number of iterations the largest distance and the 99th percentile, in percent of the diagonal.
     """
     rig = load_rig(folder / CHARACTER)
     binding = Binding.of_solver_mesh(rig.model, rig.mesh)
-    sample = np.linspace(0, len(rig.mesh.vertices) - 1, min(WATCHED, len(rig.mesh.vertices))).astype(int)
+    sample = np.linspace(0, len(rig.mesh.vertices) - 1, min(SAMPLED_VERTICES, len(rig.mesh.vertices))).astype(int)
     binding = binding.only(sample)
     targets = list(handle_targets(rig, folder / LOG))
 
@@ -143,7 +143,7 @@ def convergence(folder: Path) -> dict[str, Any]:
 
     found: dict[str, Any] = {"iterations": ITERATIONS}
     for mode in MODES:
-        settled = positions(mode, SETTLED)
+        settled = positions(mode, CONVERGED_ITERATIONS)
         errors = [100 * np.linalg.norm(positions(mode, n) - settled, axis=2) / rig.mesh.diagonal for n in ITERATIONS]
         found[mode] = {
             "max": [float(error.max()) for error in errors],
@@ -153,7 +153,7 @@ def convergence(folder: Path) -> dict[str, Any]:
 
 
 def handle_targets(rig: Rig, log: Path) -> Iterator[NDArray[np.float64]]:
-    """Yield what the deformer is given, (h, 3), for each frame of a log."""
+    """Yield the targets of the handles (h, 3) for each frame of a recording."""
     playing = Playing(rig, log)
     solve, given = playing.performance.deformer.solve, []
 

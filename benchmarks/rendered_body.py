@@ -1,7 +1,7 @@
-"""A performer whose joints are known, as a depth sensor sees it: the example character `human` in a plain room.
+"""Images of a depth sensor of a performer whose joints are known: the example character `human` in a plain room.
 
-The character is made of rounded cones about bones (examples/characters/human.py), which say where its joints are. They
-are turned about these joints, and each vertex follows the bones that it is near; so the joints stay known in each pose.
+The character consists of rounded cones around bones (examples/characters/human.py), which define its joints. The bones
+are rotated about these joints, and each vertex follows the bones near it, so the joints are known in each pose.
 """
 
 from typing import NamedTuple
@@ -20,20 +20,20 @@ Floats = NDArray[np.float64]
 
 LENS = Lens(640, 480, 525.0)
 HEIGHT = 1.75
-"""Metres, from the soles to the hair."""
+"""Height of the character from the soles to the hair, in metres."""
 EYE = 1.0
-"""Metres from the floor to the sensor, which looks level."""
+"""Height of the sensor, which looks horizontally, in metres."""
 WALL = 5.5
-"""Metres from the sensor to the wall."""
+"""Distance from the sensor to the wall, in metres."""
 
 COLOR_NOISE = 3.0
-"""Of 255, standard deviation."""
+"""Standard deviation of the noise of colours, of 255."""
 DEPTH_NOISE = 0.0015
-"""Metres at one metre, standard deviation; it grows with the square of the distance, as a Kinect v1's."""
+"""Standard deviation of the noise of depth at one metre, in metres; it grows quadratically, as in a Kinect v1."""
 
 _OUTWARD = {
     "shoulder": (0.168, 1.372, -0.022),
-    "elbow": (0.345, 1.120, -0.008),  # the arm's design leaves it open where; here as far down as in people
+    "elbow": (0.345, 1.120, -0.008),  # not defined by the character; in proportion as in people
     "wrist": (0.468, 0.915, 0.050),
     "hip": (0.085, 0.900, -0.010),
     "knee": (0.112, 0.500, 0.0),
@@ -50,7 +50,7 @@ KINECT = [JOINT_INDEX[name] for name in NAMES]
 _BONES = {"upper arm": ("shoulder", "elbow", 0.05), "forearm": ("elbow", "wrist", 0.04)}
 _BONES |= {"thigh": ("hip", "knee", 0.08), "shin": ("knee", "ankle", 0.06)}
 _TRUNK_RADIUS, _HEAD_RADIUS, _FOOT_RADIUS = 0.15, 0.13, 0.05
-_SHARPNESS = 8  # of the border between what follows one bone and the next
+_SHARPNESS = 8  # of the border between two bones
 
 
 class Body:
@@ -69,7 +69,7 @@ class Body:
         for side in ("left", "right"):
             for name, (start, end, radius) in _BONES.items():
                 ends = self._rest[f"{start}_{side}"], self._rest[f"{end}_{side}"]
-                # the hand goes on where the forearm ends
+                # the forearm's bone includes the hand
                 self._bones.append((name, side, ends[0], ends[1] + (ends[1] - ends[0]) * (name == "forearm"), radius))
             self._bones.append(("foot", side, self._rest[f"ankle_{side}"], self._rest[f"foot_{side}"], _FOOT_RADIUS))
         near = np.stack([_distance(self._vertices, a, b) / radius for *_, a, b, radius in self._bones], axis=1)
@@ -77,12 +77,12 @@ class Body:
         self._weights = weights / weights.sum(axis=1, keepdims=True)
 
     def posed(self, skeleton: Floats) -> tuple[Floats, Floats]:
-        """Return vertices (n, 3) and `NAMES`' joints (13, 3) with bones in the directions of a performer's.
+        """Return vertices (n, 3) and the joints `NAMES` (13, 3), with bones in the directions of a performer's bones.
 
         Parameters
         ----------
         skeleton : (20, 3) float64
-            Sensor frame.
+            In sensor coordinates.
         """
         seen = dict(zip(JOINT_INDEX, to_character_axes(skeleton), strict=True))
         trunk = ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
@@ -114,14 +114,14 @@ class Body:
 
 
 class Shot(NamedTuple):
-    """A picture and the truth: `NAMES`' joints (13, 3), sensor frame, metres."""
+    """An image and the true joints `NAMES` (13, 3), in sensor coordinates and metres."""
 
     picture: Picture
     joints: Floats
 
 
 class Studio:
-    """Takes pictures of a body at a distance (metres), turned to its left by an angle (degrees)."""
+    """Renders images of a body at a distance in metres, turned to its left by an angle in degrees."""
 
     def __init__(self, body: Body, distance: float, angle: float, seed: int | None = None, lens: Lens = LENS) -> None:
         self._body, self._lens = body, lens
@@ -131,7 +131,7 @@ class Studio:
         self._room = _drawn(lens, *_room())
 
     def shoot(self, time: float, skeleton: Floats) -> Shot:
-        """Take a picture of the body in a pose, with a sensor's noise if there is a seed."""
+        """Render the body in a pose, with the noise of a sensor if there is a seed."""
         vertices, joints = (to_character_axes(self._turn.apply(p)) + self._shift for p in self._body.posed(skeleton))
         own, room = _drawn(self._lens, vertices, self._body.triangles, self._body.colors), self._room
         nearer = own[1] < room[1]
@@ -171,7 +171,7 @@ def _drawn(
 
 
 def _light(points: Floats, triangles: NDArray[np.int64]) -> Floats:
-    """Return how bright each point is, of a lamp over the sensor's shoulder and a bright room."""
+    """Return the brightness of each point, lit by a lamp above the sensor and by the room."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     flat = np.cross(b - a, c - a)
     flat *= -np.sign(np.einsum("tx,tx->t", flat, a))[:, None]  # towards the sensor

@@ -1,4 +1,4 @@
-"""The cost of one shape at many sizes."""
+"""Cost of one shape at many sizes."""
 
 import shutil
 from collections.abc import Callable, Iterator
@@ -16,9 +16,10 @@ from engine_bridge.cli.benchmark_process import CHARACTER, LOG, WARM_UP
 from engine_bridge.puppet import puppet_file
 
 SIZES = (2_000, 4_000, 8_000, 16_000, 31_000, 62_500, 125_000, 250_000, 500_000, 1_000_000)
-BASE = 62_500
-"""Vertices of the mesh that larger ones are split from: a sixteenth of the largest, a quarter of that before."""
-NEARLY = 0.99
+BASE_VERTICES = 62_500
+"""Number of vertices of the mesh that is subdivided to larger ones: a quarter or a sixteenth of them."""
+MIN_SIZE_RATIO = 0.99
+"""Ratio of two sizes above which they count as equal."""
 
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -45,7 +46,7 @@ def measured(scratch: Path, subject: Path, progress: Callable[[str], None]) -> l
 def _resized(subject: Path) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.int64]]]:
     """Yield the character of a folder at each of `SIZES`, by splitting triangles in four and collapsing edges."""
     character = load_character(subject / puppet_file.load(subject / CHARACTER).character.mesh)
-    vertices, faces = _with_vertices(BASE, *_split(BASE, *_surface(character)))
+    vertices, faces = _with_vertices(BASE_VERTICES, *_split(BASE_VERTICES, *_surface(character)))
     for size in SIZES:
         vertices, faces = _split(size, vertices, faces)
         yield size, *_with_vertices(size, vertices, faces)
@@ -57,14 +58,14 @@ def _surface(character: Character) -> Surface:
 
 
 def _split(size: int, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Surface:
-    while len(vertices) < NEARLY * size:
+    while len(vertices) < MIN_SIZE_RATIO * size:
         vertices, faces = igl.upsample(vertices, faces)
     return vertices, faces
 
 
 def _with_vertices(size: int, vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Surface:
-    if NEARLY * len(vertices) <= size:
+    if MIN_SIZE_RATIO * len(vertices) <= size:
         return vertices, faces
-    rest = len(faces) - 2 * len(vertices)  # −2 χ, which collapsing keeps
+    rest = len(faces) - 2 * len(vertices)  # −2 χ, which edge collapses preserve
     vertices, faces, *_ = igl.decimate(vertices, faces, 2 * size + rest)
     return vertices, faces

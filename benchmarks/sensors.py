@@ -2,7 +2,7 @@
 
 python -m benchmarks.sensors [--json FILE]
 
-Wants the extra `camera`; takes two minutes, twice that where other programs run. FILE has all figures.
+This requires the extra `camera`, and takes two minutes on an otherwise idle machine. FILE gets all values.
 """
 
 import argparse
@@ -48,17 +48,17 @@ Floats = NDArray[np.float64]
 PLACES = [(distance, angle) for distance in (1.5, 2.5, 3.5) for angle in (0.0, 45.0)]
 WAVE = slice(99, 144)
 """Frames of the bundled walk in which the performer stands and waves: 1.5 s."""
-STILL, SWINGS = 60, 90
-"""Frames of which jitter and lag are measured."""
-SWING = 40.0
-"""Degrees to either side by which the forearm swings, once a second."""
+STILL_FRAMES, SWING_FRAMES = 60, 90
+"""Numbers of frames for the measurements of jitter and lag."""
+SWING_DEGREES = 40.0
+"""Angle by which the forearm swings to either side, once per second."""
 WRIST = JOINT_INDEX["wrist_right"]
 CUTOFF, BETA = 1.0, 10.0
-"""Of the 1€ filter: Hz for what is at rest, and by how many Hz that rises for each metre a second."""
-PACE, COUNT = 0.02, 300
-"""Seconds between the pictures of which the latency is measured, and how many."""
-LISTENED = 8.0
-"""Seconds for which the service's frames are counted."""
+"""Cutoff frequency of the 1€ filter at rest, in Hz, and its increase in Hz per metre per second."""
+IMAGE_PERIOD_SECONDS, IMAGE_COUNT = 0.02, 300
+"""Period and number of the images whose latency is measured."""
+LISTEN_SECONDS = 8.0
+"""How long the frames of the service are counted, in seconds."""
 
 
 def main() -> None:
@@ -67,12 +67,12 @@ def main() -> None:
     output = parser.parse_args().json
     body, walk = Body(), clean("walk").positions
     found: dict[str, Any] = {"load": os.getloadavg()[0]}
-    print(f"load before it began: {found['load']:.1f} on {os.cpu_count()} processors\n")
+    print(f"load before: {found['load']:.1f} on {os.cpu_count()} processors\n")
     found["errors"] = list(_show(_error_lines(errors(body, walk[WAVE]))))
-    found["filters"] = list(_show(_filter_lines(unrest(body, walk[0]))))
+    found["filters"] = list(_show(_filter_lines(jitter_and_lag(body, walk[0]))))
     with tempfile.TemporaryDirectory() as folder:
         puppet = examples.prepare("human", Path(folder))[1]
-        goals = [*fusion(), *added(puppet, body, walk), _pace(puppet, body, walk[WAVE])]
+        goals = [*fusion(), *latency(puppet, body, walk), _image_rate(puppet, body, walk[WAVE])]
     print("| what | goal | measured | |\n| --- | --- | --- | --- |")
     for goal in goals:
         print(goal.line())
@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def errors(body: Body, poses: Floats) -> Iterator[dict[str, Any]]:
-    """Yield how far off joints are, with depth and without, where the performer stands."""
+    """Yield the errors of joints with and without depth, for each position of the performer."""
     for distance, angle in PLACES:
         studio = Studio(body, distance, angle, seed=1)
         shots = [studio.shoot(k / FRAMES_PER_SECOND, pose) for k, pose in enumerate(poses)]
@@ -101,13 +101,13 @@ def errors(body: Body, poses: Floats) -> Iterator[dict[str, Any]]:
 
 
 def _shape_error(off: Floats, shown: NDArray[np.bool_]) -> float:
-    """Return the median error (centimetres) that is left when a picture's joints are moved as a whole."""
+    """Return the median error in centimetres that remains if the joints of an image are moved as a whole."""
     off = np.where(shown[..., None], off, np.nan)
     return float(np.nanmedian(np.linalg.norm(off - np.nanmedian(off, axis=1, keepdims=True), axis=2)))
 
 
 def tracked(pictures: list[Picture], depth: bool) -> Floats:
-    """Return the joints (T, 20, 3) that MediaPipe finds; NaN where nobody was found."""
+    """Return the joints (T, 20, 3) that MediaPipe finds; NaN without a performer."""
     tracker = MediaPipePose(HEIGHT)
     found = np.full((len(pictures), 20, 3), np.nan)
     for k, each in enumerate(pictures):
@@ -117,10 +117,10 @@ def tracked(pictures: list[Picture], depth: bool) -> Floats:
     return found
 
 
-def unrest(body: Body, rest: Floats) -> Iterator[dict[str, Any]]:
-    """Yield jitter and lag, with depth and without, as tracked and behind each filter."""
+def jitter_and_lag(body: Body, rest: Floats) -> Iterator[dict[str, Any]]:
+    """Yield jitter and lag with and without depth, unfiltered and after each filter."""
     studio = Studio(body, 2.5, 0.0, seed=2)
-    poses = [*[rest] * STILL, *(_swung(rest, k / FRAMES_PER_SECOND) for k in range(SWINGS))]
+    poses = [*[rest] * STILL_FRAMES, *(_swung(rest, k / FRAMES_PER_SECOND) for k in range(SWING_FRAMES))]
     shots = [studio.shoot(k / FRAMES_PER_SECOND, pose) for k, pose in enumerate(poses)]
     true = np.array([shot.joints[NAMES.index("wrist_right"), 0] for shot in shots])
     kinds = {"depth": True, "height": False}
@@ -128,28 +128,28 @@ def unrest(body: Body, rest: Floats) -> Iterator[dict[str, Any]]:
     for name, smooth in _filters():
         figures = {}
         for kind, positions in found.items():
-            still, swing = smooth(positions[:STILL]), smooth(positions[STILL:])
-            figures[kind] = {"jitter": _jitter(still[15:]), "lag": _lag(true[STILL:], swing[:, WRIST, 0])}
+            still, swing = smooth(positions[:STILL_FRAMES]), smooth(positions[STILL_FRAMES:])
+            figures[kind] = {"jitter": _jitter(still[15:]), "lag": _lag(true[STILL_FRAMES:], swing[:, WRIST, 0])}
         yield {"filter": name, **figures}
 
 
 def _swung(rest: Floats, moment: float) -> Floats:
-    """Return a pose with the right upper arm held out, its forearm swinging like a pendulum that stands on it."""
+    """Return a pose with the right upper arm held out and the forearm swinging above it."""
     pose = rest.copy()
     shoulder, elbow = (JOINT_INDEX[f"{name}_right"] for name in ("shoulder", "elbow"))
-    angle = np.radians(SWING) * np.sin(2 * np.pi * moment)
+    angle = np.radians(SWING_DEGREES) * np.sin(2 * np.pi * moment)
     pose[elbow] = pose[shoulder] + [0.26, 0.0, 0.0]
     pose[WRIST] = pose[elbow] + 0.25 * np.array([np.sin(angle), np.cos(angle), 0.0])
     return pose
 
 
 def _jitter(positions: Floats) -> float:
-    """Return millimetres, root mean square of the distance to a joint's mean."""
+    """Return the root mean square distance to the mean position of a joint, in millimetres."""
     return 1000 * float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=2).mean()))
 
 
 def _lag(true: Floats, seen: Floats) -> float:
-    """Return the milliseconds by which a motion has to be delayed to be most like what was seen, after a second."""
+    """Return the delay of a motion that correlates best with the measured one after the first second, in ms."""
     times = np.arange(len(true)) / FRAMES_PER_SECOND
     later = np.arange(0.0, 0.4, 0.001)
     after = times >= 1.0
@@ -173,12 +173,12 @@ def _behind(smoothing: Smoothing) -> Callable[[Floats], Floats]:
 
 
 def one_euro(positions: Floats) -> Floats:
-    """Smooth by the 1€ filter (G. Casiez, N. Roussel, D. Vogel 2012), each coordinate by itself.
+    """Smooth by the 1€ filter (G. Casiez, N. Roussel, D. Vogel 2012), for each coordinate separately.
 
     Parameters
     ----------
     positions : (T, ...) float64
-        Metres, `FRAMES_PER_SECOND` times a second.
+        Metres, at `FRAMES_PER_SECOND`.
     """
 
     def share(frequency: Any) -> Any:
@@ -192,7 +192,7 @@ def one_euro(positions: Floats) -> Floats:
 
 
 def fusion() -> Iterator[Goal]:
-    """Yield the mean error of the joints of somebody who turns round, of two virtual sensors against the better one."""
+    """Yield the mean error of the joints of a turning performer, for two virtual sensors and for the better one."""
     turn = turning(clean("walk"), 2.0, 7.0)
     poses = [Pose(np.eye(3), np.zeros(3)), Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))]
     both, better = [], []
@@ -222,10 +222,10 @@ def _turn_error(turn: Any, times: Floats, positions: Floats) -> float:
     return 100 * float(np.linalg.norm(positions - truth(turn, times), axis=2)[during].mean())
 
 
-class Reel:
-    """A device that gives the same picture again and again."""
+class RepeatedImage:
+    """A device that delivers the same image repeatedly."""
 
-    name = "a reel"
+    name = "a repeated image"
 
     def __init__(self, picture: Picture) -> None:
         self._picture = picture
@@ -233,11 +233,11 @@ class Reel:
         self.late: list[float] = []  # seconds by which a sleep was too long
 
     def read(self, timeout: float) -> Picture | None:
-        if self.given == COUNT:
+        if self.given == IMAGE_COUNT:
             time.sleep(timeout)
             return None
-        due = time.monotonic() + PACE
-        time.sleep(PACE)
+        due = time.monotonic() + IMAGE_PERIOD_SECONDS
+        time.sleep(IMAGE_PERIOD_SECONDS)
         now = time.monotonic()
         self.given += 1
         self.late.append(now - due)
@@ -247,10 +247,10 @@ class Reel:
         pass
 
 
-class Knowing:
-    """A tracker that knows at once what a tracker would find, and places it."""
+class KnownJoints:
+    """A tracker that returns known joints without computation, and places them."""
 
-    name = "a knowing tracker"
+    name = "known joints"
 
     def __init__(self, joints: Floats) -> None:
         self._pixels, self._posture = LENS.project(joints), joints - joints[0]
@@ -265,48 +265,60 @@ class Knowing:
         pass
 
 
-def added(puppet: Path, body: Body, walk: Floats) -> Iterator[Goal]:
-    """Yield the time from a picture to filtered joints and the handles' targets, without MediaPipe's."""
+def latency(puppet: Path, body: Body, walk: Floats) -> Iterator[Goal]:
+    """Yield the time from an image to filtered joints and the handles' targets, without MediaPipe."""
     rig = load_rig(puppet)
     shot = Studio(body, 2.5, 0.0, seed=3).shoot(0.0, walk[0])
     joints = tracked([shot.picture] * 5, depth=True)[-1]
     retargeting = Retargeting(rig.puppet, rig.mesh, make_deformer(rig.puppet, rig.mesh, rig.model), joints)
-    reel = Reel(shot.picture)
-    source = SensorSource("benchmark:", lambda: reel, lambda _: Knowing(joints))
+    device = RepeatedImage(shot.picture)
+    source = SensorSource("benchmark:", lambda: device, lambda _: KnownJoints(joints))
     taken = []
-    while reel.given < COUNT:
+    while device.given < IMAGE_COUNT:
         select([source.fileno()], [], [], 1.0)
         for event in source.receive():
             if isinstance(event, SkeletonFrame):
                 retargeting.step(event)
                 taken.append(time.monotonic() - event.time)
     source.close()
-    milliseconds = 1000 * np.array(taken[COUNT // 10 :])
-    yield Goal("from a picture to filtered joints, MediaPipe excluded, median", float(np.median(milliseconds)), 3, "ms")
-    unrest = 1000 * np.percentile(reel.late, 99)
+    milliseconds = 1000 * np.array(taken[IMAGE_COUNT // 10 :])
+    yield Goal("from an image to filtered joints, without MediaPipe, median", float(np.median(milliseconds)), 3, "ms")
+    sleep_delay = 1000 * np.percentile(device.late, 99)
     yield Goal(
-        f"… 99th percentile (that of a sleep's delay: {unrest:.1f} ms)", float(np.percentile(milliseconds, 99)), 3, "ms"
+        f"… 99th percentile (delay of a sleep alone: {sleep_delay:.1f} ms)",
+        float(np.percentile(milliseconds, 99)),
+        3,
+        "ms",
     )
 
 
-def _pace(puppet: Path, body: Body, poses: Floats) -> Goal:
-    """Return how many of a film's pictures a second move a character, all of it running."""
+def _image_rate(puppet: Path, body: Body, poses: Floats) -> Goal:
+    """Return the rate at which the whole service moves a character by images of a video."""
     folder = puppet.parent
-    film = cv2.VideoWriter(str(folder / "film.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 60.0, (LENS.width, LENS.height))
+    video = cv2.VideoWriter(str(folder / "video.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 60.0, (LENS.width, LENS.height))
     studio = Studio(body, 2.5, 0.0, seed=4)
     for pose in [*poses, *poses[::-1]]:
-        film.write(cv2.cvtColor(studio.shoot(0.0, pose).picture.color, cv2.COLOR_RGB2BGR))
-    film.release()
-    source = f"video:{folder / 'film.mp4'}?height={HEIGHT}&loop"
+        video.write(cv2.cvtColor(studio.shoot(0.0, pose).picture.color, cv2.COLOR_RGB2BGR))
+    video.release()
+    source = f"video:{folder / 'video.mp4'}?height={HEIGHT}&loop"
     lines = ["announce = false", "[network]", "port = 0", "[[stage]]", f"source = {json.dumps(source)}"]
     lines += ['calibrate = "at_once"', "[[stage.character]]", 'name = "human"', f"puppet = {json.dumps(str(puppet))}"]
     with serving(folder / "service", "\n".join(lines)) as service:
         time.sleep(3.0)
-        command = [sys.executable, "-m", "puppetline", "listen", service.stream, "--json", "--seconds", f"{LISTENED:g}"]
+        command = [
+            sys.executable,
+            "-m",
+            "puppetline",
+            "listen",
+            service.stream,
+            "--json",
+            "--seconds",
+            f"{LISTEN_SECONDS:g}",
+        ]
         heard = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     [controls] = heard["heard"]
     return Goal(
-        "pictures a second that move a character, of a film of 640×480, 60 a second",
+        "images per second that move a character, of a video of 640×480 at 60 per second",
         controls["rate"],
         25,
         "/s",
@@ -315,7 +327,7 @@ def _pace(puppet: Path, body: Body, poses: Floats) -> Goal:
 
 
 def _error_lines(rows: Iterator[dict[str, Any]]) -> Iterator[tuple[str, Any]]:
-    yield "| stands | joints in the picture | with depth | … the posture | with the height | … the posture |", None
+    yield "| performer at | joints in the image | with depth | … the posture | with the height | … the posture |", None
     yield "| --- | --- | --- | --- | --- | --- |", None
     for row in rows:
         cells = [f"{row['distance']:g} m, " + (f"turned by {row['angle']:g}°" if row["angle"] else "facing")]
@@ -336,7 +348,7 @@ def _filter_lines(rows: Iterator[dict[str, Any]]) -> Iterator[tuple[str, Any]]:
 
 
 def _show(lines: Iterator[tuple[str, Any]]) -> Iterator[Any]:
-    """Print lines as they come; yield the figures in them."""
+    """Print lines; yield their values."""
     for line, figures in lines:
         print(line, flush=True)
         if figures is not None:

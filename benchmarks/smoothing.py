@@ -1,4 +1,4 @@
-"""What the Kinect SDK's presets do to a step, a ramp and noise at 30 Hz: the table of docs/smoothing.md."""
+"""Responses of the Kinect SDK's presets to a step, a ramp and noise at 30 Hz: the table of docs/smoothing.md."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ PRESETS = {
 }
 FRAMES = 3000
 STEP = 0.3  # metres
-SPEED = 1.0  # metres a second
-NOISE = 0.005  # metres, standard deviation in each axis
+SPEED = 1.0  # metres per second
+NOISE = 0.005  # metres, standard deviation per axis
 
 
 def run(smoothing: Smoothing, positions: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Table 1 of the paper, row by row, beside the same measured here."""
+"""Table 1 of the paper, and the same measured here."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,9 +24,9 @@ PAPER = (
     ("Dog", "dog", 18_114, 8, 817, 3.611, 0.8725, 0.2203, 11.38, 11.60),
     ("Human", "human", 15_154, 9, 842, 3.067, 0.7757, 0.2145, 10.62, 10.83),
 )
-"""Its character, ours, vertices, handles, n_tri, t_1 and its reuse in s, t_2,3, t_4, t_per in ms."""
+"""The paper's character, the example character, vertices, handles, n_tri, t_1 and t̃_1 in s, t_2,3, t_4, t_per in ms."""
 
-DRIVEN = (
+HANDLE_JOINTS = (
     "hand_left",
     "hand_right",
     "head",
@@ -38,14 +38,14 @@ DRIVEN = (
     "knee_right",
     "spine",
 )
-"""Joints for the handles of a row, in this order."""
+"""Joints of the handles of a row, in this order."""
 
 FRAMES = 300
-"""Of the performance that is played."""
+"""Number of frames of the performance."""
 
 
 def table(scratch: Path) -> Iterator[str]:
-    """Yield Table 1 of the paper, an arrow from its values to ours."""
+    """Yield the rows of Table 1 of the paper, with an arrow from its values to those measured here."""
     columns = (
         *("character", "vertices", "handles", "n_tri", "t_1, s", "t̃_1, s", "t_2,3, ms", "t_4, ms", "t_per, ms"),
         *("iteration, ms", "by triangles, ms", "vertices, ms"),
@@ -54,7 +54,7 @@ def table(scratch: Path) -> Iterator[str]:
     yield f"|{' --- |' * len(columns)}"
     for name, ours, vertices, handles, n_tri, *times in PAPER:
         folder = scratch / f"{ours}_{handles}"
-        _stage(folder, ours, handles)
+        _prepare(folder, ours, handles)
         found = in_process(folder, "table1_row", module=MODULE)
         whole = found["iteration_ms"] + found["vertices_ms"]
         own = (found["precompute_s"], found["reuse_s"], found["input_ms"], whole, found["input_ms"] + whole)
@@ -70,8 +70,8 @@ def table(scratch: Path) -> Iterator[str]:
         yield f"| {' | '.join(cells)} |"
 
 
-def _stage(folder: Path, name: str, handles: int) -> None:
-    """Lay out an example character with so many handles, as far from each other as can be."""
+def _prepare(folder: Path, name: str, handles: int) -> None:
+    """Write the files of an example character, with handles that are far from each other."""
     made = CHARACTERS[name]()
     folder.mkdir()
     make_character(name, made.vertices, made.faces).document.save(folder / f"{name}.glb")
@@ -79,13 +79,13 @@ def _stage(folder: Path, name: str, handles: int) -> None:
     proposed = puppet_file.load(folder / CHARACTER)
     own = tuple(
         HandleTable(name=joint, position=tuple(made.vertices[vertex].tolist()), joint=joint)
-        for joint, vertex in zip(DRIVEN, _far_apart(made.vertices, handles), strict=False)
+        for joint, vertex in zip(HANDLE_JOINTS, _far_apart(made.vertices, handles), strict=False)
     )
     puppet_file.dump(proposed.model_copy(update={"handle": own}), folder / CHARACTER)
 
 
 def _far_apart(points: NDArray[np.float64], count: int) -> list[int]:
-    """Return so many points, by index, each as far as can be from those before it."""
+    """Return the indices of points, each of which is farthest from those before it."""
     chosen = [int(points[:, 1].argmax())]
     distance = np.full(len(points), np.inf)
     while len(chosen) < count:

@@ -1,7 +1,7 @@
-"""What a frame costs in the Unity package's plain core, under Mono: python -m benchmarks.unity MESH
+"""Measure the time of a frame in the Unity package's core, with Mono: python -m benchmarks.unity MESH
 
-MESH is any character file; it gets a puppet by `puppetline new`, and a pose. Mono and its compiler (mono, mcs) must be
-there. Unity's own runtimes are others and were not measured.
+MESH is any character file; it gets a proposed puppet file and a pose. Mono and its compiler (mono, mcs) are required.
+Unity's own runtimes are not measured.
 """
 
 import json
@@ -31,7 +31,7 @@ def main() -> None:
         sources = [*CORE.glob("*.cs"), PROGRAMS / "Core.cs", PROGRAMS / "Said.cs"]
         subprocess.run(["mcs", "-langversion:7.2", "-optimize+", f"-out:{folder / 'core.exe'}", *sources], check=True)
         command = ["mono", folder / "core.exe", "measure", folder / "scene", folder / "controls"]
-        print("| a frame | vertices | ms | bytes |\n| --- | --- | --- | --- |")
+        print("| per frame | vertices | ms | bytes |\n| --- | --- | --- | --- |")
         for line in subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines():
             row = json.loads(line)
             print("|", " | ".join(f"{row[key]:.3g}" if key == "ms" else f"{row[key]}" for key in COLUMNS), "|")

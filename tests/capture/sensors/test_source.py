@@ -320,7 +320,7 @@ def test_an_image_without_performers_is_a_tick(watch, scripted_device, scripted_
 
 
 def test_every_image_of_a_recording_is_tracked_at_its_own_time(watch, scripted_device, scripted_tracker):
-    end = SourceError("take", found="that it has ended", expected="more", fix="No.")
+    end = SourceError("take", found="the end", expected="more", fix="No.")
     times = [10.0 + 0.001 * k for k in range(50)]
     scripted_device.show(*times)
     scripted_device.pictures.put(end)

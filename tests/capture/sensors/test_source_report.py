@@ -226,7 +226,7 @@ def test_a_port_that_is_taken_is_opened_again_and_then_received_from(osc):
     def fail():
         raise failure
 
-    failure = SourceError("osc:7110", found="that the port is taken", expected="a free one", fix="Wait.")
+    failure = SourceError("osc:7110", found="a port in use", expected="a free one", fix="Wait.")
     played = Played()
     played.receive = fail
     sources = iter([played, osc])

@@ -63,7 +63,7 @@ def test_wrong_use_is_told(arguments, message):
     [
         (["--source", "osc:99999"], "expected PORT, HOST or HOST:PORT"),
         (["--source", "tv:1"], "found the scheme 'tv'; expected one of demo, replay, osc, vmc, "),
-        (["--source", "demo:dance"], "found no performance 'dance'"),
+        (["--source", "demo:dance"], "found no example motion 'dance'"),
         (["--source", "replay:none.log"], "none.log"),
         (["--source", "osc:0", "--idle", "none.log"], "none.log"),
         (["--source", "osc:0", "--morphs", "none.glb"], "none.glb"),

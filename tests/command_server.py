@@ -6,6 +6,7 @@ request on it is JSON with four file descriptors: the command's standard streams
 and later its exit code are written, a line each.
 """
 
+import atexit
 import contextlib
 import fcntl
 import gc
@@ -16,6 +17,7 @@ import signal
 import socket
 import sys
 import termios
+import threading
 
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
@@ -111,9 +113,27 @@ def _become(request: dict, descriptors: list[int]) -> None:
     sys.argv = ["puppetline", *request["arguments"]]
 
 
+def _end(code: int) -> None:
+    """End the process as Python does, but free nothing first, which takes longer than most commands.
+
+    Return where output cannot be written, which Python reports in its own way.
+    """
+    threading._shutdown()  # waits for threads
+    atexit._run_exitfuncs()
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the tests' own Ctrl-C; whoever asks goes away
     for name in LOADED:
         importlib.import_module(name)
     main(socket.socket(fileno=int(sys.argv[1])))
-    run()
+    try:
+        run()
+    except SystemExit as end:
+        if end.code is None or isinstance(end.code, int):
+            _end(end.code or 0)
+        raise

@@ -19,7 +19,7 @@ from capture.skeleton import INFERRED, TRACKED
 
 _ROW = RowLayout(4, "x y z c or u v depth c", frame=WHOLE_FRAME)
 _JOINTS = len(MSR_ACTION3D)
-_MAX_WORLD_DEPTH = 20.0
+_MAX_WORLD_DEPTH_METRES = 20.0
 """Depth that separates the forms: no sensor reaches 20 m, and a screen depth of 20 is 8 cm, too near for a sensor."""
 _METRES_PER_DEPTH_UNIT = 0.004
 _FOCAL_LENGTH_PIXELS = 285.6
@@ -47,7 +47,7 @@ def read(path: Path, options: ReadOptions) -> list[SkeletonClip]:
     fps, notes = frame_rate(options, 15.0)
     notes += cut_off
     positions = frames[..., :3]
-    if (positions[..., 2] > _MAX_WORLD_DEPTH).any():
+    if (positions[..., 2] > _MAX_WORLD_DEPTH_METRES).any():
         positions = _unproject(positions)
         notes = (*notes, "Positions are computed from pixels and depth with a Kinect's focal length of 285.6 pixels.")
     confidence = frames[..., 3].clip(INFERRED, TRACKED).astype(np.float32)

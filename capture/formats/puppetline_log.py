@@ -102,18 +102,18 @@ def _check_header(path: Path, header: dict[str, Any]) -> None:
     if header.get("version") not in range(1, VERSION + 1):
         raise SkeletonLogError(
             at(path, 1, "version"),
-            found=_shown(header.get("version")),
+            found=_shortened(header.get("version")),
             expected=f"1 to {VERSION}",
             fix="Use the version of Puppetline that recorded the take, or a newer one.",
         )
     if header.get("joints") != list(JOINTS):
-        raise _wrong(path, 1, "joints", header.get("joints"), "the 20 joint names from hip_center to foot_right")
+        raise _value_error(path, 1, "joints", header.get("joints"), "the 20 joint names from hip_center to foot_right")
 
 
 def _event(path: Path, number: int, line: dict[str, Any]) -> Event:
     time = line.get("t")
     if not _is_number(time):
-        raise _wrong(path, number, "t", time, "seconds, a finite number")
+        raise _value_error(path, number, "t", time, "seconds, a finite number")
     time = float(line["t"])
     if "lost" in line:
         return Lost(time, _integer(path, number, "lost", line))
@@ -121,10 +121,10 @@ def _event(path: Path, number: int, line: dict[str, Any]) -> Event:
         return Tick(time)
     if "do" in line:
         if not isinstance(line["do"], str):
-            raise _wrong(path, number, "do", line["do"], "the name of a command, a string")
+            raise _value_error(path, number, "do", line["do"], "the name of a command, a string")
         arguments = line.get("arguments")
         if not isinstance(arguments, dict):
-            raise _wrong(path, number, "arguments", arguments, "a JSON object")
+            raise _value_error(path, number, "arguments", arguments, "a JSON object")
         return Cue(time, line["do"], arguments)
     return _frame(path, number, time, line)
 
@@ -134,13 +134,15 @@ def _frame(path: Path, number: int, time: float, line: dict[str, Any]) -> Skelet
     points, levels = (_joint_list(path, number, key, line.get(key)) for key in ("p", "c"))
     for joint, level in enumerate(levels):
         if not (_is_number(level) and 0 <= level <= 1):
-            raise _wrong(path, number, f"c[{joint}]", level, "a number from 0 to 1")
+            raise _value_error(path, number, f"c[{joint}]", level, "a number from 0 to 1")
     confidence = np.array(levels, dtype=np.float32)
     for joint, (point, level) in enumerate(zip(points, confidence, strict=True)):
         if level == LOST and point is not None:
-            raise _wrong(path, number, f"p[{joint}]", point, "null, because its confidence is 0")
+            raise _value_error(path, number, f"p[{joint}]", point, "null, because its confidence is 0")
         if level != LOST and not _is_vector(point, 3):
-            raise _wrong(path, number, f"p[{joint}]", point, "[x, y, z] in metres, because its confidence is not 0")
+            raise _value_error(
+                path, number, f"p[{joint}]", point, "[x, y, z] in metres, because its confidence is not 0"
+            )
     positions = np.array([(np.nan,) * 3 if point is None else point for point in points], dtype=np.float64)
     return SkeletonFrame(time, user, positions, confidence, _orientations(path, number, line))
 
@@ -151,22 +153,22 @@ def _orientations(path: Path, number: int, line: dict[str, Any]) -> NDArray[np.f
     quaternions = _joint_list(path, number, "o", line["o"])
     for joint, quaternion in enumerate(quaternions):
         if quaternion is not None and not _is_vector(quaternion, 4):
-            raise _wrong(path, number, f"o[{joint}]", quaternion, "[w, x, y, z] or null")
+            raise _value_error(path, number, f"o[{joint}]", quaternion, "[w, x, y, z] or null")
     return np.array([(np.nan,) * 4 if value is None else value for value in quaternions], dtype=np.float64)
 
 
 def _joint_list(path: Path, number: int, key: str, value: object) -> list[Any]:
     if not isinstance(value, list):
-        raise _wrong(path, number, key, value, f"a list of {len(JOINTS)}")
+        raise _value_error(path, number, key, value, f"a list of {len(JOINTS)}")
     if len(value) != len(JOINTS):
-        raise _wrong(path, number, key, f"a list of {len(value)}", f"a list of {len(JOINTS)}")
+        raise _value_error(path, number, key, f"a list of {len(value)}", f"a list of {len(JOINTS)}")
     return value
 
 
 def _integer(path: Path, number: int, key: str, line: dict[str, Any]) -> int:
     value = line.get(key)
     if type(value) is not int:
-        raise _wrong(path, number, key, value, "an integer")
+        raise _value_error(path, number, key, value, "an integer")
     return value
 
 
@@ -179,10 +181,10 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
-def _wrong(path: Path, number: int, key: str, found: object, expected: str) -> SkeletonLogError:
-    return SkeletonLogError(at(path, number, key), found=_shown(found), expected=expected, fix=_FIX)
+def _value_error(path: Path, number: int, key: str, found: object, expected: str) -> SkeletonLogError:
+    return SkeletonLogError(at(path, number, key), found=_shortened(found), expected=expected, fix=_FIX)
 
 
-def _shown(value: object) -> str:
+def _shortened(value: object) -> str:
     text = "nothing" if value is None else str(value)
     return text if len(text) <= 60 else text[:57] + "…"

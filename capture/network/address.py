@@ -19,7 +19,7 @@ LOOPBACK = "127.0.0.1"
 ANY_SENDER = "any"
 
 MAX_PORT = 65_535
-FIX = "Write it as osc:7110 or osc:0.0.0.0:7110?from=192.168.1.20&units=mm; docs/senders.md explains the options."
+FIX = "Use a URI such as osc:7110 or osc:0.0.0.0:7110?from=192.168.1.20&units=mm; docs/senders.md explains the options."
 
 _HOST_AND_PORT = re.compile(r"(?P<only>\d{0,9})|(?P<host>\[[^\[\]]+\]|[^:\[\]]+)(:(?P<port>\d{1,9}))?", re.ASCII)
 

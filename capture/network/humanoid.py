@@ -15,31 +15,31 @@ Quaternion = tuple[float, float, float, float]
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
 
-_HIP_OUT, _SHOULDER_OUT, _COLLAR_OUT = 0.080, 0.185, 0.020
-_HIP_DOWN = math.sqrt(typical_bone_length("hip_left") ** 2 - _HIP_OUT**2)
-_SHOULDER_DOWN = math.sqrt(typical_bone_length("shoulder_left") ** 2 - _SHOULDER_OUT**2)
-_VERTEBRA = typical_bone_length("shoulder_center") / 3
-_TOES_AHEAD = 0.072
-_TOES_DOWN = math.sqrt(typical_bone_length("foot_left") ** 2 - _TOES_AHEAD**2)
+_HIP_OFFSET, _SHOULDER_OFFSET, _COLLAR_OFFSET = 0.080, 0.185, 0.020
+_HIP_DOWN = math.sqrt(typical_bone_length("hip_left") ** 2 - _HIP_OFFSET**2)
+_SHOULDER_DOWN = math.sqrt(typical_bone_length("shoulder_left") ** 2 - _SHOULDER_OFFSET**2)
+_VERTEBRA_LENGTH = typical_bone_length("shoulder_center") / 3
+_TOES_FORWARD = 0.072
+_TOES_DOWN = math.sqrt(typical_bone_length("foot_left") ** 2 - _TOES_FORWARD**2)
 
 
-def _side(name: str, out: float) -> dict[str, tuple[str, Vector]]:
+def _side(name: str, sign: float) -> dict[str, tuple[str, Vector]]:
     return {
-        f"{name}UpperLeg": ("Hips", (out * _HIP_OUT, -_HIP_DOWN, 0.0)),
+        f"{name}UpperLeg": ("Hips", (sign * _HIP_OFFSET, -_HIP_DOWN, 0.0)),
         f"{name}LowerLeg": (f"{name}UpperLeg", (0.0, -typical_bone_length("knee_left"), 0.0)),
         f"{name}Foot": (f"{name}LowerLeg", (0.0, -typical_bone_length("ankle_left"), 0.0)),
-        f"{name}Shoulder": ("UpperChest", (out * _COLLAR_OUT, _VERTEBRA - _SHOULDER_DOWN, 0.0)),
-        f"{name}UpperArm": (f"{name}Shoulder", (out * (_SHOULDER_OUT - _COLLAR_OUT), 0.0, 0.0)),
-        f"{name}LowerArm": (f"{name}UpperArm", (out * typical_bone_length("elbow_left"), 0.0, 0.0)),
-        f"{name}Hand": (f"{name}LowerArm", (out * typical_bone_length("wrist_left"), 0.0, 0.0)),
+        f"{name}Shoulder": ("UpperChest", (sign * _COLLAR_OFFSET, _VERTEBRA_LENGTH - _SHOULDER_DOWN, 0.0)),
+        f"{name}UpperArm": (f"{name}Shoulder", (sign * (_SHOULDER_OFFSET - _COLLAR_OFFSET), 0.0, 0.0)),
+        f"{name}LowerArm": (f"{name}UpperArm", (sign * typical_bone_length("elbow_left"), 0.0, 0.0)),
+        f"{name}Hand": (f"{name}LowerArm", (sign * typical_bone_length("wrist_left"), 0.0, 0.0)),
     }
 
 
 SKELETON: dict[str, tuple[str, Vector]] = {
     "Spine": ("Hips", (0.0, typical_bone_length("spine"), 0.0)),
-    "Chest": ("Spine", (0.0, _VERTEBRA, 0.0)),
-    "UpperChest": ("Chest", (0.0, _VERTEBRA, 0.0)),
-    "Neck": ("UpperChest", (0.0, _VERTEBRA, 0.0)),
+    "Chest": ("Spine", (0.0, _VERTEBRA_LENGTH, 0.0)),
+    "UpperChest": ("Chest", (0.0, _VERTEBRA_LENGTH, 0.0)),
+    "Neck": ("UpperChest", (0.0, _VERTEBRA_LENGTH, 0.0)),
     "Head": ("Neck", (0.0, typical_bone_length("head") / 2, 0.0)),
     **_side("Left", -1.0),
     **_side("Right", 1.0),
@@ -49,16 +49,16 @@ SKELETON: dict[str, tuple[str, Vector]] = {
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
-def _joints(side: str, name: str, out: float) -> dict[str, tuple[str, Vector]]:
+def _joints(side: str, name: str, sign: float) -> dict[str, tuple[str, Vector]]:
     return {
         f"shoulder_{side}": (f"{name}UpperArm", _ORIGIN),
         f"elbow_{side}": (f"{name}LowerArm", _ORIGIN),
         f"wrist_{side}": (f"{name}Hand", _ORIGIN),
-        f"hand_{side}": (f"{name}Hand", (out * typical_bone_length("hand_left"), 0.0, 0.0)),
+        f"hand_{side}": (f"{name}Hand", (sign * typical_bone_length("hand_left"), 0.0, 0.0)),
         f"hip_{side}": (f"{name}UpperLeg", _ORIGIN),
         f"knee_{side}": (f"{name}LowerLeg", _ORIGIN),
         f"ankle_{side}": (f"{name}Foot", _ORIGIN),
-        f"foot_{side}": (f"{name}Foot", (0.0, -_TOES_DOWN, _TOES_AHEAD)),
+        f"foot_{side}": (f"{name}Foot", (0.0, -_TOES_DOWN, _TOES_FORWARD)),
     }
 
 

@@ -4,7 +4,7 @@ import logging
 import math
 from collections import Counter
 
-LOG = logging.getLogger(__name__)
+log = logging.getLogger(__name__)
 REPORT_INTERVAL_SECONDS = 1.0
 """Minimum time between two log messages."""
 
@@ -36,6 +36,6 @@ class Refusals:
         if not self._unreported or now - self._last_report < REPORT_INTERVAL_SECONDS:
             return
         reasons = ", ".join(f"{count} × {reason}" for reason, count in self._unreported.most_common())
-        LOG.warning("%s: refused %s", self._source, reasons)
+        log.warning("%s: refused %s", self._source, reasons)
         self._unreported.clear()
         self._last_report = now

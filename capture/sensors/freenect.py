@@ -80,15 +80,10 @@ def open_freenect(uri: str, rest: str) -> SensorSource:
 def count_sensors(where: str) -> int | None:
     """Return the number of sensors on USB; None if the library has no access to USB, as in some containers.
 
-    Parameters
-    ----------
-    where : str
-        The source that requires the library, for errors.
-
     Raises
     ------
     SourceError
-        The library does not load.
+        About `where`: the library does not load.
     """
     library, context = _load(where), ctypes.c_void_p()
     if library.freenect_init(ctypes.byref(context), None) < 0:

@@ -36,16 +36,10 @@ os._exit(0)
 def check_intact(where: str, path: Path) -> None:
     """Check that a recording is a complete sequence of records.
 
-    Parameters
-    ----------
-    where : str
-        The source that plays the recording, for errors.
-    path : Path
-
     Raises
     ------
     SourceError
-        The file cannot be read, is not a recording, or is damaged or incomplete.
+        About `where`: the file cannot be read, is not a recording, or is damaged or incomplete.
     """
     try:
         damage = _find_damage(path)
@@ -71,16 +65,10 @@ def check_plays(where: str, path: Path) -> None:
     `check_intact` cannot detect this. Of single damaged bytes in the names and values of a stream's properties, one in
     five makes OpenNI2 2.2 crash or hang, although every record begins and ends where it should.
 
-    Parameters
-    ----------
-    where : str
-        The source that plays the recording, for errors.
-    path : Path
-
     Raises
     ------
     SourceError
-        The library crashes or hangs. Errors that it reports are not raised.
+        About `where`: the library crashes or hangs. Errors that the library reports are not raised.
     """
     command = [sys.executable, "-c", _PLAY, str(path), *sys.path]
     try:

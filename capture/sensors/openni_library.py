@@ -54,15 +54,10 @@ class Sensor:
 def load_openni2(where: str) -> Any:
     """Return the Python bindings, with the library loaded and its drivers started.
 
-    Parameters
-    ----------
-    where : str
-        The source that requires it, for errors.
-
     Raises
     ------
     SourceError
-        The bindings or the library are not installed, or the library does not start.
+        About `where`: the bindings or the library are not installed, or the library does not start.
     """
     try:
         from openni import openni2 as bindings
@@ -85,18 +80,7 @@ def sensor_uris(bindings: Any) -> list[str]:
 
 
 def list_sensors(where: str) -> list[Sensor]:
-    """Return the sensors that are plugged in.
-
-    Parameters
-    ----------
-    where : str
-        The source that requires them, for errors.
-
-    Raises
-    ------
-    SourceError
-        The library does not load.
-    """
+    """Return the sensors that are plugged in; raise SourceError about `where` if the library does not load."""
     bindings = load_openni2(where)
     with exclusive(where):
         return [_examine(bindings, uri, name) for uri, name in _uris_and_names(bindings)]

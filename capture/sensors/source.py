@@ -117,9 +117,8 @@ class SensorSource:
         """Return when a tick is due, or when a silent device counts as failed."""
         if self._closed:
             return time.monotonic()
-        return (
-            self._deadline if self.recorded else min(self._deadline, self._last_time + TICK_SECONDS + self._tick_delay)
-        )
+        tick = math.inf if self.recorded else self._last_time + TICK_SECONDS + self._tick_delay
+        return min(self._deadline, tick)
 
     def now(self) -> float:
         """Return the time on the clock of the events, in seconds."""

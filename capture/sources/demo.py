@@ -32,7 +32,7 @@ def open_demo(uri: str, name: str, loop: bool) -> RecordingSource:
     if name not in known:
         raise SourceError(
             f"source {uri!r}",
-            found=f"no performance {name!r}",
+            found=f"no example motion {name!r}",
             expected=f"one of {', '.join(known)}",
             fix="Use one of these names, for example demo:walk?loop.",
         )

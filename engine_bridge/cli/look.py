@@ -104,10 +104,8 @@ def _watch_live(source: str, seconds: float | None) -> "tuple[SourceReport, bool
         opened = ReopeningSource(source, lambda: open_source(source))
         stack.callback(opened.close)
         signals.waiting = True
-        monitor, end = (
-            SourceMonitor(opened, STATUS_SECONDS),
-            time.monotonic() + (math.inf if seconds is None else seconds),
-        )
+        monitor = SourceMonitor(opened, STATUS_SECONDS)
+        end = time.monotonic() + (math.inf if seconds is None else seconds)
         try:
             with Live(auto_refresh=False, transient=True) as line:
                 while not (signals.stop or signals.take_reload() or monitor.ended or time.monotonic() >= end):

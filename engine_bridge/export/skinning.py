@@ -57,8 +57,6 @@ FRAMES_PER_CHUNK = 16
 VERTICES_PER_CHUNK = 512
 """Number of vertices that are solved at once."""
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True)
 class Skinning:
@@ -113,7 +111,7 @@ def fit(
     *,
     tolerance: float,
     bones: int | None = None,
-    progress: Progress = lambda _: None,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Skinning:
     """Find the smallest skeleton that reproduces a clip.
 
@@ -221,7 +219,7 @@ class _Sample:
             part = chosen[start : start + VERTICES_PER_CHUNK]
             expected = np.einsum("nk,nkb->nb", self._share[part], of_sample[self._near[part]])
             candidates = np.argsort(-expected, axis=1, kind="stable")[:, :CANDIDATE_BONES]
-            carried = _with_one(self._rest[part]) @ lines
+            carried = np.column_stack([self._rest[part], np.ones(len(part))]) @ lines
             missed = carried.reshape(len(part), count, -1)[np.arange(len(part))[:, None], candidates]
             missed -= _places(self._W[part], self._frames).reshape(len(part), 1, -1)
             weights.append(skin_weights.solve(missed, np.take_along_axis(expected, candidates, axis=1)))
@@ -310,10 +308,6 @@ def dem_bones(
 def _places(W: csr_matrix, frames: NDArray[np.floating]) -> NDArray[np.float64]:
     """Return the positions W R (n, F, 3) in model units."""
     return (W @ frames.swapaxes(0, 1).reshape(W.shape[1], -1)).reshape(W.shape[0], -1, 3)
-
-
-def _with_one(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([points, np.ones(len(points))])
 
 
 def _quaternions(turns: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ from solver.motion.deformer import Deformer
 from solver.motion.motion_blend import difference, moved_by
 
 
-class Places(NamedTuple):
+class TargetPose(NamedTuple):
     """Positions of a character's handles and bones.
 
     Attributes
@@ -38,7 +38,7 @@ CROSSFADE_SECONDS = 0.5
 """Duration of the blend from the recording's end to its start, in seconds."""
 
 
-class Idle:
+class IdleRecording:
     """A recording as a loop of handle positions and bone motions.
 
     Parameters
@@ -78,14 +78,14 @@ class Idle:
         self._bones = deformer.bones
         self.motions = _seamless_motions(np.array([aim.motions for aim in aims]), self._fps, self._bones)
 
-    def at(self, seconds: float) -> Places:
+    def at(self, seconds: float) -> TargetPose:
         """Return the positions at a time in seconds since the start of the loop."""
         place = seconds * self._fps % len(self.targets)
         before, share = int(place), place % 1
         after = (before + 1) % len(self.targets)
         before %= len(self.targets)
         apart = difference(self._bones, self.motions[before], self.motions[after])
-        return Places(
+        return TargetPose(
             self.targets[before] + share * (self.targets[after] - self.targets[before]),
             moved_by(self._bones, self.motions[before], apart, share),
             self.root[before] + share * (self.root[after] - self.root[before]),

@@ -18,7 +18,7 @@ from capture.events import TICK_SECONDS
 from capture.sensor_tilt import MIN_TILT_CHANGE, SensorTilt, estimate_tilt
 from capture.skeleton import JOINTS, TRACKED, SkeletonFrame
 from capture.smoothing import JointFilter
-from engine_bridge.performance.idle import Idle, Places
+from engine_bridge.performance.idle import IdleRecording, TargetPose
 from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import PERFORMER, Retargeting, legs_of
 from engine_bridge.puppet.puppet import Puppet
@@ -91,11 +91,11 @@ class CharacterPlayer:
         self._settings, self._executor = settings, executor
         self._deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
         self._idle_log = idle
-        self._idle: Idle | None = None
+        self._idle: IdleRecording | None = None
         self._idle = self.make_idle()
         self.next_calibration: PreparedCalibration | None = None
         self._current: PreparedCalibration | None = None
-        self._held: Places | None = None
+        self._held: TargetPose | None = None
         self._watched = JointFilter(rig.puppet.smoothing.parameters)  # before the calibration
         self._automatic = AutomaticCalibration(settings.calibrate)
         self._level = SensorTilt(settings.tilt or 0.0, settings.height or 0.0)
@@ -103,7 +103,7 @@ class CharacterPlayer:
         self._remembered: dict[int, tuple[Calibration, float]] = {}
         self._sequence = 0
         self._idle_since = -math.inf
-        self._rest = Places(
+        self._rest = TargetPose(
             self._deformer.handles, np.tile(np.eye(4, 3), (len(self._deformer.bones), 1, 1)), np.zeros(3)
         )
         self._easing = Easing(self._deformer.bones, self._rest, settings.ease)
@@ -198,14 +198,14 @@ class CharacterPlayer:
         if prepared is not None:
             self._prepare(prepared.calibration, time)
 
-    def make_idle(self) -> Idle | None:
+    def make_idle(self) -> IdleRecording | None:
         """Compute the idle motion with the present mapping, which may take a second."""
         rig = self.character.rig
         if self._idle_log is None or (self._idle is not None and self._idle.puppet is rig.puppet):
             return self._idle
-        return Idle(self._idle_log, rig, self._deformer)
+        return IdleRecording(self._idle_log, rig, self._deformer)
 
-    def take_idle(self, idle: Idle | None, time: float) -> None:
+    def take_idle(self, idle: IdleRecording | None, time: float) -> None:
         """Use a new idle motion, unless the mapping has changed since it was computed."""
         if self._idle is None or idle is None or idle.puppet is self._idle.puppet:
             return  # several edits in a row are computed and eased once
@@ -289,7 +289,7 @@ class CharacterPlayer:
             seen = replace(levelled, positions=self._watched.step(frame.time, levelled.positions, frame.confidence))
             return self._show(frame.time, received, self._idle_places(frame.time), seen)
         aim = self._current.retargeting.step(levelled)
-        places = Places(aim.targets, aim.motions, aim.root)
+        places = TargetPose(aim.targets, aim.motions, aim.root)
         return self._show(frame.time, received, places, replace(levelled, positions=aim.joints))
 
     def pass_time(self, time: float, received: int) -> Frame | None:
@@ -335,7 +335,7 @@ class CharacterPlayer:
         puppet = puppet.model_copy(update={"retarget": retarget})
         return Retargeting(puppet, self.character.rig.mesh, self._deformer, calibration.level(calibration.rest))
 
-    def _idle_places(self, time: float) -> Places:
+    def _idle_places(self, time: float) -> TargetPose:
         """Return the places without a performer's motion."""
         if self._held is not None:
             return self._held
@@ -345,7 +345,7 @@ class CharacterPlayer:
             self._idle_since = time
         return self._idle.at(time - self._idle_since)
 
-    def _show(self, time: float, received: int, places: Places, seen: SkeletonFrame | None) -> Frame:
+    def _show(self, time: float, received: int, places: TargetPose, seen: SkeletonFrame | None) -> Frame:
         places = self._easing.show(time, places)
         self._sequence += 1
         return Frame(
@@ -389,7 +389,7 @@ class CharacterPlayer:
             self.enter(other.user, other._easing.shown_at)
             self._held = self._easing.shown if playing and self.next_calibration is not None else None
 
-    def _places_of(self, other: "CharacterPlayer") -> Places:
+    def _places_of(self, other: "CharacterPlayer") -> TargetPose:
         """Return where another player shows handles and limbs, by name; new ones are in their rest position."""
         names = [handle.name for handle in other.character.rig.puppet.handle]
         moved = dict(zip(names, other._easing.shown.targets - other._deformer.handles, strict=True))
@@ -401,7 +401,7 @@ class CharacterPlayer:
         ]:
             apart = difference(other._deformer.bones, other._rest.motions, other._easing.shown.motions)
             motions = moved_by(self._deformer.bones, motions, apart, 1.0)
-        return Places(targets, motions, other._easing.shown.root)
+        return TargetPose(targets, motions, other._easing.shown.root)
 
     def snapshot(self) -> dict[str, Any]:
         """Return the performer and the calibrations as values of JSON's types, for `resume`.

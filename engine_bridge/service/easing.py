@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.events import TICK_SECONDS
-from engine_bridge.performance.idle import Places
+from engine_bridge.performance.idle import TargetPose
 from solver.model.bones import Bones
 from solver.motion.motion_blend import difference, moved_by
 
@@ -21,21 +21,21 @@ class Easing:
     ----------
     bones : Bones
         Bones of the deformer.
-    rest : Places
+    rest : TargetPose
         Shown first.
     seconds : float
         Duration of an easing.
 
     Attributes
     ----------
-    shown : Places
+    shown : TargetPose
     shown_at : float
         Time of the last frame.
     since : float
         Time at which the last easing began.
     """
 
-    def __init__(self, bones: Bones, rest: Places, seconds: float) -> None:
+    def __init__(self, bones: Bones, rest: TargetPose, seconds: float) -> None:
         self.seconds = seconds
         self.shown = self._start = rest
         self.shown_at = self.since = -math.inf
@@ -50,7 +50,7 @@ class Easing:
         """Tell whether the last easing is over."""
         return time - self.since >= self.seconds
 
-    def show(self, time: float, places: Places) -> Places:
+    def show(self, time: float, places: TargetPose) -> TargetPose:
         """Return the places to show at a time, on the way to those that are followed."""
         if math.isfinite(self.since):
             self.since += max(0.0, time - max(self.shown_at, self.since) - MAX_STEP_SECONDS)
@@ -60,7 +60,7 @@ class Easing:
         self.shown, self.shown_at = places, time
         return places
 
-    def _between(self, places: Places, share: float) -> Places:
+    def _between(self, places: TargetPose, share: float) -> TargetPose:
         """Return the places after a share of the way.
 
         The rest of the way is a rotation relative to the one that a bone follows, computed once per easing: a bone that
@@ -69,7 +69,7 @@ class Easing:
         start = self._start
         if self._apart is None:
             self._apart = difference(self._bones, places.motions, start.motions)
-        return Places(
+        return TargetPose(
             start.targets + share * (places.targets - start.targets),
             moved_by(self._bones, places.motions, self._apart, 1.0 - share),
             start.root + share * (places.root - start.root),

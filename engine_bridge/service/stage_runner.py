@@ -17,7 +17,7 @@ from capture.reconnecting import ReopeningSource
 from capture.recording import Recorder, as_recorded
 from capture.skeleton import SkeletonFrame
 from capture.sources.registry import open_source
-from engine_bridge.performance.idle import Idle
+from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.service.character_player import CharacterPlayer
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
@@ -129,7 +129,7 @@ class StageRunner:
         self._overrule()
         self.stage.replace_players(players)
 
-    def take_idle(self, player: CharacterPlayer, idle: Idle | None) -> None:
+    def take_idle(self, player: CharacterPlayer, idle: IdleRecording | None) -> None:
         """Use the idle motion that was computed for a character's new mapping."""
         player.take_idle(idle, max(self._time, self.source.now()))
 

@@ -1,4 +1,4 @@
-"""Follows a character of `puppetline serve`, as docs/protocol.md says, and prints once a second what it sees."""
+"""Receives a character that `puppetline serve` streams (docs/protocol.md), and prints one line per second."""
 
 import argparse
 import json
@@ -23,7 +23,7 @@ STATES = "waiting", "calibrating", "performing", "leaving"
 def follow(
     address: str, character: str, mode: str, token: str | None = None, targets: Floats | None = None
 ) -> Iterator[tuple[Header, Floats, Floats | None]]:
-    """Yield header, positions and unit normals of the newest frames; morphs want `targets` (K, n, 3) and have none."""
+    """Yield header, positions and unit normals of the newest frames; morphs require `targets` and have no normals."""
     scene: dict[str, Any] | None = None
     own = f"{character}/scene/{secrets.token_hex(8)}\0"
     with zmq.Context() as context, context.socket(zmq.SUB) as socket:
@@ -39,7 +39,7 @@ def follow(
                 try:
                     header = Header._make(LAYOUT.unpack_from(message, 64))
                     if header.major != 1:
-                        raise RuntimeError(f"The service speaks version {header.major} of the protocol, not 1.")
+                        raise RuntimeError(f"The service uses protocol version {header.major}, not 1.")
                     payload = message[128 : 128 + header.length]
                     if message.startswith(own.encode()):
                         scene, sequence = read_scene(payload) | {"targets": targets}, -1
@@ -49,7 +49,7 @@ def follow(
                         yield header, *vertices(mode, scene, header[-3:], np.frombuffer(payload, "<f4"))
                         sequence = header.sequence
                 except (struct.error, ValueError, TypeError, LookupError):
-                    continue  # a damaged message is as good as none
+                    continue  # skip a damaged message
             if scene is None and time.monotonic() > asked + 1:
                 asked = time.monotonic()
                 socket.unsubscribe(own)
@@ -57,7 +57,7 @@ def follow(
 
 
 def newest(socket: zmq.Socket[bytes]) -> list[bytes]:
-    """Read the last message of each topic that has come, oldest first; wait for one, a second at most."""
+    """Return the last waiting message of each topic, oldest first; wait up to one second for a message."""
     messages: dict[bytes, bytes] = {}
     while socket.poll(0 if messages else 1000):
         message = socket.recv()
@@ -67,7 +67,7 @@ def newest(socket: zmq.Socket[bytes]) -> list[bytes]:
 
 
 def read_scene(payload: bytes) -> dict[str, Any]:
-    """Read the description of a scene, and arrays by their names."""
+    """Return the description of a scene, with its arrays by name."""
     start = 4 + int.from_bytes(payload[:4], "little")
     scene: dict[str, Any] = json.loads(payload[4:start])
     for name in "positions", "normals", "ladder", "slopes":
@@ -77,7 +77,7 @@ def read_scene(payload: bytes) -> dict[str, Any]:
 
 
 def vertices(mode: str, scene: dict[str, Any], root: tuple[float, ...], values: Floats) -> tuple[Floats, Floats | None]:
-    """Return positions and normals, (n, 3) each, that the payload of a frame gives."""
+    """Return positions and normals, (n, 3) each, from the payload of a frame."""
     if mode == "vertices":
         positions, normals = values.reshape(2, scene["vertices"], 3)
         return positions, normals
@@ -96,12 +96,12 @@ def vertices(mode: str, scene: dict[str, Any], root: tuple[float, ...], values: 
 
 
 def unit(vectors: Floats) -> Floats:
-    """Scale vectors to length 1; zero stays zero."""
+    """Return vectors of length 1; a zero vector stays zero."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30)
 
 
 def main() -> None:
-    """Print once a second what has come."""
+    """Print one line per second about the received frames."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("character")
     parser.add_argument("mode", choices=["controls", "vertices"])
@@ -112,7 +112,7 @@ def main() -> None:
         count += 1
         if (passed := time.monotonic() - printed) >= 1:
             box = f"{positions.min(axis=0).round(3)} to {positions.max(axis=0).round(3)}"
-            sys.stdout.write(f"frame {header.sequence}, {STATES[header.state]}, {count / passed:.0f} a second, {box}\n")
+            sys.stdout.write(f"frame {header.sequence}, {STATES[header.state]}, {count / passed:.0f} fps, {box}\n")
             printed, count = time.monotonic(), 0
 
 

@@ -1,4 +1,4 @@
-"""The curves in the middle of a character's limbs: a tree inside its solid, from the thickest place to every end."""
+"""Curves in the middle of a character's limbs: a tree inside its solid, from the thickest place to every end."""
 
 import heapq
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from scipy.sparse.csgraph import dijkstra
 from puppetline.compiled import compiled
 from solver.anatomy.solid import Solid
 
-OUTSTANDING = 1.8
-"""An end is this many times as far from the tree as the tree is from the surface, or farther: more than the corner of
-a box."""
+MIN_END_RATIO = 1.8
+"""Minimum distance of an end from the tree, as a multiple of the tree's distance to the surface; the corner of a box is
+closer."""
 
-SHORTEST = 0.04
-"""How much farther, as a share of the diagonal."""
+MIN_END_LENGTH = 0.04
+"""Minimum distance of an end beyond that, as a share of the diagonal."""
 
-MOST = 24
-"""No more ends than this."""
+MAX_END_COUNT = 24
+"""Maximum number of ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class CurveSkeleton:
     ----------
     solid : Solid
     parents : (n,) int64
-        The next cell on the way to the root, for every cell of the solid; −1 for the root.
+        Next cell on the path to the root, for every cell of the solid; −1 for the root.
     tips : (k,) int64
         Cells at the ends of limbs, the longest limb first.
     """
@@ -40,34 +40,35 @@ class CurveSkeleton:
     tips: NDArray[np.int64]
 
     def path(self, cell: int) -> list[int]:
-        """Return the cells from one to the root."""
+        """Return the cells from a cell to the root."""
         cells = [int(cell)]
         while self.parents[cells[-1]] >= 0:
             cells.append(int(self.parents[cells[-1]]))
         return cells
 
     def between(self, start: int, end: int) -> list[int]:
-        """Return the cells from one to another along the tree."""
+        """Return the cells from one cell to another along the tree."""
         there, back = self.path(start), self.path(end)
         shared = set(there) & set(back)
         fork = next(cell for cell in there if cell in shared)
         return there[: there.index(fork) + 1] + back[: back.index(fork)][::-1]
 
     def beyond(self, cell: int) -> NDArray[np.bool_]:
-        """Return which cells (n,) have their way to the root through one."""
+        """Return which cells (n,) have a cell on their path to the root."""
         return np.asarray(_beyond(self.parents, cell))
 
     def fork(self, start: int, end: int) -> int:
-        """Return the cell where the ways from two cells to the root meet."""
+        """Return the cell where the paths from two cells to the root meet."""
         back = set(self.path(end))
         return next(cell for cell in self.path(start) if cell in back)
 
 
 def curve_skeleton(solid: Solid) -> CurveSkeleton:
-    """Find the ends of limbs, and ways to them that keep to the middle.
+    """Find the ends of limbs, and paths to them in the middle of the solid.
 
-    Ways are shortest where a step costs its length over the square of the distance to the surface. From the thickest
-    place on, the cell that is farthest from the tree, inside the solid, is the next end (Sato et al., *TEASAR*, 2000).
+    The paths are the shortest if a step costs its length divided by the square of the distance to the surface. The tree
+    starts at the thickest place; the cell that is farthest from it, inside the solid, is the next end (Sato et al.,
+    *TEASAR*, 2000).
 
     Parameters
     ----------
@@ -87,9 +88,9 @@ def curve_skeleton(solid: Solid) -> CurveSkeleton:
     while True:
         on_tree[branch] = True
         cells = np.array(branch, dtype=np.int64)
-        _relax(both.indptr, both.indices, both.data, uncovered, cells, -OUTSTANDING * solid.depth[cells])
+        _relax(both.indptr, both.indices, both.data, uncovered, cells, -MIN_END_RATIO * solid.depth[cells])
         tip = int(uncovered.argmax())
-        if uncovered[tip] < SHORTEST * diagonal or len(tips) == MOST:
+        if uncovered[tip] < MIN_END_LENGTH * diagonal or len(tips) == MAX_END_COUNT:
             return CurveSkeleton(solid, parents, np.array(tips, dtype=np.int64))
         tips.append(tip)
         branch = [tip]
@@ -99,7 +100,7 @@ def curve_skeleton(solid: Solid) -> CurveSkeleton:
 
 @compiled
 def _relax(starts, neighbours, lengths, distance, cells, values):
-    """Lower the distances on a graph to what some cells' values and the ways from there make of them (Dijkstra 1959).
+    """Lower the distances on a graph to the smallest sum of a cell's value and the distance from it (Dijkstra 1959).
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):
     lengths : (e,) float64
         Adjacency in compressed rows.
     distance : (n,) float64
-        Changed.
+        Updated in place.
     cells : (m,) int64
     values : (m,) float64
     """
@@ -132,7 +133,7 @@ def _relax(starts, neighbours, lengths, distance, cells, values):
 
 @compiled
 def _beyond(parents, cell):
-    """Return which cells (n,) of a tree have one on their way to the root."""
+    """Return which cells (n,) of a tree have a cell on their path to the root."""
     unknown, outside, inside = 0, 1, 2
     state = np.zeros(len(parents), np.int8)
     state[cell] = inside

@@ -1,4 +1,4 @@
-"""The ends of a character's limbs, found along the surface and not in space."""
+"""The ends of a character's limbs, found by distances along the surface."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,18 @@ from puppetline.compiled import compiled
 from solver.surface.contacts import contacts
 from solver.surface.mesh import SolverMesh
 
-SOURCES = 24
-"""Surface points, spread far apart, whose mean distance says how outlying a vertex is."""
+SOURCE_COUNT = 24
+"""Number of surface points, far apart, to which the mean distance of each vertex is measured."""
 
-LEAST_PROMINENCE = 0.04
-"""A limb rises at least this far over where it branches off, as a share of the range of mean distances."""
+MIN_PROMINENCE = 0.04
+"""Minimum rise of a limb's mean distance above that where it branches off, as a share of the range of mean
+distances."""
 
-APART = 0.3
-"""Two ends are at least this far apart along the surface, as a share of the same range: fingers are one hand."""
+MIN_SEPARATION = 0.3
+"""Minimum distance of two ends along the surface, as a share of the same range; fingers are closer and count once."""
 
-MOST = 24
-"""No more ends than this."""
+MAX_END_COUNT = 24
+"""Maximum number of ends."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Extremities:
     ----------
     vertices : (k,) int64
     prominence : (k,) float64
-        How far each rises over where its limb branches off, from 0 to 1: the share of the range of mean distances.
+        Rise of each above the place where its limb branches off, as a share of the range of mean distances, 0 to 1.
     """
 
     vertices: NDArray[np.int64]
@@ -48,15 +49,15 @@ def surface_graph(mesh: SolverMesh) -> csr_matrix:
 
 
 def distances(graph: csr_matrix, source: int, limit: float = np.inf) -> NDArray[np.float64]:
-    """Return each vertex's distance (n,) to one of them along the edges of a `surface_graph`; infinite over a limit."""
+    """Return the distance (n,) of each vertex to a source along a `surface_graph`; infinite beyond a limit."""
     return np.asarray(dijkstra(graph, directed=False, indices=np.array([source]), limit=limit))[0]
 
 
 def extremities(mesh: SolverMesh, graph: csr_matrix) -> Extremities:
     """Find limb ends: prominent maxima of the mean distance to all of the surface.
 
-    The mean geodesic distance is least in the trunk and rises along every limb. Small bumps are maxima too but hardly
-    rise over their surroundings, and are left out; of the fingers of one hand the most prominent is kept.
+    The mean geodesic distance is lowest in the trunk and rises along every limb. Small bumps are maxima too, but they
+    hardly rise above their surroundings and are skipped. Of the fingers of one hand, the most prominent is kept.
 
     Parameters
     ----------
@@ -69,13 +70,13 @@ def extremities(mesh: SolverMesh, graph: csr_matrix) -> Extremities:
     links = csr_matrix(graph + graph.T)
     prominence = _prominences(outlying, order, links.indptr, links.indices)
     span = float(np.ptp(outlying))
-    maxima = order[prominence[order] >= LEAST_PROMINENCE * span]
+    maxima = order[prominence[order] >= MIN_PROMINENCE * span]
     kept: list[int] = []
     covered = np.zeros(len(outlying), dtype=bool)
     for vertex in maxima[np.argsort(-prominence[maxima], kind="stable")]:
-        if not covered[vertex] and len(kept) < MOST:
+        if not covered[vertex] and len(kept) < MAX_END_COUNT:
             kept.append(int(vertex))
-            covered |= np.isfinite(distances(graph, int(vertex), APART * span))
+            covered |= np.isfinite(distances(graph, int(vertex), MIN_SEPARATION * span))
     vertices = np.array(kept, dtype=np.int64)
     return Extremities(vertices, prominence[vertices] / span)
 
@@ -85,19 +86,19 @@ def _mean_distance(mesh: SolverMesh, graph: csr_matrix) -> NDArray[np.float64]:
     total = np.zeros(len(mesh.vertices))
     nearest = np.full(len(mesh.vertices), np.inf)
     source = int(np.argmax(np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1)))
-    for _ in range(SOURCES):
+    for _ in range(SOURCE_COUNT):
         distance = distances(graph, source)
         total += distance
         nearest = np.minimum(nearest, distance)
         source = int(np.argmax(nearest))
-    return total / SOURCES
+    return total / SOURCE_COUNT
 
 
 @compiled
 def _prominences(values, order, starts, neighbours):
-    """Return how far each local maximum of a function on a graph rises over the pass to a higher one.
+    """Return how far each local maximum of a function on a graph rises above the pass to a higher one.
 
-    Vertices are flooded from the top; where two basins meet, the lower summit's prominence is known.
+    Vertices are added in descending order. Where two regions meet, the lower maximum gets its prominence.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def _prominences(values, order, starts, neighbours):
     Returns
     -------
     (n,) float64
-        0 for what is no maximum; the highest summit's is the range of the values.
+        0 for vertices that are not maxima; the range of the values for the highest one.
     """
     n = len(values)
     basin = np.full(n, -1)

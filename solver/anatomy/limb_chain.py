@@ -1,4 +1,4 @@
-"""A limb of a character at rest: what a file's skeleton or the character's shape says about where it is."""
+"""The limbs of a character at rest, as found from a file's skeleton or from its shape."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class LimbChain:
-    """A chain of points inside a limb, from where it leaves the body to its end.
+    """A chain of points inside a limb, from the body to the limb's end.
 
     Attributes
     ----------
@@ -26,14 +26,14 @@ class LimbChain:
 
 @dataclass(frozen=True, eq=False)
 class Limbs:
-    """The limbs of a character, and what is unclear about them.
+    """The limbs of a character, and notes on what is unclear about them.
 
     Attributes
     ----------
     chains : tuple of LimbChain
-        Each after the one that it hangs on.
+        Each after its parent.
     notes : tuple of str
-        Sentences for a person to read: what is unclear or was left out, and what settles it.
+        Sentences for a person: what is unclear or was omitted, and how to settle it.
     """
 
     chains: tuple[LimbChain, ...]

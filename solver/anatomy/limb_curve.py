@@ -9,38 +9,42 @@ from scipy.spatial import cKDTree
 
 from solver.anatomy.solid import Solid
 
-UPPER_ARM, THIGH = 0.48, 0.51
-"""Share of the way from shoulder to wrist that is upper arm, and from hip to ankle that is thigh, where the limb is
-straight: the mean of people and of game characters."""
+UPPER_ARM_SHARE, THIGH_SHARE = 0.48, 0.51
+"""Length of the upper arm as a share of that from shoulder to wrist, and of the thigh as a share of that from hip to
+ankle, if the limb is straight: the mean of people and of game characters."""
 
-WRIST, WRIST_SPREAD = 0.70, 0.15
-"""Where the wrist is on the way from shoulder to fingertip, and how far from there it may be."""
+WRIST_SHARE, WRIST_SPREAD = 0.70, 0.15
+"""Usual place of the wrist, as a share of the distance from shoulder to fingertip, and its maximum deviation."""
 
-HIPS, SHOULDERS = 0.6, 2.3
-"""A hip is where two legs' curves part: half their distance is this many times their distance to the surface. A
-shoulder is this many times as far from the trunk's curve as from the surface."""
+HIP_RATIO, SHOULDER_RATIO = 0.6, 2.3
+"""Half the distance between the curves of two legs at the hips, and the distance of an arm's curve from the trunk's at
+the shoulder, as multiples of the distance to the surface."""
 
-CLEAR_OF_TRUNK, CLEAR_LEGS = 4.0, 3.0
-"""From these on, in the same measure as `SHOULDERS` and in `HIPS`, an arm or leg is clear of the body."""
+CLEAR_ARM_RATIO, CLEAR_LEG_FACTOR = 4.0, 3.0
+"""Distance at which an arm is clear of the body, in the measure of `SHOULDER_RATIO`, and the same for a leg as a
+multiple of `HIP_RATIO`."""
 
-THIN, HELD, ROD = 0.5, 0.6, 0.8
-"""What is thinner than this share of the arm over more than this share of its length is held in the hand; so much of it
-has to be as thin, for there are no thick parts in a sword."""
+MAX_HELD_THICKNESS, MIN_HELD_LENGTH, MIN_THIN_SHARE = 0.5, 0.6, 0.8
+"""An object is held in the hand if it is thinner than the first share of the arm and longer than the second share of
+the arm's length, and if the third share of it is that thin: a sword has no thick parts."""
 
-MID_LEG = 0.5
-"""Share of the way from the end of the foot to the hip that holds the ankle."""
+LOWER_LEG_SHARE = 0.5
+"""Lower part of a leg that contains the ankle, as a share of the distance from the end of the foot to the hip."""
 
-STRAIGHT_BONES = 0.02
-"""Root mean square distance from foot, shin and thigh, as a share of the leg, up to which they are those of people."""
+MAX_LEG_MISFIT = 0.02
+"""Maximum root mean square distance of a leg's cells from three straight bones, as a share of its length; the legs of
+many animals are beyond it."""
 
-ANKLE, KNEE = (0.05, 0.6), (0.3, 0.7)
-"""Where an ankle may be on the way from the end of the foot to the hip, and a knee on the way from the ankle."""
+ANKLE_SHARES, KNEE_SHARES = (0.05, 0.6), (0.3, 0.7)
+"""Range of the ankle, as shares of the distance from the end of the foot to the hip, and of the knee, as shares of the
+distance from ankle to hip."""
 
-BEND = 60.0
-"""Degrees by which a curve turns away from a thigh or upper arm where it has left it for the body."""
+AXLE_DEGREES = 60.0
+"""Angle in degrees by which a curve turns away from a thigh or upper arm where it leaves the limb for the body."""
 
-BENT = 20.0, 50.0
-"""Degrees at a joint from which the bend says something about where it is, and from which it says all."""
+BEND_DEGREES = 20.0, 50.0
+"""Angles in degrees of a bent limb from which the bend begins to determine the place of the joint, and from which it
+alone determines it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ class LimbCurve:
     Attributes
     ----------
     cells : (k,) int64
-        From the end of the limb to where it meets the trunk.
+        From the end of the limb to the trunk.
     centers : (k, 3) float64
         Of the cells; left, up and front.
     points : (k, 3) float64
@@ -58,7 +62,7 @@ class LimbCurve:
     depth : (k,) float64
         Distance to the surface.
     along : (k,) float64
-        Way from the end.
+        Distance along the curve from the end.
     """
 
     cells: NDArray[np.int64]
@@ -69,19 +73,19 @@ class LimbCurve:
 
     @property
     def length(self) -> float:
-        """Way from the end to the trunk."""
+        """Length of the curve."""
         return float(self.along[-1])
 
     def at(self, way: float) -> NDArray[np.float64]:
-        """Return the point (3,) so far from the end."""
+        """Return the point (3,) at a distance along the curve."""
         return np.array([np.interp(way, self.along, column) for column in self.points.T])
 
     def way_to(self, place: NDArray[np.float64]) -> float:
-        """Return the way from the end to the point of the curve that is nearest to a place."""
+        """Return the distance along the curve of the point that is nearest to a place."""
         return float(self.along[np.linalg.norm(self.points - place, axis=1).argmin()])
 
     def index(self, way: float) -> int:
-        """Return the first cell that is so far from the end."""
+        """Return the index of the first cell at a distance along the curve."""
         return min(int(np.searchsorted(self.along, way)), len(self.along) - 1)
 
 
@@ -99,10 +103,10 @@ def curve_through(solid: Solid, cells: Sequence[int]) -> LimbCurve:
 
 
 def shoulder_ways(arm: LimbCurve, trunk: LimbCurve) -> tuple[float, float]:
-    """Return where an arm leaves the body, and where it is clear of it, on the way from its end."""
+    """Return the distances from an arm's end at which it leaves the body, and at which it is clear of the body."""
     away, _ = cKDTree(trunk.points).query(arm.points)
     near = np.asarray(away) < 0.5 * np.max(away)
-    first = [np.flatnonzero(near & (away < times * arm.depth)) for times in (SHOULDERS, CLEAR_OF_TRUNK)]
+    first = [np.flatnonzero(near & (away < times * arm.depth)) for times in (SHOULDER_RATIO, CLEAR_ARM_RATIO)]
     leaves, clear = (float(arm.along[each[0]]) if len(each) else arm.length for each in first)
     return leaves, clear
 
@@ -130,14 +134,14 @@ def arm_joints(
     points : 2 of (4, 3) float64
         Shoulder, elbow, wrist and the end of the hand.
     ends : 2 of float
-        Where the hands end, on the way from the tips: before what they hold.
+        Distances from the tips at which the hands end; objects that they hold are beyond.
     """
     tops = [leaves for leaves, _ in shoulders]
     ends = [_end_of_hand(arm, top) for arm, top in zip(arms, tops, strict=True)]
     wrists = [
         _narrowest(arm, end, top, cells, size) for arm, end, top, cells in zip(arms, ends, tops, around, strict=True)
     ]
-    elbows = _between(arms, wrists, tops, UPPER_ARM)
+    elbows = _between(arms, wrists, tops, UPPER_ARM_SHARE)
     joints = []
     for arm, (shoulder, clear), elbow, wrist, end in zip(arms, shoulders, elbows, wrists, ends, strict=True):
         joints.append(np.array([_straight_on(arm, elbow, clear, shoulder), *map(arm.at, (elbow, wrist, end))]))
@@ -160,17 +164,19 @@ def leg_joints(legs: Sequence[LimbCurve], size: float, *, upright: bool) -> tupl
     points : 2 of (4, 3) float64
         Hip, knee, ankle and the end of the foot.
     parted : float
-        How far the hips are from where the curves end.
+        Distance of the hips from the ends of the curves.
     """
     inwards = np.arange(0.0, min(leg.length for leg in legs), size / 2)
     left, right = (np.array([leg.at(leg.length - way) for way in inwards]) for leg in legs)
     depth = np.mean([np.interp(leg.length - inwards, leg.along, leg.depth) for leg in legs], axis=0)
     apart = np.linalg.norm(left - right, axis=1) / 2 / depth
-    parted, clear = (float(inwards[np.argmax(apart >= min(share * HIPS, apart.max()))]) for share in (1, CLEAR_LEGS))
+    parted, clear = (
+        float(inwards[np.argmax(apart >= min(share * HIP_RATIO, apart.max()))]) for share in (1, CLEAR_LEG_FACTOR)
+    )
     hips = [leg.length - parted for leg in legs]
     ankles = [_ankle(leg, hip) if upright else _low_corner(leg, hip) for leg, hip in zip(legs, hips, strict=True)]
     lows = [leg.way_to(ankle) for leg, ankle in zip(legs, ankles, strict=True)]
-    knees = _between(legs, lows, hips, THIGH)
+    knees = _between(legs, lows, hips, THIGH_SHARE)
     points = [
         np.array([_straight_on(leg, knee, leg.length - clear, hip), leg.at(knee), ankle, leg.at(0.0)])
         for leg, hip, knee, ankle in zip(legs, hips, knees, ankles, strict=True)
@@ -181,51 +187,51 @@ def leg_joints(legs: Sequence[LimbCurve], size: float, *, upright: bool) -> tupl
 def _ankle(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     """Return the ankle (3,): the first corner of foot, shin and thigh, all straight, that fit the cells best.
 
-    The smoothed curve would round the corner off. Other bones than those, as in many an animal's leg, have their
-    ankle in the lower part.
+    The smoothed curve would cut the corner. If three bones do not fit, as in the legs of many animals, the ankle is the
+    corner of the lower part.
 
     Parameters
     ----------
     leg : LimbCurve
     hip : float
-        On the way from the end.
+        Distance from the end.
     """
     ways = np.linspace(0.0, hip, 61)
     points = np.column_stack([np.interp(ways, leg.along, column) for column in leg.centers.T])
     last = len(ways) - 1
     number = np.arange(len(ways), dtype=np.float64)
     best, ankle = np.inf, points[0]
-    for low in range(round(ANKLE[0] * last), round(ANKLE[1] * last) + 1):
-        for high in range(round(low + KNEE[0] * (last - low)), round(low + KNEE[1] * (last - low)) + 1):
-            # how much of the foot's end, ankle, knee and hip is in each point
+    for low in range(round(ANKLE_SHARES[0] * last), round(ANKLE_SHARES[1] * last) + 1):
+        for high in range(round(low + KNEE_SHARES[0] * (last - low)), round(low + KNEE_SHARES[1] * (last - low)) + 1):
+            # shares of the foot's end, ankle, knee and hip in each point
             shares = np.column_stack([np.interp(number, [0, low, high, last], corner) for corner in np.eye(4)])
             fixed = points - shares[:, [0, 3]] @ points[[0, last]]
             joints = np.linalg.solve(shares[:, 1:3].T @ shares[:, 1:3], shares[:, 1:3].T @ fixed)
             misfit = float(((shares[:, 1:3] @ joints - fixed) ** 2).sum())
             if misfit < best:
                 best, ankle = misfit, joints[0]
-    if best > len(ways) * (STRAIGHT_BONES * hip) ** 2:
+    if best > len(ways) * (MAX_LEG_MISFIT * hip) ** 2:
         return _low_corner(leg, hip)
     return ankle
 
 
 def _low_corner(leg: LimbCurve, hip: float) -> NDArray[np.float64]:
     """Return the corner (3,) of two straight bones in the lower part of a leg."""
-    return _corner(leg, 0.0, MID_LEG * hip, (0.05, 0.95))[1]
+    return _corner(leg, 0.0, LOWER_LEG_SHARE * hip, (0.05, 0.95))[1]
 
 
 def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDArray[np.float64]:
-    """Return a shoulder or hip: straight on from elbow or knee, where the curve bends into the body.
+    """Return a shoulder or hip (3,) on the straight line from elbow or knee; the curve itself bends into the body.
 
     Parameters
     ----------
     limb : LimbCurve
     joint : float
-        The elbow or knee; this and the others are ways from the limb's end.
+        Elbow or knee; this and the following are distances from the limb's end.
     clear : float
-        Up to here the curve runs in the middle of the limb.
+        End of the part in which the curve is in the middle of the limb.
     top : float
-        Where the limb leaves the body.
+        Place where the limb leaves the body.
     """
     straight = _before_bend(limb, joint, min(max(clear, joint + 0.1 * (top - joint)), top))
     bone = limb.at(straight) - limb.at(joint)
@@ -234,30 +240,30 @@ def _straight_on(limb: LimbCurve, joint: float, clear: float, top: float) -> NDA
 
 
 def _before_bend(limb: LimbCurve, joint: float, end: float) -> float:
-    """Return up to where a curve goes on as it began at a joint: a thigh on an axle bends off into the body."""
+    """Return the distance up to which a curve keeps its direction from a joint; that of a thigh on an axle bends."""
     ways = np.linspace(joint, end, 21)[1:]
     points = np.array([limb.at(joint), *(limb.at(way) for way in ways)])
     so_far, steps = points[1:-1] - points[0], np.diff(points[1:], axis=0)
     cosine = np.einsum("kx,kx->k", so_far, steps)
     cosine /= np.maximum(np.linalg.norm(so_far, axis=1) * np.linalg.norm(steps, axis=1), 1e-12)
-    bends = np.flatnonzero(cosine < np.cos(np.radians(BEND)))
+    bends = np.flatnonzero(cosine < np.cos(np.radians(AXLE_DEGREES)))
     return float(ways[bends[0]]) if len(bends) else end
 
 
 def _corner(
     limb: LimbCurve, low: float, high: float, between: tuple[float, float]
 ) -> tuple[float, NDArray[np.float64]]:
-    """Return the joint of two straight bones that fit a part of a curve best: its way from the end, and its point.
+    """Return the distance from the end and the point (3,) of the joint between the two straight bones that fit best.
 
-    The curve itself rounds the corner off.
+    The curve itself cuts the corner.
 
     Parameters
     ----------
     limb : LimbCurve
     low, high : float
-        Ways where the bones end.
+        Distances at which the bones end.
     between : (float, float)
-        Shares of the way from low to high that the joint may have.
+        Range of the joint, as shares of the distance from low to high.
     """
     ways = np.linspace(low, high, 61)
     points = np.array([limb.at(way) for way in ways])
@@ -274,7 +280,9 @@ def _corner(
 
 
 def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[float], usual: float) -> list[float]:
-    """Return where elbows or knees are: where the limbs are bent, or where joints usually are; at one share of both.
+    """Return the distances of elbows or knees: at the bend of the limbs, or else at the usual share.
+
+    Both limbs get the same share.
 
     Parameters
     ----------
@@ -282,40 +290,45 @@ def _between(limbs: Sequence[LimbCurve], lows: Sequence[float], highs: Sequence[
     lows, highs : 2 of float
         Wrists and shoulders, or ankles and hips.
     usual : float
-        Share of the upper bone.
+        Usual share of the upper bone.
     """
     total, weights = 0.25 * usual, 0.25
     for limb, low, high in zip(limbs, lows, highs, strict=True):
-        near = high - 0.15 * (high - low)  # without the curve into the body
+        near = high - 0.15 * (high - low)  # without the part that bends into the body
         corner, joint = _corner(limb, low, near, (0.3, 0.8))
         inner, outer = limb.at(near) - joint, joint - limb.at(low)
         cosine = inner @ outer / max(float(np.linalg.norm(inner) * np.linalg.norm(outer)), 1e-12)
         angle = float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
-        weight = float(np.clip((angle - BENT[0]) / (BENT[1] - BENT[0]), 0, 1))
+        weight = float(np.clip((angle - BEND_DEGREES[0]) / (BEND_DEGREES[1] - BEND_DEGREES[0]), 0, 1))
         total += weight * (high - corner) / max(high - low, 1e-12)
         weights += weight
     return [high - total / weights * (high - low) for low, high in zip(lows, highs, strict=True)]
 
 
 def _end_of_hand(arm: LimbCurve, shoulder: float) -> float:
-    """Return where a hand ends, on the way from the tip: before what is long and thin up to its own end."""
+    """Return the distance from the tip at which a hand ends; beyond may be an object that is long and thin."""
     top = arm.index(shoulder)
     for place in range(top - 1, 0, -1):
         so_far = shoulder - arm.along[place]
-        thin = arm.depth[:place] < THIN * np.median(arm.depth[place:top])
-        if so_far > 3 * arm.depth[top] and thin[-1] and thin.mean() > ROD and arm.along[place] > HELD * so_far:
+        thin = arm.depth[:place] < MAX_HELD_THICKNESS * np.median(arm.depth[place:top])
+        if (
+            so_far > 3 * arm.depth[top]
+            and thin[-1]
+            and thin.mean() > MIN_THIN_SHARE
+            and arm.along[place] > MIN_HELD_LENGTH * so_far
+        ):
             return float(arm.along[place])
     return 0.0
 
 
 def _narrowest(arm: LimbCurve, end: float, shoulder: float, around: NDArray[np.float64], size: float) -> float:
-    """Return where the wrist is, on the way from the tip: where the arm is narrow, near where wrists are."""
+    """Return the distance of the wrist from the tip: where the arm is narrow, near the usual place."""
     _, nearest = cKDTree(arm.points).query(around)
     ways, length = arm.along[nearest], shoulder - end
-    share = np.linspace(WRIST - WRIST_SPREAD, WRIST + WRIST_SPREAD, 31)
+    share = np.linspace(WRIST_SHARE - WRIST_SPREAD, WRIST_SHARE + WRIST_SPREAD, 31)
     places = end + (1 - share) * length
     reach = max(0.04 * length, 1.5 * size)
     room = np.array([np.count_nonzero(np.abs(ways - way) < reach) for way in places], dtype=np.float64)
     radius = np.sqrt(np.maximum(room, 1))
-    unlikely = radius / np.median(radius) + 0.3 * ((share - WRIST) / WRIST_SPREAD) ** 2
+    unlikely = radius / np.median(radius) + 0.3 * ((share - WRIST_SHARE) / WRIST_SPREAD) ** 2
     return float(places[unlikely.argmin()])

@@ -1,9 +1,9 @@
-"""Which way a character stands, which way it looks, and how large it is: proposed from its shape alone.
+"""Up, front and unit of a character, proposed from its shape alone.
 
-A character has a left and a right that mirror each other, stands on feet that are spread and keep clear of the middle,
-points its toes forwards, carries its head in the front, and its modeller spent the most vertices on its face. Each of
-the 24 ways to stand along the axes is judged by these signs. Their weights are those of a conditional logistic
-regression over thirty characters (people, animals, dinosaurs, machines), rounded.
+The left and right of a character mirror each other. Its feet are spread and clear of the middle, its toes point
+forwards, its head is at the front, and most of its vertices are in its face. These signs give each of the 24
+orientations along the axes a score. Their weights are rounded results of a conditional logistic regression over thirty
+characters (people, animals, dinosaurs, machines).
 """
 
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from scipy.spatial import cKDTree
 
 from solver.surface.mesh import SolverMesh
 
-SURE_UP, SURE_FRONT = 0.8, 0.6
-"""Probabilities from which the shape is believed over the convention of the file format."""
+MIN_UP_PROBABILITY, MIN_FRONT_PROBABILITY = 0.8, 0.6
+"""Minimum probability at which the shape, and not the convention of the file format, determines the axis."""
 
-NEARLY_UP, NEARLY_FRONT = 0.3, 0.6
-"""Where the shape is not sure, the convention stands if it is at least this likely beside the likeliest. An insect
-would stand on its nose as well, but hardly any file has another axis up than y or z."""
+MIN_UP_RATIO, MIN_FRONT_RATIO = 0.3, 0.6
+"""Minimum probability of the conventional axis, as a share of the largest one, at which it is used if the shape is not
+clear. An insect might stand on its nose, but almost all files have y or z up."""
 
-SAMPLES = 6000
-"""Surface points that are looked at."""
+SAMPLE_COUNT = 6000
+"""Number of surface points that are sampled."""
 
 WEIGHTS = {
     "symmetry": 2.3,
@@ -36,28 +36,29 @@ WEIGHTS = {
     "face": 27.0,
     "spine": 23.0,
 }
-"""What each sign of `_signs` counts, in logits a unit."""
+"""Weight of each sign of `_signs`, in logits per unit."""
 
-UNITS = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
-"""Metres of the units that characters come in, the likelier first."""
-SHORTEST, TALLEST = 0.2, 10.0
-"""Metres: the height of a character that needs no explanation."""
+METRES_PER_UNIT = {"metres": 1.0, "centimetres": 0.01, "millimetres": 0.001}
+"""Units of mesh files in metres, the most likely first."""
+
+MIN_HEIGHT_METRES, MAX_HEIGHT_METRES = 0.2, 10.0
+"""Range of plausible heights of a character, in metres."""
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """How a mesh stands in its own coordinates.
+    """The axes and the unit of a mesh.
 
     Attributes
     ----------
     up, front : str
-        x, -x, y, -y, z or -z. Where the shape does not say, y and z as in glTF, or z and -y.
+        x, -x, y, -y, z or -z. If the shape is not clear, y and z as in glTF, or z and -y.
     scale : float
-        Metres a mesh unit.
+        Metres per mesh unit.
     confidence : float
         Probability from 0 to 1 of both axes, by the shape alone.
     reasons : tuple of 3 str
-        For up, front and scale: what was seen or assumed, for a person to read.
+        What was detected or assumed for up, front and scale, for a person to read.
     """
 
     up: str
@@ -70,13 +71,13 @@ class Orientation:
 def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -> Orientation:
     """Propose a character's axes and unit.
 
-    A character turned by right angles about the origin gets the same answer, turned, wherever the shape is clear.
+    If the shape is clear, the result for a character turned by right angles about the origin turns with it.
 
     Parameters
     ----------
     mesh : SolverMesh
     up, front : str, optional
-        What is known already; two different axes.
+        Axes that are known; they are different.
     """
     known = (up, front)
     chances = {
@@ -87,9 +88,9 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
     ups = dict.fromkeys((axes[0] for axes in chances), 0.0)
     for (axis, _), chance in chances.items():
         ups[axis] += chance
-    up, up_is_clear = _choose(ups, SURE_UP, NEARLY_UP, "y")
+    up, up_is_clear = _choose(ups, MIN_UP_PROBABILITY, MIN_UP_RATIO, "y")
     fronts = {axis: chance for (above, axis), chance in chances.items() if above == up}
-    front, front_is_clear = _choose(fronts, SURE_FRONT, NEARLY_FRONT, {"y": "z", "z": "-y"}.get(up))
+    front, front_is_clear = _choose(fronts, MIN_FRONT_PROBABILITY, MIN_FRONT_RATIO, {"y": "z", "z": "-y"}.get(up))
     scale, size = _unit(float(np.ptp(mesh.vertices[:, "xyz".index(up[-1])])))
     unclear = "not clear from the shape: taken as"
     reasons = (
@@ -101,7 +102,7 @@ def propose(mesh: SolverMesh, up: str | None = None, front: str | None = None) -
 
 
 def _choose(chances: dict[str, float], sure: float, nearly: float, convention: str | None) -> tuple[str, bool]:
-    """Return the likeliest direction, or the convention's where that is nearly as likely; and whether it is sure."""
+    """Return the most likely direction, or the conventional one if nearly as likely, and whether it is certain."""
     likeliest = max(chances, key=lambda each: chances[each])
     if chances[likeliest] >= sure * sum(chances.values()):
         return likeliest, True
@@ -111,7 +112,7 @@ def _choose(chances: dict[str, float], sure: float, nearly: float, convention: s
 
 
 def _posture(up: str, front: str) -> str:
-    """Say how a character appears to somebody who takes y for up."""
+    """Describe the posture of a character in a program with y up."""
     if up == "y":
         return "it stands"
     if up == "-y":
@@ -120,9 +121,9 @@ def _posture(up: str, front: str) -> str:
 
 
 def _unit(height: float) -> tuple[float, str]:
-    """Return metres a unit for a character of so many units, and the reason."""
-    for name, metres in UNITS.items():
-        if SHORTEST <= height * metres <= TALLEST:
+    """Return metres per unit for a character's height in units, and the reason."""
+    for name, metres in METRES_PER_UNIT.items():
+        if MIN_HEIGHT_METRES <= height * metres <= MAX_HEIGHT_METRES:
             return metres, f"{height:.3g} units tall: {name}"
     return 1.0, f"{height:.3g} units tall: the unit is not clear, taken as metres"
 
@@ -160,7 +161,7 @@ def _signs(left: NDArray[np.float64], up: NDArray[np.float64], front: NDArray[np
     Parameters
     ----------
     left, up, front : (n,) float64
-        In diagonals, the first from the middle plane; either sign of it gives the same.
+        In diagonals; the first from the middle plane, its sign does not matter.
     """
     aside = np.abs(left)
     over_ground = up - up.min()
@@ -172,7 +173,7 @@ def _signs(left: NDArray[np.float64], up: NDArray[np.float64], front: NDArray[np
     rear = front < front.min() + 0.15 * length
     footprint = _spread(left, front)
     return {
-        # feet that are as far apart as the body is wide
+        # feet as far apart as the body is wide
         "stance": min(_spread(left[feet], front[feet]) / footprint, 0.7) if footprint else 0.0,
         # legs do not touch the middle plane, but heads and backs do
         "parting": min(float(in_the_middle[share < 0.12].mean()), 0.1),
@@ -187,16 +188,16 @@ def _signs(left: NDArray[np.float64], up: NDArray[np.float64], front: NDArray[np
 
 
 def _spread(left: NDArray[np.float64], front: NDArray[np.float64]) -> float:
-    """Return the area over which points are spread: the product of the standard deviations along their main axes."""
+    """Return the product of the standard deviations of points along their principal axes."""
     left, front = left - left.mean(), front - front.mean()
     squared = float(np.mean(left**2) * np.mean(front**2) - np.mean(left * front) ** 2)
     return float(np.sqrt(max(squared, 0.0)))
 
 
 def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple[float, float]:
-    """Return where the middle plane across an axis lies, and how far the mirrored points are from the surface.
+    """Return the position of the middle plane along an axis, and the mean distance of mirrored points from the surface.
 
-    In diagonals, and no point counts more than 0.03: a sword in one hand does not make a body lopsided.
+    The distance is in diagonals, at most 0.03 per point, so that a sword in one hand does not matter much.
     """
     along = points[:, axis]
     tree = cKDTree(points)
@@ -211,12 +212,12 @@ def _mirroring(points: NDArray[np.float64], axis: int, diagonal: float) -> tuple
 
 
 def _sample(mesh: SolverMesh) -> NDArray[np.float64]:
-    """Return (SAMPLES, 3) points spread evenly over the surface, the same ones however the mesh is turned."""
+    """Return (SAMPLE_COUNT, 3) points spread evenly over the surface, whatever the rotation of the mesh."""
     corners = mesh.vertices[mesh.faces]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     up_to = np.cumsum(areas)
-    number = np.arange(SAMPLES)
-    face = np.searchsorted(up_to, (number + 0.5) / SAMPLES * up_to[-1])
+    number = np.arange(SAMPLE_COUNT)
+    face = np.searchsorted(up_to, (number + 0.5) / SAMPLE_COUNT * up_to[-1])
     # the R2 sequence of Roberts fills the unit square evenly
     first, second = np.sqrt(number * 0.7548776662466927 % 1), number * 0.5698402909980532 % 1
     shares = np.column_stack([1 - first, first * (1 - second), first * second])

@@ -1,4 +1,4 @@
-"""The space inside a character, in cells: parts that touch or overlap are one, cloth without thickness is nothing."""
+"""The space inside a character, divided into cells. Touching parts are united; flat cloth has no inside."""
 
 from dataclasses import dataclass
 
@@ -11,19 +11,21 @@ from scipy.spatial import cKDTree
 
 from puppetline.compiled import compiled
 
-CELLS = 60_000
-"""About this many cells fill a character: a limb of a sixtieth of its length is three cells thick."""
+CELL_COUNT = 60_000
+"""Approximate number of cells in a character; a limb with a sixtieth of its length as thickness is three cells
+thick."""
 
-MOST_ALONG = 400
-"""No more cells than this along a character."""
+MAX_CELLS_PER_AXIS = 400
+"""Maximum number of cells along an axis."""
 
-TOGETHER = 2.0
-"""Parts up to so many times as far from the rest as the nearest one are tied to it at once."""
+TIE_DISTANCE_RATIO = 2.0
+"""Parts are tied to the rest together with the nearest one if their distance is at most this multiple of its
+distance."""
 
-STEPS = np.array(
+NEIGHBOR_STEPS = np.array(
     [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)], dtype=np.int64
 )
-"""From a cell to its 13 neighbours in one half of space."""
+"""Offsets from a cell to its 13 neighbours in one half of space."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +35,12 @@ class Solid:
     Attributes
     ----------
     size : float
-        Edge of a cell.
+        Edge length of a cell.
     centers : (n, 3) float64
     depth : (n,) float64
-        Distance from each centre to the nearest outside cell's edge, about that to the surface.
+        Distance from each centre to the edge of the nearest cell outside: approximately that to the surface.
     graph : (n, n) sparse float64
-        Distances between the centres of neighbours, and between parts that do not touch, each once.
+        Distances between the centres of neighbours and between parts that do not touch; each pair once.
     """
 
     size: float
@@ -50,23 +52,23 @@ class Solid:
 def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]) -> Solid:
     """Fill a surface with cells.
 
-    A cell is inside where the generalised winding number (Jacobson et al. 2013), averaged over the six directions of
-    the axes, is at least a half: the surface may have holes, and its parts may overlap. In each direction it counts
-    from 0 to 1, so that one ray through a hole of several parts does not outvote the others.
+    A cell is inside if the generalised winding number (Jacobson et al. 2013), averaged over the six directions of the
+    axes, is at least a half: the surface may have holes, and its parts may overlap. Each direction contributes 0 to 1,
+    so that one ray through holes of several parts does not outvote the others.
 
     Parameters
     ----------
     vertices : (n, 3) float64
     faces : (t, 3) int64
     components : (n,) int32
-        The part that each vertex belongs to; a part that is inside out is turned.
+        Part of each vertex; a part that is inside out is turned.
     """
     faces, volume = _outside_out(vertices, faces, components)
     low, extent = vertices.min(axis=0), np.ptp(vertices, axis=0)
     longest = float(extent.max())
-    # a whole number of cells: rounding errors of the volume must not move them
-    size = longest / min(round(longest / (volume / CELLS) ** (1 / 3)), MOST_ALONG)
-    # even, and around the middle: what mirrors itself has cells that do
+    # an integer number of cells, so that rounding errors of the volume do not move them
+    size = longest / min(round(longest / (volume / CELL_COUNT) ** (1 / 3)), MAX_CELLS_PER_AXIS)
+    # even, and around the middle, so that a symmetric body has symmetric cells
     counts = 2 * np.ceil(extent / (2 * size)).astype(int) + 2
     origin = low + extent / 2 - size * (counts - 1) / 2
     winding = np.zeros(counts)
@@ -86,7 +88,7 @@ def fill(vertices: NDArray[np.float64], faces: NDArray[np.int64], components: ND
 def _outside_out(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], components: NDArray[np.int32]
 ) -> tuple[NDArray[np.int64], float]:
-    """Turn the parts that enclose a negative volume; return the sum of all volumes as well."""
+    """Turn the parts that enclose a negative volume; also return the sum of all volumes."""
     part = components[faces[:, 0]]
     corners = vertices[faces] - vertices.mean(axis=0)
     for_part = np.bincount(part, np.linalg.det(corners) / 6)
@@ -96,7 +98,7 @@ def _outside_out(
 
 @compiled
 def _crossings(vertices, faces, counts):
-    """Return whether the surface winds around each cell, seen along the last axis from both sides, on average.
+    """Return the winding number of the surface around each cell, seen along the last axis from both sides, on average.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def _crossings(vertices, faces, counts):
     Returns
     -------
     counts float64
-        1 inside a closed surface, 0 outside, a half where one side sees a hole.
+        1 inside a closed surface, 0 outside, a half if there is a hole on one side.
     """
     crossed = np.zeros((counts[0], counts[1], counts[2] + 1))
     for a, b, c in faces:
@@ -152,7 +154,7 @@ def _graph(number: NDArray[np.int64], size: float) -> csr_matrix:
     """Return the distances between the centres of neighbouring cells."""
     counts = np.array(number.shape)
     rows, columns, lengths = [], [], []
-    for step in STEPS:
+    for step in NEIGHBOR_STEPS:
         here = tuple(slice(max(-s, 0), n - max(s, 0)) for s, n in zip(step, counts, strict=True))
         there = tuple(slice(max(s, 0), n - max(-s, 0)) for s, n in zip(step, counts, strict=True))
         both = (number[here] >= 0) & (number[there] >= 0)
@@ -164,7 +166,7 @@ def _graph(number: NDArray[np.int64], size: float) -> csr_matrix:
 
 
 def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
-    """Tie what does not touch to the rest where it comes nearest, the nearest parts first."""
+    """Tie parts that do not touch the rest to its nearest cell, the nearest parts first."""
     while True:
         count, part = connected_components(graph, directed=False)
         if count == 1:
@@ -175,6 +177,6 @@ def _joined(graph: csr_matrix, centers: NDArray[np.float64]) -> csr_matrix:
         by_distance = np.argsort(distance, kind="stable")
         _, first = np.unique(part[outside][by_distance], return_index=True)  # of each part the nearest cell
         ties = by_distance[first]
-        ties = ties[distance[ties] <= TOGETHER * distance[ties].min()]
+        ties = ties[distance[ties] <= TIE_DISTANCE_RATIO * distance[ties].min()]
         pairs = (outside[ties], inside[nearest[ties]])
         graph = csr_matrix(graph + coo_matrix((distance[ties], pairs), graph.shape))

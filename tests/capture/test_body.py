@@ -24,7 +24,7 @@ CHAINS = [
         [("hip", (0.06, -0.08, 0)), ("knee", (0, -0.45, 0)), ("ankle", (0, -0.35, 0)), ("foot", (0, 0, -0.15))],
     ),
 ]
-"""Each limb's joints with the offset to the one before; y up, the right side at +x."""
+"""Joints of each limb with the offset from the joint before; y up, the right side at +x."""
 
 LENGTHS = {
     "spine": 0.1,
@@ -79,7 +79,7 @@ def test_every_bone_has_a_typical_length():
 
 
 def test_bones_of_a_lost_joint_are_typical_ones_scaled_to_the_rest():
-    """Without the left elbow its two bones are unknown; the 17 others say how large the body is."""
+    """Without the left elbow, its two bones are unknown; the 17 others determine the size of the body."""
     found = bone_lengths(without("elbow_left"))
     known = [joint for joint in PARENTS if joint not in ("elbow_left", "wrist_left")]
     size = sum(LENGTHS[bone_of(joint)] for joint in known) / sum(typical_bone_length(joint) for joint in known)
@@ -118,14 +118,14 @@ def test_reach_is_the_straight_limb_from_shoulder_or_hip():
         assert found[f"foot_{side}"] == pytest.approx(0.45 + 0.35 + 0.15)
 
 
-def test_what_leaning_carries_reaches_as_far_as_the_trunk_is_long():
+def test_the_reach_of_the_trunk_is_its_length():
     found = dict(zip(JOINTS, reach(simple_pose()), strict=True))
     for joint in (*JOINTS[:4], "shoulder_left", "shoulder_right", "hip_left", "hip_right"):
         assert found[joint] == pytest.approx(0.1 + 0.4 + 0.3)
 
 
 def test_reach_does_not_depend_on_the_pose():
-    """Arms bent or raised: as long as they were."""
+    """Bent or raised arms have the same length."""
     pose = simple_pose()
     bent = pose.copy()
     wrist, hand = JOINT_INDEX["wrist_right"], JOINT_INDEX["hand_right"]
@@ -173,7 +173,7 @@ def test_height_is_the_same_crouching():
 
 @pytest.fixture
 def take():
-    """Twelve frames in which joint j stands at (frame, j, 0)."""
+    """Twelve frames in which joint j is at (frame, j, 0)."""
     positions = np.zeros((12, 20, 3))
     positions[..., 0] = np.arange(12)[:, None]
     positions[..., 1] = np.arange(20)
@@ -196,14 +196,14 @@ def test_resting_pose_is_the_median_of_the_frames_asked_for(take):
     )
 
 
-def test_a_joint_lost_for_a_while_is_taken_from_the_frames_in_which_it_is_known(take):
+def test_a_joint_lost_in_some_frames_is_measured_in_the_others(take):
     lose(take, 5, [3, 4, 7])
     found = resting_pose(*take, first=3, count=5)
     np.testing.assert_array_equal(found[5], [5.5, 5, 0])
     np.testing.assert_array_equal(found[4], [5.0, 4, 0])
 
 
-def test_a_joint_lost_throughout_is_taken_from_the_nearest_frames(take):
+def test_a_joint_lost_in_all_frames_is_measured_in_the_nearest_frames(take):
     lose(take, 5, slice(0, 6))
     np.testing.assert_array_equal(resting_pose(*take, first=3, count=3)[5], [7.0, 5, 0])  # of frames 6, 7, 8
     positions, confidence = take

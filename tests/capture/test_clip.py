@@ -20,7 +20,7 @@ def make(count=4, times=None, lost=(), **changes):
     return SkeletonClip(format="test", user=1, **arrays | changes)
 
 
-def test_a_clip_keeps_what_it_is_given():
+def test_a_clip_has_the_given_values():
     times = np.array([5.0, 5.1, 7.0])
     clip = make(3, times=times, notes=("a note",))
     np.testing.assert_array_equal(clip.times, times)
@@ -60,7 +60,7 @@ def test_arrays_that_do_not_fit_each_other_are_refused(changes, says):
         make(**changes)
 
 
-def test_a_position_is_missing_exactly_where_confidence_is_zero():
+def test_a_position_is_missing_exactly_if_confidence_is_zero():
     positions = np.zeros((4, 20, 3))
     positions[2, 3, 1] = np.nan
     with pytest.raises(ValueError, match="exactly if its position is NaN"):

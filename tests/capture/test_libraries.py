@@ -9,12 +9,12 @@ from puppetline.errors import SourceError
     [
         ("import no_such_module", NotInstalledError),
         ("import no_such_module.part", NotInstalledError),
-        ("import a_module", SourceError),  # which imports one that is not there
+        ("import a_module", SourceError),  # it imports a missing module
         ("import a_module.no_such_part", SourceError),
         ("from an_empty_module import name", SourceError),
     ],
 )
-def test_a_module_is_not_installed_only_if_it_is_itself_what_is_not_found(tmp_path, monkeypatch, statement, kind):
+def test_a_module_is_not_installed_only_if_it_is_the_missing_one(tmp_path, monkeypatch, statement, kind):
     (tmp_path / "a_module.py").write_text("import no_such_requirement")
     (tmp_path / "an_empty_module.py").touch()
     monkeypatch.syspath_prepend(tmp_path)

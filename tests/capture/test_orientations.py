@@ -24,19 +24,19 @@ def vectors():
     return np.random.default_rng(5).normal(size=(20, 3))
 
 
-def test_the_mirror_image_turns_the_mirror_image_of_a_bone_to_that_of_where_it_was(turns, vectors):
+def test_a_mirrored_orientation_rotates_mirrored_bones(turns, vectors):
     there = skeleton.mirrored(rotation(turns).apply(vectors))
     np.testing.assert_allclose(
         rotation(orientations.mirrored(turns)).apply(skeleton.mirrored(vectors)), there, atol=1e-12
     )
 
 
-def test_in_character_axes_a_bone_points_where_its_joints_do(turns, vectors):
+def test_in_character_axes_a_bone_points_along_its_joints(turns, vectors):
     there = skeleton.to_character_axes(rotation(turns).apply(vectors))
     np.testing.assert_allclose(rotation(orientations.to_character_axes(turns)).apply(vectors), there, atol=1e-12)
 
 
-def test_a_turned_frame_turns_what_is_in_it(turns, vectors):
+def test_rotated_coordinates_rotate_orientations(turns, vectors):
     turn = Rotation.from_rotvec([0.3, -1.1, 0.4])
     found = rotation(orientations.rotated(turns, turn.as_matrix())).apply(vectors)
     np.testing.assert_allclose(found, turn.apply(rotation(turns).apply(vectors)), atol=1e-12)
@@ -53,7 +53,7 @@ def test_the_bone_that_begins_at_a_joint_ends_at_the_next_one_of_its_limb(turns)
 
 
 @pytest.mark.parametrize("bad", [[0, 0, 0, 0], [np.inf, 0, 0, 0], [np.nan, 0, 0, 1], [0.9, 0, 0, 0.1]])
-def test_what_is_no_unit_quaternion_is_unknown(turns, bad):
+def test_a_quaternion_of_another_length_is_unknown(turns, bad):
     given = turns.copy()
     given[7] = bad
     found = orientations.unit_or_unknown(given)

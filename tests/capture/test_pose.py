@@ -36,7 +36,7 @@ def test_a_fit_finds_the_pose_that_moved_the_points(tilt, turn, roll, seed):
     np.testing.assert_allclose(found.position, pose.position, atol=1e-9)
 
 
-def test_what_has_no_weight_does_not_count_and_a_mirror_is_not_fitted():
+def test_points_without_weight_do_not_count_and_no_reflection_is_fitted():
     points = np.vstack([np.random.default_rng(0).standard_normal((6, 3)), [[100.0, 0, 0]]])
     onto = np.vstack([points[:6] + 1, [[0.0, 0, 0]]])
     found = fit(points, onto, np.array([1.0] * 6 + [0.0]))

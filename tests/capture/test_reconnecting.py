@@ -9,11 +9,11 @@ from capture.source import Counts, SilentSource, wait
 from puppetline.errors import SourceError
 
 GONE = SourceError("device", found="nothing there", expected="a device", fix="Plug it in.")
-PATIENCE = 20.0
+TIMEOUT_SECONDS = 20.0
 
 
 class Scripted:
-    """A source that gives a list at a time, or raises what stands there, and nothing in the end."""
+    """A source that returns one list of a script per call, or raises its exception; nothing at the end."""
 
     name = "scripted"
 
@@ -42,7 +42,7 @@ class Scripted:
 
 @pytest.fixture
 def reopening():
-    """Make a source of what the opener gives, one after the other; an exception is raised."""
+    """Return a source whose opener returns the given sources one after the other, or raises an exception."""
 
     def make(*openings):
         left = list(openings)
@@ -61,7 +61,7 @@ def reopening():
 
 
 def run(source, until):
-    events, give_up = [], time.monotonic() + PATIENCE
+    events, give_up = [], time.monotonic() + TIMEOUT_SECONDS
     while not until():
         assert time.monotonic() < give_up
         wait(source, give_up)
@@ -69,17 +69,17 @@ def run(source, until):
     return events
 
 
-def test_what_cannot_be_opened_at_first_is_an_error(reopening):
+def test_a_source_that_cannot_be_opened_at_first_is_an_error(reopening):
     with pytest.raises(SourceError, match="nothing there"):
         reopening(GONE)
 
 
-def test_a_failed_source_is_closed_and_ticks_stand_for_it_until_it_is_open_again(reopening):
+def test_a_failed_source_is_closed_and_replaced_by_ticks_until_it_is_open_again(reopening):
     first, second = Scripted(RuntimeError("the cable"), clock=100.0), Scripted([Lost(0.0, 3)])
     source = reopening(first, second)
     assert source.receive() == []
     assert (first.closed, type(source.inner), source.name) == (True, SilentSource, "device:0")
-    assert 0 < source.now() - time.monotonic() - 100.0 + 1e-3 < 1e-2  # the clock goes on
+    assert 0 < source.now() - time.monotonic() - 100.0 + 1e-3 < 1e-2  # the clock continues
     events = run(source, lambda: source.inner is second and not second.script)
     assert events[-1] == Lost(0.0, 3)
     ticks = events[:-1]
@@ -88,7 +88,7 @@ def test_a_failed_source_is_closed_and_ticks_stand_for_it_until_it_is_open_again
     assert all(earlier.time < later.time for earlier, later in itertools.pairwise(ticks))
 
 
-def test_it_is_tried_until_it_can_be_opened_whatever_goes_wrong(reopening):
+def test_it_is_retried_until_it_can_be_opened_whatever_the_error(reopening):
     last = Scripted()
     source = reopening(Scripted(GONE), GONE, OSError("in its own way"), last)
     run(source, lambda: source.inner is last)
@@ -96,7 +96,7 @@ def test_it_is_tried_until_it_can_be_opened_whatever_goes_wrong(reopening):
     assert last.closed
 
 
-def test_counting_goes_on(reopening):
+def test_counts_continue(reopening):
     source = reopening(Scripted(GONE, received=5), Scripted(received=2))
     source.receive()
     assert source.counts.received == 5
@@ -104,7 +104,7 @@ def test_counting_goes_on(reopening):
     assert source.counts.received == 7
 
 
-def test_trouble_is_told_once_and_its_end_with_the_first_event_that_is_no_tick(reopening, caplog):
+def test_a_failure_is_logged_once_and_its_end_with_the_first_event_except_ticks(reopening, caplog):
     caplog.set_level("INFO")
     tick, lost = Tick(0.0), Lost(0.0, 1)
     source = reopening(Scripted(GONE), Scripted([tick], GONE), GONE, Scripted([tick], [lost], [lost], GONE), Scripted())
@@ -114,7 +114,7 @@ def test_trouble_is_told_once_and_its_end_with_the_first_event_that_is_no_tick(r
     assert {record.fields["source"] for record in caplog.records} == {"device:0"}
 
 
-def test_pictures_without_anybody_are_the_end_of_trouble(reopening):
+def test_images_without_a_performer_end_a_failure(reopening):
     second = Scripted([Tick(0.0)], [Tick(1.0)])
     source = reopening(Scripted(GONE), second)
     run(source, lambda: source.inner is second)
@@ -130,7 +130,7 @@ def test_a_recording_that_has_ended_is_not_opened_again(reopening):
     silence = source.inner
     ticks = []
     while len(ticks) * TICK_SECONDS < 1.5 * RETRY_SECONDS:
-        wait(source, time.monotonic() + PATIENCE)
+        wait(source, time.monotonic() + TIMEOUT_SECONDS)
         ticks += source.receive()
     assert source.inner is silence
     assert len(source.left) == 1

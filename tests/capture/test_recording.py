@@ -24,7 +24,7 @@ from puppetline.errors import OutputError, SkeletonLogError
 
 
 def make_frame(k, user=1):
-    """Frame k of a performance that every process makes alike; every third frame loses some joints."""
+    """Return frame k of a motion that is equal in every process; every third frame has lost joints."""
     rng = np.random.default_rng(k)
     confidence = rng.choice([1.0, 0.5, 0.7], size=20).astype(np.float32)
     if k % 3 == 0:
@@ -40,7 +40,7 @@ def record(path, events):
 
 
 def performance(count):
-    """Frames of two performers, and all else that happens between them."""
+    """Return frames of two performers, and all other events between them."""
     state = {"dog": {"rest": [[0.1, 1 / 3, -0.0], None], "mirror": True, "since": 1e-320}}  # floats of every kind
     yield Cue(0.0, "stage", {"characters": state, "level": {}})
     for k in range(count):
@@ -52,7 +52,7 @@ def performance(count):
 
 
 def same(event, other):
-    """Whether two events are equal to the bit."""
+    """Return whether two events are equal bit for bit."""
     if not isinstance(event, SkeletonFrame):
         return event == other and type(event) is type(other)
     return (
@@ -65,7 +65,7 @@ def same(event, other):
 
 
 def assert_reads_back(path, written):
-    """All that was written is read, to the bit, frames as `as_recorded` promises."""
+    """All written events are read back bit for bit, frames as returned by `as_recorded`."""
     read_back = list(events(path))
     promised = [as_recorded(event) if isinstance(event, SkeletonFrame) else event for event in written]
     assert len(read_back) == len(promised)
@@ -83,7 +83,7 @@ def read_one(path):
     return clip
 
 
-def test_what_is_read_is_what_was_recorded_to_a_hundredth_of_a_millimetre(tmp_path):
+def test_positions_are_read_back_to_a_hundredth_of_a_millimetre(tmp_path):
     frames = [make_frame(k) for k in range(50)]
     record(tmp_path / "take", frames)
     clip = read_one(tmp_path / "take")
@@ -92,7 +92,7 @@ def test_what_is_read_is_what_was_recorded_to_a_hundredth_of_a_millimetre(tmp_pa
     np.testing.assert_allclose(clip.positions, [frame.positions for frame in frames], rtol=0, atol=0.5e-5 + 1e-12)
 
 
-def test_recording_what_was_read_gives_the_same_bytes(tmp_path):
+def test_recording_a_read_take_writes_the_same_bytes(tmp_path):
     record(tmp_path / "take", [make_frame(k) for k in range(20)])
     clip = read_one(tmp_path / "take")
     frames = map(SkeletonFrame, clip.times, itertools.repeat(1), clip.positions, clip.confidence)
@@ -100,7 +100,7 @@ def test_recording_what_was_read_gives_the_same_bytes(tmp_path):
     assert (tmp_path / "again").read_bytes() == (tmp_path / "take").read_bytes()
 
 
-def test_a_frame_is_one_line_of_json_with_null_for_what_is_lost():
+def test_a_frame_is_one_line_of_json_with_null_for_lost_joints():
     positions = np.full((20, 3), [0.1, -0.123456789, 2.5])
     positions[4] = np.nan
     confidence = np.full(20, 0.7, dtype=np.float32)
@@ -153,7 +153,7 @@ def test_the_disk_is_synced_once_a_second_and_at_the_end(tmp_path, monkeypatch):
 
 
 def test_no_frame_waits_for_the_disk(tmp_path, monkeypatch):
-    """The disk is busy until the recording is closed; meanwhile everything is written, and nothing is synced twice."""
+    """The disk is busy until the take is closed. All events are written, and nothing is synchronised twice."""
     clock, done, synced = itertools.count(), threading.Event(), []
     monkeypatch.setattr(capture.recording.time, "monotonic", lambda: next(clock))
     monkeypatch.setattr(capture.recording.os, "fsync", lambda file: (synced.append(file), done.wait(60)))
@@ -196,7 +196,7 @@ def test_every_kind_of_event_reads_back_to_the_bit(tmp_path):
     time=st.floats(allow_nan=False, allow_infinity=False),
     user=st.integers(-(2**31), 2**31),
 )
-def test_as_recorded_is_what_a_reader_gives_back_and_recording_it_changes_nothing(
+def test_as_recorded_is_the_frame_that_is_read_back_and_recorded_unchanged(
     tmp_path_factory, positions, confidence, time, user
 ):
     frame = SkeletonFrame(time, user, positions, confidence)
@@ -217,7 +217,7 @@ def test_each_kind_of_event_is_a_line_of_its_own():
 
 
 @pytest.mark.parametrize("wrong", [Cue(0.0, "x", {"n": float("nan")}), Cue(0.0, "x", {"n": b""}), Tick(float("inf"))])
-def test_what_json_cannot_hold_is_refused_before_anything_is_written(tmp_path, wrong):
+def test_values_that_json_lacks_are_refused_before_writing(tmp_path, wrong):
     with Recorder(tmp_path / "take") as recorder:
         with pytest.raises((ValueError, TypeError)):
             recorder.write(wrong)
@@ -225,9 +225,9 @@ def test_what_json_cannot_hold_is_refused_before_anything_is_written(tmp_path, w
     assert (tmp_path / "take").read_bytes() == HEADER + encode(Tick(1.0))
 
 
-def test_cut_off_at_any_byte_all_whole_lines_are_there_and_recording_goes_on(tmp_path, monkeypatch):
-    """The lines hold objects in objects, so that many of the cuts leave a line that ends in a brace."""
-    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
+def test_cut_off_at_any_byte_a_take_keeps_its_complete_lines_and_can_be_continued(tmp_path, monkeypatch):
+    """The lines contain nested objects, so many cut-off lines end in a brace."""
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
     written = list(performance(3))
     record(tmp_path / "whole", written)
     whole = (tmp_path / "whole").read_bytes()
@@ -242,8 +242,8 @@ def test_cut_off_at_any_byte_all_whole_lines_are_there_and_recording_goes_on(tmp
         assert cut.read_bytes().startswith(whole[:size])
 
 
-def test_cut_off_at_any_byte_the_clip_has_all_whole_frames_and_says_what_was_torn(tmp_path, monkeypatch):
-    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of them take long
+def test_cut_off_at_any_byte_a_clip_has_all_complete_frames_and_a_note(tmp_path, monkeypatch):
+    monkeypatch.setattr(capture.recording.os, "fsync", lambda _: None)  # thousands of calls take long
     frames = [make_frame(k) for k in range(3)]
     record(tmp_path / "whole", frames)
     whole = (tmp_path / "whole").read_bytes()
@@ -309,20 +309,20 @@ def test_recording_into_a_finished_recording_continues_it(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"60 0.1 0.2\n", b'{"frames": []}', HEADER.replace(b": 2,", b": 1,"), b"\n"])
-def test_a_file_that_is_something_else_is_refused_and_left_alone(tmp_path, content):
+def test_another_file_is_refused_and_not_changed(tmp_path, content):
     (tmp_path / "take").write_bytes(content)
     with pytest.raises(OutputError, match="not a take"):
         Recorder(tmp_path / "take")
     assert (tmp_path / "take").read_bytes() == content
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
+def test_a_path_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(OutputError, match=re.escape("found a file that cannot be written (Is a directory)")):
         Recorder(tmp_path)
 
 
-def test_where_the_disk_takes_only_part_of_a_frame_the_recording_ends_and_can_be_continued(tmp_path):
-    """A limit on the size of files stands for the full disk."""
+def test_a_full_disk_ends_the_take_which_can_be_continued(tmp_path):
+    """A limit on the size of files simulates the full disk."""
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     whole = HEADER + b"".join(encode(make_frame(k)) for k in range(2))

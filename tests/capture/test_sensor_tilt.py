@@ -10,7 +10,7 @@ from .network.conftest import STANDING
 
 
 def turned(pose, degrees, height):
-    """Return what a sensor sees that looks down by so much, at that height above the floor."""
+    """Return a pose as seen by a sensor with a tilt, at a height above the floor."""
     angle = np.radians(degrees)
     x, y, z = (pose - [0.0, height, 0.0]).T
     up, forward = (np.cos(angle), np.sin(angle)), (-np.sin(angle), np.cos(angle))  # the sensor's axes in the room
@@ -19,7 +19,7 @@ def turned(pose, degrees, height):
 
 @pytest.fixture
 def upright():
-    """Somebody on the floor: ankles at their height above it, legs and trunk in one line."""
+    """Return a performer on the floor, with ankles at their height above it, and legs and trunk in one line."""
     pose = np.array([STANDING[name] for name in JOINTS]) + np.array([0.0, 0.0, 2.5])
     pose[:, 2] = 2.5 + 0.2 * (pose[:, 2] - 2.5)
     pose[:, 1] += 0.09 - pose[[JOINT_INDEX["ankle_left"], JOINT_INDEX["ankle_right"]], 1].mean()
@@ -28,7 +28,7 @@ def upright():
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0, 8.0, 15.0, 35.0])
 @pytest.mark.parametrize("height", [0.0, 0.9, 2.2])
-def test_somebody_who_stands_upright_tells_how_the_sensor_stands(upright, degrees, height):
+def test_a_performer_who_stands_upright_determines_the_tilt(upright, degrees, height):
     seen = turned(upright, degrees, height)
     level = estimate_tilt(seen)
     assert level.tilt == pytest.approx(degrees, abs=1.5)
@@ -51,7 +51,7 @@ def test_bones_are_turned_with_the_joints_that_are_levelled(upright):
 
 
 @pytest.mark.parametrize(("tilt", "roll", "height"), [(25.0, 0.0, 1.4), (10.0, -7.0, 0.8), (-15.0, 90.0, 0.0)])
-def test_levelling_puts_a_sensor_where_a_pose_has_it(upright, tilt, roll, height):
+def test_a_tilt_equals_the_pose_of_its_angles(upright, tilt, roll, height):
     pose = Pose.of_degrees(tilt, 0.0, roll, np.array([0.0, height, 0.0]))
     seen = (upright - pose.position) @ pose.rotation
     np.testing.assert_allclose(SensorTilt(tilt, height, roll)(seen), upright, atol=1e-12)
@@ -61,7 +61,7 @@ def test_a_level_sensor_changes_nothing(upright):
     assert SensorTilt()(upright) is upright
 
 
-def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
+def test_bent_seated_or_incomplete_performers_determine_nothing(upright):
     bent = upright.copy()
     bent[[JOINT_INDEX[name] for name in ("shoulder_center", "head", "spine")], 2] += 0.4
     assert estimate_tilt(bent) is None
@@ -75,14 +75,14 @@ def test_nothing_is_said_of_who_bends_sits_or_is_not_wholly_seen(upright):
     assert estimate_tilt(lying) is None
 
 
-def test_json_says_it_as_it_is():
+def test_json_values_are_converted():
     assert SensorTilt.of_json({"tilt": 12, "roll": -1.5, "height": 1.3, "more": "x"}) == SensorTilt(12.0, 1.3, -1.5)
 
 
 @pytest.mark.parametrize(
     "wrong", [{"tilt": "steep"}, {"height": None}, {"roll": float("nan")}, {"tilt": [1.0]}, {"tilt": 10**400}]
 )
-def test_json_that_says_something_else_is_an_error(wrong):
+def test_invalid_json_values_are_errors(wrong):
     with pytest.raises(ValueError, match=r"."):
         SensorTilt.of_json({"tilt": 1.0, "roll": 0.0, "height": 1.0} | wrong)
     with pytest.raises(ValueError, match="no tilt"):
@@ -97,5 +97,5 @@ def test_json_that_says_something_else_is_an_error(wrong):
         (SensorTilt(0.4, 0.8), "0.80 m above the floor, level"),
     ],
 )
-def test_it_is_said_in_words(level, words):
+def test_a_tilt_is_described(level, words):
     assert str(level) == words

@@ -25,7 +25,7 @@ def random_walk(count, seed=0, step=0.03):
 
 
 def eq_4(p, beta, gamma, k=0.0):
-    """The paper's loop, frame by frame."""
+    """Return the result of the paper's recursion, frame by frame."""
     smoothed, trend = p[1], p[1] - p[0]
     out = [p[0], smoothed + k * trend]
     for measurement in p[2:]:
@@ -37,7 +37,7 @@ def eq_4(p, beta, gamma, k=0.0):
 
 
 def kinect_sdk(raw, smoothing, correction, prediction, jitter, deviation, inferred):
-    """The SDK's loop for one joint (T, 3), with Eq. 4's first trend and the jitter rule from the second frame."""
+    """Filter one joint (T, 3) with the SDK's loop, Eq. 4's first trend, and the jitter rule from frame two."""
     filtered, trend, out = raw[0], np.zeros(3), []
     for n, p in enumerate(raw):
         widen = 2.0 if inferred[n] else 1.0
@@ -90,7 +90,7 @@ def test_is_the_kinect_sdk_filter_at_30_hz_after_the_start(sdk):
 @pytest.mark.parametrize(
     ("alpha", "gamma"), [(0.2, 0.9), (0.36, 1 / 9), (0.5, 0.5), (0.75, 1 / 3), (1.0, 0.4), (1.0, 1.0)]
 )
-def test_same_output_at_15_30_and_60_hz_where_the_motion_is_straight_between_15_hz_frames(alpha, gamma):
+def test_straight_motion_between_15_hz_frames_has_the_same_output_at_30_and_60_hz(alpha, gamma):
     corners = random_walk(60, step=0.1)
     smoothing = Smoothing(alpha, gamma, prediction=0.7, **EQ_4_ONLY)
     slow = run(smoothing, np.arange(60) / 15, corners)[1:]
@@ -115,7 +115,7 @@ def test_dropped_frames_on_a_straight_stretch_change_nothing_afterwards():
 @pytest.mark.parametrize(
     ("alpha", "gamma"), [(0.75, 1 / 3), (0.75, 1 / 3 + 1e-9), (0.36, 1 / 9), (0.5, 0.5), (0.01, 1.0)]
 )
-def test_fractional_powers_multiply_to_whole_ones(alpha, gamma):
+def test_fractional_powers_multiply_to_integer_powers(alpha, gamma):
     """Equal, nearly equal, real and complex eigenvalues."""
     step = np.array([[1 - alpha, 1 - alpha], [-gamma * alpha, 1 - gamma * alpha]])
     np.testing.assert_allclose(_decay(alpha, gamma, 1.0), step, rtol=0, atol=1e-15)
@@ -199,7 +199,7 @@ def test_reset_forgets_everything_even_the_time():
     np.testing.assert_array_equal(again, run(Smoothing(), np.arange(10) / 30, p))
 
 
-def test_what_the_caller_does_to_a_result_does_not_come_back():
+def test_results_are_copies():
     joint_filter = JointFilter(Smoothing())
     first = joint_filter.step(0.0, np.zeros((20, 3)), ALL_TRACKED)
     first += 5.0

@@ -6,7 +6,7 @@ from capture.events import TICK_SECONDS, Tick
 from capture.source import Counts, SilentSource
 
 
-def test_silence_ticks_on_the_clock_of_the_source_that_it_stands_in_for():
+def test_a_silent_source_ticks_on_the_clock_of_the_source_that_it_replaces():
     counts = Counts(received=7)
     silence = SilentSource("osc:1", counts, 1000.0)
     assert silence.counts is counts

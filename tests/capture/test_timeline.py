@@ -12,7 +12,7 @@ HEAD, SPINE = JOINT_INDEX["head"], JOINT_INDEX["spine"]
 
 
 def clip(times, x, confidence=1.0, user=0):
-    """Every joint at (x, 10 x, joint number); confidence 0 makes NaN."""
+    """Return a clip with every joint at (x, 10 x, joint number); confidence 0 makes NaN."""
     times = np.asarray(times, dtype=float)
     x = np.broadcast_to(np.asarray(x, dtype=float).reshape(len(times), -1), (len(times), 20))
     positions = np.stack([x, 10 * x, np.broadcast_to(np.arange(20.0), x.shape)], axis=2)
@@ -50,7 +50,7 @@ def test_interpolates_linearly_with_the_lower_confidence():
     np.testing.assert_array_equal(timeline.confidence[:, HEAD], [1, 1, 1, 0.5, 0.5, 0.5])
 
 
-def test_a_straight_motion_comes_out_at_the_same_speed_from_uneven_times():
+def test_a_straight_motion_at_irregular_times_keeps_its_speed():
     times = np.cumsum(np.random.default_rng(2).uniform(0.005, 0.24, 300))
     timeline = resample(clip(times, 2.0 * times), fps=60.0)
     np.testing.assert_allclose(timeline.positions[:, 0, 0], 2.0 * (timeline.times + times[0]), rtol=0, atol=1e-9)
@@ -148,7 +148,7 @@ def performers():
     return [clip(np.arange(n), np.arange(float(n)), user=user) for user, n in ((4, 1), (2, 5), (7, 3))]
 
 
-def test_the_performer_tracked_in_most_frames_is_taken():
+def test_the_performer_tracked_in_most_frames_is_chosen():
     clips = performers()
     longest_but_untracked = clip(np.arange(9), np.arange(9.0), 0.0, user=1)
     taken, note = choose([longest_but_untracked, *clips])
@@ -159,14 +159,14 @@ def test_the_performer_tracked_in_most_frames_is_taken():
     )
 
 
-def test_the_performer_asked_for_is_taken():
+def test_the_requested_performer_is_chosen():
     clips = performers()
     taken, note = choose(clips, user=7)
     assert taken is clips[2]
     assert note == "User 7 (3 tracked frames) was chosen; other performers: 4 (1 tracked frame), 2 (5 tracked frames)."
 
 
-def test_a_single_performer_has_nobody_beside():
+def test_a_single_performer_has_no_other_performers():
     assert choose(performers()[1:2])[1] == "User 2 (5 tracked frames) was chosen; other performers: none."
 
 

@@ -168,9 +168,8 @@ def _nite() -> Finding:
     if found is not None:
         return Finding("NiTE 2", True, found)
     folder = os.environ.get(nite.REDIST_VARIABLE)
-    return Finding(
-        "NiTE 2", None, "not installed" if folder is None else f"not in {folder}, which {nite.REDIST_VARIABLE} names"
-    )
+    missing = "not installed" if folder is None else f"not in {folder}, which {nite.REDIST_VARIABLE} names"
+    return Finding("NiTE 2", None, missing)
 
 
 def _mediapipe(_name: str) -> str:

@@ -24,7 +24,7 @@ LEFT = [name for name in NAMES if name.endswith("_LEFT") and name.lower() in JOI
 
 
 def millimetres(name: str, frame: int = 0) -> list[float]:
-    """Someone 2 m away facing the camera: the right side in the left half of the camera's view, y down."""
+    """Return a joint's position for a performer 2 m away who faces the camera: right side at −x, y down."""
     side = {"LEFT": 1, "RIGHT": -1}.get(name.rpartition("_")[2], 0)
     return [250.0 * side, -900.0 + 10 * NAMES.index(name), 2000.0 + frame]
 
@@ -133,7 +133,9 @@ SECOND = ("frames", 1, "bodies", 1)
         (document([body(joint_confidence=[0] * 32)]), "take.json", "no frame with a tracked performer"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(tmp_path: Path, content: object, place: str, message: str) -> None:
+def test_violations_of_the_format_are_refused_with_their_place(
+    tmp_path: Path, content: object, place: str, message: str
+) -> None:
     assert_refused(azure_json, write(tmp_path, content), place, message)
 
 

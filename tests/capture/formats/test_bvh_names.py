@@ -29,7 +29,7 @@ from puppetline.errors import SkeletonLogError
         ("__UpLeg_L", ""),
     ],
 )
-def test_names_are_taken_apart(name: str, key: str) -> None:
+def test_names_are_normalised(name: str, key: str) -> None:
     assert normalised_name(name) == key
 
 
@@ -41,7 +41,7 @@ def short_sides(*names: str) -> list[str]:
     return [name.replace("*", side) for side in "lr" for name in names]
 
 
-# What each skeleton calls the joints that are not the same everywhere.
+# Names of the joints that differ between skeletons.
 ARM_AND_LEG = ("Shoulder", "Elbow", "Wrist", "Hand", "Hip", "Knee", "Ankle", "Foot")
 SKELETONS = {
     "CMU": (
@@ -170,7 +170,7 @@ SKELETONS = {
 
 
 def points_of(names: list[str], places: dict[int, float] | None = None) -> tuple[dict[str, float], list[str]]:
-    """Put node i at x = i (or as told), each the child of the one before, and say where the 20 joints then are."""
+    """Return x of the 20 joints of a chain of nodes in which node i is at x = i, or at the x of `places`."""
     x = [(places or {}).get(index, float(index)) for index in range(len(names))]
     tree = [(name, index - 1) for index, name in enumerate(names)]
     points, _, notes = kinect_positions(Path("take.bvh"), tree, [np.array([[value, 0.0, 0.0]]) for value in x])

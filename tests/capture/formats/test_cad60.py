@@ -12,7 +12,7 @@ RATE = "The recording has no clock; 30 frames per second are assumed."
 
 
 def _line(number, positions=MILLIMETRES, confidence=1):
-    """Write one frame as the data set's documentation has it: eleven joints with an orientation, four without."""
+    """Return one frame as in the data set's documentation: eleven joints with an orientation, four without."""
     confidence = np.broadcast_to(confidence, 15)
     values = [str(number)]
     for joint in range(15):
@@ -47,7 +47,7 @@ def test_each_joint_is_found_by_its_place_in_metres(tmp_path):
     assert len(clip.notes) == 3
 
 
-def test_confidence_0_is_inferred_and_a_joint_at_zero_takes_its_wrist_along(tmp_path):
+def test_confidence_0_is_inferred_and_a_lost_hand_loses_its_wrist(tmp_path):
     positions, confidence = MILLIMETRES.copy(), np.ones(15)
     positions[CAD60.index("hand_left")] = 0.0
     confidence[CAD60.index("head")] = 0.0

@@ -23,7 +23,7 @@ def test_frames_in_order_pass_unchanged():
     assert np.array_equal(clip.confidence, confidence)
 
 
-def test_the_first_of_repeated_times_is_kept_and_steps_back_are_left_out_with_a_note():
+def test_repeated_and_decreasing_times_are_skipped_with_a_note():
     positions, confidence = _frames(6)
     clip = build_clip("log", "test", np.array([1.0, 1.0, 2.0, 1.5, 2.0, 3.0]), positions, confidence)
     assert clip.times.tolist() == [1.0, 2.0, 3.0]
@@ -56,7 +56,7 @@ def test_a_log_without_a_tracked_frame_is_refused(count):
     assert caught.value.expected == "at least one tracked frame"
 
 
-def test_a_frame_rate_is_noted_where_it_is_assumed():
+def test_an_assumed_frame_rate_is_noted():
     assert frame_rate(ReadOptions(), 15.0) == (15.0, ("The recording has no clock; 15 frames per second are assumed.",))
     assert frame_rate(ReadOptions(fps=24.0), 15.0) == (24.0, ())
 
@@ -82,7 +82,7 @@ def test_a_body_twice_in_a_frame_counts_once() -> None:
     assert "1 of 3 frames" in clip.notes[0]
 
 
-def test_bodies_never_tracked_are_left_out() -> None:
+def test_bodies_that_are_never_tracked_are_skipped() -> None:
     (clip,) = clips_by_performer(Path("take.log"), "some", [frame(0, 1, 0), frame(0, 2), frame(1, 2, 0)])
     assert clip.user == 2
     assert clip.tracked_frames == 1

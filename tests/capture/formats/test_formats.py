@@ -36,7 +36,7 @@ def test_a_log_is_found_by_content_and_not_by_its_name(tmp_path):
     np.testing.assert_array_equal(clip.positions, poses)
 
 
-def test_a_position_that_is_no_performers_is_refused_with_its_place(tmp_path):
+def test_a_position_out_of_range_is_refused_with_its_place(tmp_path):
     poses = np.zeros((3, 20, 3))
     poses[2, 3, 1] = 10 * MAX_DISTANCE_METRES
     with pytest.raises(SkeletonLogError) as error:
@@ -48,7 +48,7 @@ def test_a_position_that_is_no_performers_is_refused_with_its_place(tmp_path):
 @pytest.mark.parametrize(
     ("content", "found"), [(b"", "an empty file"), (bytes(range(256)) * 9, "an unknown file format")]
 )
-def test_what_is_no_log_is_refused_with_the_list_of_formats(tmp_path, content, found):
+def test_an_unknown_format_is_refused_with_the_list_of_formats(tmp_path, content, found):
     (tmp_path / "take.log").write_bytes(content)
     with pytest.raises(SkeletonLogError) as error:
         read_log(tmp_path / "take.log")

@@ -12,7 +12,7 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_values_come_out_checked(tmp_path: Path) -> None:
+def test_values_are_checked(tmp_path: Path) -> None:
     document = _json.load(write(tmp_path, '{"a": [1, -2.5, "72057594037929701"], "b": [[1, 2], [3, 4]]}'))
     one, two, three = document["a"].items()
     assert (one.number(), two.number(), three.integer()) == (1.0, -2.5, 72057594037929701)
@@ -28,7 +28,7 @@ def test_values_come_out_checked(tmp_path: Path) -> None:
     assert "c" not in document["a"]
 
 
-def test_a_complaint_names_the_place(tmp_path: Path) -> None:
+def test_errors_name_the_place(tmp_path: Path) -> None:
     document = _json.load(write(tmp_path, '{"frames": [{"bodies": [{"x": null}]}]}'))
     with pytest.raises(SkeletonLogError) as caught:
         document["frames"].items()[0]["bodies"].items()[0]["x"].number()
@@ -37,7 +37,7 @@ def test_a_complaint_names_the_place(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["true", "null", '"1"', "[1]", "1e9", "-1e9", "1" * 400])
-def test_no_ordinary_number(tmp_path: Path, text: str) -> None:
+def test_values_that_are_not_numbers_are_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(SkeletonLogError, match="expected a number of ordinary size"):
         _json.load(write(tmp_path, text)).number()
 
@@ -45,12 +45,12 @@ def test_no_ordinary_number(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     "text", ["true", "1.5", "9007199254740992.0", "-1.0", "-1", '"-1"', '"1.0"', '"²"', '""', "9223372036854775808"]
 )
-def test_no_whole_number(tmp_path: Path, text: str) -> None:
+def test_values_that_are_not_integers_are_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(SkeletonLogError, match="expected an integer, 0 or more"):
         _json.load(write(tmp_path, text)).integer()
 
 
-def test_strings_of_digits_without_end_are_no_whole_number(tmp_path: Path) -> None:
+def test_long_strings_of_digits_are_not_integers(tmp_path: Path) -> None:
     with pytest.raises(SkeletonLogError, match="expected an integer"):
         _json.load(write(tmp_path, '"' + "9" * 10_000 + '"')).integer()
 

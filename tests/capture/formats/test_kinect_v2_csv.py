@@ -65,7 +65,7 @@ def test_real_logs_have_their_frames(real_logs, name, frames, gap):
     assert clip.notes == ()
 
 
-def test_a_real_log_has_the_numbers_that_stand_in_it(real_logs):
+def test_a_real_recording_has_the_numbers_of_its_file(real_logs):
     [clip] = kinect_v2_csv.read(real_logs / "kinect_v2_laban_csv" / "KinectReader_joints.csv", ReadOptions())
     assert clip.times[6] == 3186.9373727  # line 7
     assert clip.positions[6, JOINT_INDEX["head"]].tolist() == [0.00709107, 0.182194, 0.987473]

@@ -18,7 +18,7 @@ def joint(x: float = 256, y: float = 212, z: float = 0) -> dict[str, object]:
 
 
 def body(user: int = 7, slot: int = 0, **joints: dict[str, object]) -> dict[str, object]:
-    """All joints in the middle of the picture at 2.25 m, except joints given as j3=joint(…)."""
+    """Return a body with all joints in the middle of the image at 2.25 m, except those given as j3=joint(…)."""
     return {
         "bodyIndex": slot,
         "trackingId": str(user),
@@ -92,7 +92,7 @@ def changed(*path: object, value: object) -> object:
         ([[body(**{f"j{index}": joint(z=-500) for index in range(21)})]], "take.json", "no frame with a tracked"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(
+def test_violations_of_the_format_are_refused_with_their_place(
     tmp_path: Path, document: object, place: str, message: str
 ) -> None:
     assert_refused(kinect_v2_json, write(tmp_path, document), place, message)

@@ -67,7 +67,7 @@ def test_a_line_that_does_not_fit_is_refused(tmp_path, old, new, message):
         kinect_v2_sparse.read(_write(tmp_path, TAKE.replace(old, new, 1)), ReadOptions())
 
 
-def test_a_file_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path):
+def test_a_file_cut_off_anywhere_is_read_up_to_the_last_complete_frame(tmp_path):
     lines = {0: 1, TAKE.index("1032"): 10, TAKE.index("1064"): 13}  # where frames begin
     [whole] = kinect_v2_sparse.read(_write(tmp_path, TAKE), ReadOptions())
     ends = [*lines, len(TAKE)][1:]
@@ -114,7 +114,7 @@ def test_windows_newlines_and_a_byte_order_mark_do_not_matter(tmp_path):
     assert clip.times.tolist() == [1.0, 1.032, 1.064]
 
 
-def test_a_real_log_has_its_frames_and_the_numbers_that_stand_in_it(real_logs):
+def test_a_real_recording_has_the_frames_and_numbers_of_its_file(real_logs):
     [clip] = kinect_v2_sparse.read(real_logs / "kinect_v2_sparse" / "rawtest.txt", ReadOptions())
     assert clip.tracked_frames == len(clip.times) == 219
     assert clip.times[[6, 199, 218]].tolist() == [3178.921, 3185.359, 3185.984]

@@ -21,7 +21,7 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("name", FOREIGN)
-def test_every_joint_comes_from_its_documented_place(name):
+def test_every_joint_is_read_from_its_documented_place(name):
     order, sources = FOREIGN[name]
     positions = np.arange(len(order))[None, :, None] * np.ones(3) + [0.0, 0.25, 0.5]
     ours, confidence = to_kinect20(order, positions, np.full((1, len(order)), 0.5, dtype=np.float32))
@@ -52,13 +52,13 @@ def test_a_joint_without_confidence_is_nan():
 
 
 def _fifteen():
-    """One frame of a skeleton with NiTE's joints, at places that are easy to average."""
+    """Return one frame of a skeleton with NiTE's joints, at positions that are easy to average."""
     at = {name: np.array([j, 2.0 * j, 10.0]) for j, name in enumerate(NITE15)}
     ours, confidence = to_kinect20(NITE15, np.array([at[name] for name in NITE15]), np.ones(15, dtype=np.float32))
     return at, ours, confidence
 
 
-def test_missing_joints_lie_between_their_neighbours():
+def test_missing_joints_are_between_their_neighbours():
     at, ours, confidence = _fifteen()
     filled, sure = synthesise_missing(ours, confidence)
     for name, expected in {
@@ -84,7 +84,7 @@ def test_a_lost_torso_is_placed_from_the_synthesised_hips():
     assert filled[spine] == pytest.approx(hips + 0.17 * (at["shoulder_center"] - hips), abs=1e-12)
 
 
-def test_a_missing_joint_stays_lost_where_a_neighbour_is_lost_and_is_as_unsure_as_the_least_sure():
+def test_a_missing_joint_is_lost_with_a_neighbour_and_has_the_lowest_confidence():
     _, ours, confidence = _fifteen()
     ours, confidence = np.stack([ours, ours]), np.stack([confidence, confidence])
     hand, elbow = JOINT_INDEX["hand_left"], JOINT_INDEX["elbow_right"]
@@ -97,14 +97,14 @@ def test_a_missing_joint_stays_lost_where_a_neighbour_is_lost_and_is_as_unsure_a
     assert sure[:, right].tolist() == [0.5, 0.25]
 
 
-def test_a_whole_skeleton_is_left_as_it_is():
+def test_a_complete_skeleton_is_unchanged():
     positions = np.random.default_rng(1).normal(size=(4, 20, 3))
     filled, sure = synthesise_missing(positions, np.ones((4, 20), dtype=np.float32))
     assert np.array_equal(filled, positions)
     assert np.array_equal(sure, np.ones((4, 20)))
 
 
-def test_synthesised_joints_lie_near_the_measured_ones(real_logs):
+def test_synthesised_joints_are_near_the_measured_ones(real_logs):
     [clip] = read(real_logs / "utkinect" / "joints_s01_e01.txt", ReadOptions())
     joints = [JOINT_INDEX[name] for name in SYNTHESISED]
     positions, confidence = clip.positions.copy(), clip.confidence.copy()

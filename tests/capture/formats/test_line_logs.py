@@ -1,4 +1,4 @@
-"""What holds for the readers of line and column logs together: where a log is cut, and on every real recording."""
+"""Common properties of the readers of text recordings: incomplete files, invalid lines, and all real recordings."""
 
 import importlib
 
@@ -58,7 +58,7 @@ def line_log(request, tmp_path):
 
 
 @pytest.mark.parametrize("torn", [slice(70), slice(0)])
-def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(line_log, assert_same_frames, torn):
+def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_line(line_log, assert_same_frames, torn):
     line, read = line_log
     [whole] = read(line(1), line(4))
     [clip] = read(line(1), line(4), line(2)[torn] or "-", end="")
@@ -67,14 +67,14 @@ def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_one(line_log, assert
     assert_same_frames(clip, whole)
 
 
-def test_a_short_line_that_the_file_does_not_end_in_is_refused(line_log):
+def test_a_short_line_before_the_end_is_refused(line_log):
     line, read = line_log
     for lines, end in (([line(2)[:70]], "\n"), ([line(2)[:70], line(3)], "")):
         with pytest.raises(SkeletonLogError, match=r"line 2: found \d+ columns"):
             read(line(1), *lines, end=end)
 
 
-def test_a_log_cut_within_its_only_line_is_refused(line_log):
+def test_a_recording_cut_off_within_its_only_line_is_refused(line_log):
     line, read = line_log
     with pytest.raises(SkeletonLogError, match=r"line 1: found the end of the file after \d+ columns"):
         read(line(1)[:70], end="")

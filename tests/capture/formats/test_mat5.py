@@ -50,7 +50,7 @@ def test_reads_big_endian_files() -> None:
     np.testing.assert_array_equal(variables(data)["a"].numbers(), [[1.5, -2]])
 
 
-def test_what_is_not_real_numbers_is_told_from_it(tmp_path: Path) -> None:
+def test_arrays_without_real_numbers_are_distinguished(tmp_path: Path) -> None:
     path = tmp_path / "take.mat"
     savemat(path, {"text": "abc", "complex": np.array([1j]), "structure": {"a": 1}, "real": 1.0})
     found = variables(path.read_bytes())
@@ -90,7 +90,7 @@ def test_reads_real_files_as_scipy_does(real_logs: Path) -> None:
         (packed(matrix(b"a", (1, MAX_ARRAY_BYTES // 8), b"\0" * MAX_ARRAY_BYTES)), "bytes is incomplete"),
     ],
 )
-def test_what_does_not_fit_is_an_error(content: bytes, message: str) -> None:
+def test_violations_of_the_layout_are_errors(content: bytes, message: str) -> None:
     with pytest.raises(Mat5Error) as caught:
         [variable.numbers() for variable in variables(HEADER + content).values()]
     assert message in str(caught.value)

@@ -69,7 +69,7 @@ def test_an_incomplete_last_frame_seems_cut_off(tmp_path):
     assert "incomplete. Delete line 21 and all lines after it" in caught.value.fix
 
 
-def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_frame(tmp_path, assert_same_frames):
+def test_a_recording_cut_off_within_a_line_is_read_up_to_the_last_complete_frame(tmp_path, assert_same_frames):
     [expected] = msr_action3d.read(_write(tmp_path, WORLD, WORLD), ReadOptions())
     whole = _write(tmp_path, WORLD, WORLD, 2 * WORLD).read_text()
     lines = whole.splitlines(keepends=True)
@@ -82,7 +82,7 @@ def test_a_log_cut_in_mid_line_is_read_up_to_the_last_whole_frame(tmp_path, asse
         assert clip.notes == (NO_CLOCK, note)
 
 
-def test_a_log_cut_within_its_first_frame_is_refused(tmp_path):
+def test_a_recording_cut_off_within_its_first_frame_is_refused(tmp_path):
     log = _write(tmp_path, WORLD, end="")
     log.write_text(log.read_text()[:-20])
     with pytest.raises(
@@ -112,7 +112,7 @@ def test_other_texts_do_not_match(text):
     assert not msr_action3d.matches(text.encode())
 
 
-def test_real_world_logs_have_the_numbers_that_stand_in_them(real_logs):
+def test_real_world_recordings_have_the_numbers_of_their_files(real_logs):
     [clip] = msr_action3d.read(real_logs / "msr_action3d_world" / "a01_s01_e01_skeleton3D.txt", ReadOptions())
     assert len(clip.times) == 54
     head, hand = JOINT_INDEX["head"], JOINT_INDEX["hand_right"]
@@ -121,14 +121,14 @@ def test_real_world_logs_have_the_numbers_that_stand_in_them(real_logs):
     assert clip.confidence[6, hand] == np.float32(0.745192)
 
 
-def test_a_real_screen_log_is_unprojected_from_the_numbers_that_stand_in_it(real_logs):
+def test_a_real_screen_recording_is_unprojected(real_logs):
     [clip] = msr_action3d.read(real_logs / "msr_action3d_screen" / "a01_s01_e01_skeleton.txt", ReadOptions())
     # Line 140 has u 139, v 46, depth 636, which is 2.544 m.
     expected = [(139 - 160) / 285.6 * 2.544, (120 - 46) / 285.6 * 2.544, 2.544]
     assert clip.positions[6, JOINT_INDEX["head"]] == pytest.approx(expected, abs=1e-12)
 
 
-def test_both_real_forms_of_a_take_agree_to_a_pixel(real_logs):
+def test_both_real_forms_of_a_recording_agree_within_a_pixel(real_logs):
     screens = sorted((real_logs / "msr_action3d_screen").iterdir())
     assert len(screens) == 20
     for screen in screens:

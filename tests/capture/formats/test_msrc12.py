@@ -48,7 +48,7 @@ def test_real_logs_have_their_frames_and_gaps(real_logs, name, frames, gap):
     assert 1 / np.median(np.diff(clip.times)) == pytest.approx(30.2, abs=0.1)
 
 
-def test_a_real_log_has_the_numbers_that_stand_in_it(real_logs):
+def test_a_real_recording_has_the_numbers_of_its_file(real_logs):
     [clip] = msrc12.read(real_logs / "msrc12" / "P1_1_1_p06.csv", ReadOptions())
     assert clip.times[26] == 643.809794  # line 27
     assert clip.positions[26, JOINT_INDEX["head"]].tolist() == [0.06953, 0.725342, 2.678191]

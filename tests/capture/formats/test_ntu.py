@@ -46,7 +46,7 @@ def test_joints_are_matched_by_name(tmp_path: Path) -> None:
 
 
 def test_each_body_id_is_a_clip_with_the_times_at_which_it_is_seen(tmp_path: Path) -> None:
-    first, second = 72057594037931101, 72057594037931102  # differ by less than a float64 can tell
+    first, second = 72057594037931101, 72057594037931102  # not distinguishable as float64
     lines = take(
         [],
         [body_lines(first, 1, 1)],
@@ -78,7 +78,7 @@ def test_frame_rate_can_be_given(tmp_path: Path) -> None:
 
 
 def broken(line: int, text: str | None) -> list[str]:
-    """A take of an empty frame and one with a body, with one line (from 1) replaced or the file cut before it."""
+    """Return an empty frame and one with a body, with one line (from 1) replaced, or cut off before that line."""
     lines = take([], [body_lines(7, 1)])
     return lines[: line - 1] if text is None else [*lines[: line - 1], text, *lines[line:]]
 
@@ -106,7 +106,7 @@ def broken(line: int, text: str | None) -> list[str]:
         (take([body_lines(7, 0, states=dict.fromkeys(range(25), 0))]), "take.skeleton", "no frame with a tracked"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(
+def test_violations_of_the_format_are_refused_with_their_place(
     tmp_path: Path, lines: list[str], place: str, message: str
 ) -> None:
     assert_refused(ntu, write(tmp_path, lines), place, message)
@@ -122,7 +122,7 @@ def test_a_wrong_frame_count_is_noted_and_all_frames_are_read(tmp_path: Path, as
     assert clip.notes == (*whole.notes, note)
 
 
-def test_a_take_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path: Path, assert_same_frames) -> None:
+def test_a_recording_cut_off_anywhere_is_read_up_to_the_last_complete_frame(tmp_path: Path, assert_same_frames) -> None:
     begun = take([body_lines(7, 0)], [body_lines(7, 1), body_lines(8, 1)])
     first = "\n".join(take([body_lines(7, 0)])) + "\n"
     text = "\n".join(begun) + "\n"
@@ -141,14 +141,14 @@ def test_a_take_cut_anywhere_is_read_up_to_the_last_whole_frame(tmp_path: Path, 
         assert [len(clip.times) for clip in ntu.read(path, ReadOptions())] == [2, 1]
 
 
-def test_a_take_cut_within_its_first_body_is_refused(tmp_path: Path) -> None:
+def test_a_recording_cut_off_within_its_first_body_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "take.skeleton"
     path.write_text("\n".join(take([], [body_lines(7, 1)]))[:-20])
     with pytest.raises(SkeletonLogError, match="line 30: found the end of the file after"):
         ntu.read(path, ReadOptions())
 
 
-def test_what_is_not_used_may_be_infinite(tmp_path: Path, assert_same_frames) -> None:
+def test_unused_values_may_be_infinite(tmp_path: Path, assert_same_frames) -> None:
     lines = take([body_lines(7, 0)])
     (whole,) = ntu.read(write(tmp_path, lines), ReadOptions())
     odd = [line.replace("260.5 210.5", "-Infinity nan").replace("0.02 -0.11", "nan nan") for line in lines]

@@ -31,7 +31,7 @@ def error_of(path):
     return caught.value
 
 
-def test_is_told_by_its_first_line_of_any_version():
+def test_a_take_of_any_version_is_recognised_by_its_first_line():
     assert matches(HEADER + line())
     assert matches(HEADER.replace(b": 2,", b": 27,"))
     assert not matches(b"")
@@ -39,7 +39,7 @@ def test_is_told_by_its_first_line_of_any_version():
     assert not matches(b'{"frames": [], "puppetline": "skeleton log"}')
 
 
-def test_torn_lines_are_left_out_and_noted(tmp_path):
+def test_incomplete_lines_are_skipped_with_a_note(tmp_path):
     (clip,) = read(log(tmp_path, HEADER, line(0.0), line(1.0)[:40] + b"\n", line(2.0)), ReadOptions())
     np.testing.assert_array_equal(clip.times, [0.0, 2.0])
     assert clip.notes == ("Line 3 is incomplete and was skipped.",)
@@ -54,7 +54,7 @@ def test_line_ends_of_another_system_are_fine(tmp_path):
     assert clip.notes == ()
 
 
-def test_times_that_do_not_increase_for_a_performer_are_left_out_and_noted_there(tmp_path):
+def test_times_of_a_performer_that_do_not_increase_are_skipped_with_a_note(tmp_path):
     lines = [line(1.0), line(0.5, user=2), line(1.0), line(0.9), line(0.6, user=2), line(1.1)]
     one, two = read(log(tmp_path, HEADER, *lines), ReadOptions())
     np.testing.assert_array_equal(one.times, [1.0, 1.1])
@@ -115,7 +115,7 @@ def test_a_recording_of_version_1_reads_as_ever(tmp_path):
     assert not has_old_state(path)
 
 
-def test_all_but_frames_is_left_out_of_a_clip_and_is_among_the_events(tmp_path):
+def test_a_clip_has_only_frames_and_the_events_have_everything(tmp_path):
     others = (
         b'{"t": 0.5, "tick": true}\n{"t": 1, "lost": 1}\n'
         b'{"t": 1.5, "do": "mirror", "arguments": {"character": "dog"}}\n'
@@ -177,7 +177,7 @@ def test_a_recording_without_a_performer_is_refused(tmp_path, content):
     assert error_of(log(tmp_path, content)).found == "no frame with a tracked performer"
 
 
-def test_a_file_that_is_not_there_is_an_error_with_its_path(tmp_path):
+def test_a_missing_file_is_an_error_with_its_path(tmp_path):
     error = error_of(tmp_path / "none")
     assert (error.where, error.found) == (
         str(tmp_path / "none"),

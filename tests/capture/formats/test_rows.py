@@ -8,7 +8,7 @@ TRIPLE = RowLayout(3, "x y z")
 COMMA = RowLayout(3, "x, y, z", separator=",")
 
 
-def test_lines_keep_their_numbers_where_blank_lines_are_skipped(tmp_path):
+def test_lines_keep_their_numbers_when_blank_lines_are_skipped(tmp_path):
     log = tmp_path / "log.txt"
     log.write_bytes(b"\xef\xbb\xbf1 2 3\r\n\r\n \t\r\n4 5 6\r\n7 8")
     assert read_lines(log) == [(1, "1 2 3\n"), (4, "4 5 6\n"), (5, "7 8")]
@@ -53,7 +53,7 @@ def test_an_empty_field_between_commas_is_refused():
 
 
 @pytest.mark.parametrize("text", ["1", "1 2", "1 -", "1 EN", "1 2 -", "1 2 1e", "1 2 1e-", "1 2 +."])
-def test_a_last_line_that_the_file_ends_within_is_left_out_with_a_note(text):
+def test_a_last_line_that_is_cut_off_is_skipped_with_a_note(text):
     whole = [(1, "1 2 3\n"), (2, "4 5 6\n")]
     assert TRIPLE.complete([*whole, (7, text)]) == (
         whole,
@@ -62,12 +62,12 @@ def test_a_last_line_that_the_file_ends_within_is_left_out_with_a_note(text):
 
 
 @pytest.mark.parametrize("text", ["1 2\n", "1 2 3", "1 x 3", "1 2 3 4", "1 2 3 -", "1 2 nan"])
-def test_other_last_lines_are_left_for_the_reader_to_judge(text):
+def test_other_last_lines_are_kept(text):
     lines = [(1, "1 2 3\n"), (7, text)]
     assert TRIPLE.complete(lines) == (lines, ())
 
 
-def test_a_line_without_a_whole_one_before_it_is_left_for_the_reader_to_judge():
+def test_a_cut_off_line_without_a_line_before_it_is_kept():
     assert TRIPLE.complete([(1, "1 2")]) == ([(1, "1 2")], ())
     assert TRIPLE.complete([]) == ([], ())
 
@@ -80,7 +80,7 @@ def test_columns_that_are_not_used_may_be_infinite_but_must_be_numbers():
             layout.numbers("log.txt", (7, text))
 
 
-def test_a_line_that_ends_with_the_file_too_early_seems_cut_off():
+def test_a_line_that_the_file_ends_within_is_an_error_of_its_own():
     with pytest.raises(CutOffError) as caught:
         TRIPLE.numbers("log.txt", (7, "1 2"))
     assert caught.value.where == "log.txt, line 7"
@@ -89,7 +89,7 @@ def test_a_line_that_ends_with_the_file_too_early_seems_cut_off():
     assert caught.value.fix == "The file seems incomplete. Delete this line, or record again."
 
 
-def test_where_a_frame_has_several_lines_all_of_them_are_to_be_deleted():
+def test_the_fix_for_a_frame_of_several_lines_deletes_all_of_them():
     layout = RowLayout(3, "x y z", frame=WHOLE_FRAME)
     for text, fix in {
         "1 2\n": "Correct it or delete all lines of this frame, or record again.",
@@ -112,7 +112,7 @@ def test_bytes_that_are_not_text_are_refused(tmp_path, data, where):
     assert "plain text" in caught.value.fix
 
 
-def test_a_file_that_is_not_there_is_refused_by_name(tmp_path):
+def test_a_missing_file_is_refused_by_name(tmp_path):
     with pytest.raises(
         SkeletonLogError, match=r"gone\.txt: found a file that cannot be read \(No such file or directory\)"
     ):
@@ -126,7 +126,7 @@ def test_a_line_fits_by_its_columns_and_numbers_alone(text, fits):
     assert TRIPLE.fits(text) is fits
 
 
-def test_the_head_yields_lines_even_where_it_ends_within_a_character():
+def test_a_head_that_ends_within_a_character_is_split_into_lines():
     head = "\ufeff1 2\r\n\n3 é".encode()[:-1]
     assert head_lines(head) == ["1 2", "3 \ufffd"]
     assert head_lines(head, 1) == ["1 2"]

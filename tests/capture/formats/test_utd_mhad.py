@@ -72,7 +72,7 @@ def with_value(value: float) -> np.ndarray:
         ({"d_skel": np.zeros((20, 3, 4))}, "take.mat", "no tracked performer in any of 4 frames"),
     ],
 )
-def test_what_does_not_fit_is_refused_with_its_place(
+def test_violations_of_the_format_are_refused_with_their_place(
     tmp_path: Path, variables: dict[str, object], place: str, message: str
 ) -> None:
     assert_refused(utd_mhad, write(tmp_path, **variables), place, message)

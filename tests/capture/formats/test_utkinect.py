@@ -28,13 +28,13 @@ def test_joints_come_in_file_order_and_frame_numbers_are_thirtieths_of_a_second(
     assert clip.notes == ("The recording has no clock; 30 frames per second are assumed.",)
 
 
-def test_another_rate_is_taken_from_the_options(tmp_path):
+def test_the_options_set_the_rate(tmp_path):
     [clip] = utkinect.read(_write(tmp_path, _line(50), _line(75)), ReadOptions(fps=25.0))
     assert clip.times.tolist() == [2.0, 3.0]
     assert clip.notes == ()
 
 
-def test_repeated_frames_are_left_out_and_a_joint_at_zero_is_lost(tmp_path):
+def test_repeated_frames_are_skipped_and_a_joint_at_zero_is_lost(tmp_path):
     lost = np.ones((20, 3))
     lost[2] = 0.0
     log = _write(tmp_path, _line(1, np.full((20, 3), 1.0)), _line(1, np.full((20, 3), 2.0)), _line(2, lost))
@@ -60,7 +60,7 @@ def test_real_logs_have_their_frames_without_the_repeats(real_logs, name, frames
     assert clip.notes[1].startswith(f"Skipped {repeats} of {frames + repeats} frames")
 
 
-def test_a_real_log_has_the_numbers_that_stand_in_it(real_logs):
+def test_a_real_recording_has_the_numbers_of_its_file(real_logs):
     [clip] = utkinect.read(real_logs / "utkinect" / "joints_s09_e01.txt", ReadOptions())
     # Lines 1 to 7 have frames 32 34 34 38 40 42 44.
     assert clip.times[:6] * 30 == pytest.approx([32, 34, 38, 40, 42, 44])

@@ -1,4 +1,4 @@
-"""Performers made by code, seen by virtual sensors of known poses."""
+"""Generated performers, recorded by virtual sensors with known poses."""
 
 import numpy as np
 import pytest
@@ -14,27 +14,27 @@ HIP_LEFT, HIP_RIGHT = JOINT_INDEX["hip_left"], JOINT_INDEX["hip_right"]
 TRUNK = [JOINT_INDEX[name] for name in ("hip_center", "spine", "shoulder_center")]
 
 JITTER, DRIFT, GUESS = 0.003, 0.01, 0.08
-"""Metres on each axis: from frame to frame, slow, and slow of a joint that is hidden behind the body."""
+"""Noise in metres on each axis: from frame to frame, slow, and slow for a joint that is hidden behind the body."""
 GROSS = 0.4
-"""Metres by which a joint is off that a sensor takes for something else."""
+"""Error in metres of a joint that a sensor mistakes for something else."""
 
 
 def turning(clip, begin, end):
-    """Return a clip whose performer turns round once, about the place where he stands."""
+    """Return a clip whose performer turns around once on the spot."""
     part = np.clip((clip.times - begin) / (end - begin), 0, 1)
     place = clip.positions[:, :1] * [1, 0, 1]
     return headed(clip, 2 * np.pi * part**2 * (3 - 2 * part), place)
 
 
 def circling(clip, start):
-    """Return a clip whose performer walks in a circle, a metre a second, and faces ahead."""
+    """Return a clip whose performer walks in a circle at 1 m/s and faces ahead."""
     angle = start + clip.times
     way = np.stack([np.cos(angle), 0 * angle, 2.7 - np.sin(angle)], axis=1)
     return headed(clip, angle, way[:, None])
 
 
 def headed(clip, angle, place):
-    """Return a clip whose performer is turned to the left by angles (T,), at places (T, 1, 3) on the floor."""
+    """Return a clip whose performer is turned to the left by angles (T,), at positions (T, 1, 3) on the floor."""
     cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
     turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=1).reshape(-1, 3, 3)
     positions = np.einsum("tij,tkj->tki", turn, clip.positions - clip.positions[:, :1] * [1, 0, 1]) + place
@@ -42,14 +42,14 @@ def headed(clip, angle, place):
 
 
 def facing(positions):
-    """Return where the chest points to (T, 3)."""
+    """Return the direction (T, 3) in which the chest points."""
     across = positions[:, RIGHT] - positions[:, LEFT] + positions[:, HIP_RIGHT] - positions[:, HIP_LEFT]
     forward = np.cross([0.0, 1.0, 0.0], across)
     return forward / np.linalg.norm(forward, axis=1, keepdims=True)
 
 
 def hidden(positions):
-    """Return which joints (T, 20) a sensor at the origin cannot see for the trunk: behind it, and near its axis."""
+    """Return which joints (T, 20) the trunk hides from a sensor at the origin: joints behind it and near its axis."""
     trunk = positions[:, TRUNK].mean(axis=1, keepdims=True)
     away = np.linalg.norm(positions[..., ::2], axis=2) - np.linalg.norm(trunk[..., ::2], axis=2)
     direction = trunk[..., ::2] / np.linalg.norm(trunk[..., ::2], axis=2, keepdims=True)
@@ -58,10 +58,10 @@ def hidden(positions):
 
 
 class VirtualSensor:
-    """Sees what a clip in the common frame shows, from a pose, by a clock of its own.
+    """A sensor with a pose and a clock that records a clip in common coordinates.
 
-    A hidden joint is guessed, 8 cm off; from behind, left and right are taken for each other. A share of the joints is
-    grossly wrong, and the sensor is sure of them.
+    A hidden joint is inferred with an error of 8 cm. From behind, left and right are swapped. A share of the joints has
+    a gross error and is tracked.
     """
 
     def __init__(self, pose, clock=0.0, seed=None, swaps=True, wrong=0.0):
@@ -93,7 +93,7 @@ class VirtualSensor:
 
 
 def truth(clip, times):
-    """Return where the joints were (T, 20, 3) at some times."""
+    """Return the true positions of the joints (T, 20, 3) at times (T,)."""
     flat = clip.positions.reshape(len(clip.times), -1)
     return np.stack([np.interp(times, clip.times, column) for column in flat.T], axis=1).reshape(-1, 20, 3)
 
@@ -105,13 +105,13 @@ def true_positions():
 
 @pytest.fixture(scope="session")
 def turned():
-    """Make of a clip one whose performer turns round once, from one second to another."""
+    """Return a clip whose performer turns around once, from one time to another."""
     return turning
 
 
 @pytest.fixture(scope="session")
 def circled():
-    """Make of a clip one whose performer walks in a circle, beginning in some direction (radians, 0 to the sensor)."""
+    """Return a clip whose performer walks in a circle, starting in a direction in radians (0 is towards the sensor)."""
     return circling
 
 
@@ -133,7 +133,7 @@ def kung_fu():
 
 @pytest.fixture(scope="session")
 def turn():
-    """Somebody who walks, and turns round once meanwhile."""
+    """A performer who walks and turns around once."""
     return turning(clean("walk"), 2.0, 7.0)
 
 
@@ -144,17 +144,17 @@ def virtual_sensor():
 
 @pytest.fixture(scope="session")
 def beside():
-    """The pose of a sensor to the performer's right, turned to him."""
+    """The pose of a sensor on the performer's right that faces the performer."""
     return Pose.of_degrees(4.0, -75.0, 2.0, np.array([2.4, 0.3, 1.9]))
 
 
 @pytest.fixture(scope="session")
 def opposite():
-    """The pose of a sensor to the performer's left, turned to him."""
+    """The pose of a sensor on the performer's left that faces the performer."""
     return Pose.of_degrees(3.0, 75.0, -1.0, np.array([-2.4, 0.4, 2.0]))
 
 
 @pytest.fixture(scope="session")
 def behind():
-    """The pose of a sensor at the performer's back."""
+    """The pose of a sensor behind the performer."""
     return Pose.of_degrees(8.0, 170.0, -1.0, np.array([0.4, 0.5, 5.5]))

@@ -9,7 +9,7 @@ from puppetline.errors import SkeletonLogError
 
 
 def errors(found, pose, clip):
-    """Return how far a pose is off where the performer is, metres, and in angle, degrees."""
+    """Return the error of a pose at the performer's position in metres, and of its angle in degrees."""
     middle = clip.positions[:, 0].mean(axis=0)
     apart = found.apply((middle - pose.position) @ pose.rotation) - middle
     cosine = (np.trace(found.rotation.T @ pose.rotation) - 1) / 2
@@ -33,7 +33,7 @@ def test_without_noise_pose_and_clock_are_exact(name, from_where, request, virtu
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("from_where", ["beside", "behind"])
 @pytest.mark.parametrize("performance", ["walk", "kung_fu", "turn"])
-def test_with_noise_it_is_right_to_half_a_centimetre_where_the_performer_is(
+def test_with_noise_the_error_at_the_performer_is_below_half_a_centimetre(
     performance, from_where, seed, request, virtual_sensor, here
 ):
     clip, pose = request.getfixturevalue(performance), request.getfixturevalue(from_where)
@@ -59,21 +59,21 @@ def cut(clip, start, end):
 
 
 @pytest.mark.slow
-def test_what_does_not_fit_is_refused_in_words(walk, kung_fu):
+def test_recordings_that_do_not_fit_are_refused(walk, kung_fu):
     assert "cm between the joints in the best fit" in refusal(walk, kung_fu)
     assert "cm between the joints" in refusal(
         walk, SkeletonClip("", 1, walk.times, mirrored(walk.positions) * [1, 1.5, 1], walk.confidence)
     )
 
 
-def test_what_has_nothing_in_common_or_too_little_is_refused(walk):
+def test_recordings_with_too_little_in_common_are_refused(walk):
     still = SkeletonClip("", 1, walk.times, np.repeat(walk.positions[:1], len(walk.times), axis=0), walk.confidence)
     assert "little in common (correlation 0.00)" in refusal(walk, still)
     assert "less than 3 s in which both sensors saw the performer" in refusal(walk, cut(walk, 60, 130))
 
 
 def test_a_plank_that_turns_about_itself_has_no_front(virtual_sensor, here, walk):
-    """The body laid into one plane, only going up and down: it fits as well when turned round."""
+    """A body in one plane that only moves up and down fits equally well in the opposite direction."""
     flat = np.repeat(walk.positions[:1], len(walk.times), axis=0)
     flat[..., 2] = 2.5
     flat[..., 1] += 0.2 * np.sin(3 * walk.times**1.5)[:, None]

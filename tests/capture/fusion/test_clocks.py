@@ -22,17 +22,17 @@ def test_frames_between_those_of_the_first_are_found_by_the_parabola(walk, virtu
     assert clock_offsets(first, other, 1)[0][0] == pytest.approx(0.5, abs=1e-3)
 
 
-def test_a_part_of_a_performance_is_found_in_the_whole(walk, virtual_sensor, here, beside):
+def test_a_part_of_a_motion_is_found_in_the_complete_motion(walk, virtual_sensor, here, beside):
     first, other = virtual_sensor(here).record(walk), virtual_sensor(beside, 2.0).record(walk)
     part = SkeletonClip("", 1, other.times[90:210], other.positions[90:210], other.confidence[90:210])
     assert clock_offsets(first, part, 1)[0][0] == pytest.approx(2.0, abs=5e-3)
 
 
-def test_where_nothing_moves_there_is_no_clock(walk):
+def test_without_motion_there_is_no_clock_offset(walk):
     assert clock_offsets(walk, still(walk), 3) == []
 
 
-def test_samples_lie_on_the_line_between_frames_and_not_across_gaps(walk):
+def test_samples_are_interpolated_between_frames_but_not_across_gaps(walk):
     times = (walk.times[3:9] + walk.times[4:10]) / 2
     positions, confidence = sampled(walk, times)
     np.testing.assert_allclose(positions, (walk.positions[3:9] + walk.positions[4:10]) / 2, atol=1e-12)
@@ -48,7 +48,7 @@ def test_samples_lie_on_the_line_between_frames_and_not_across_gaps(walk):
     assert np.isfinite(np.delete(positions, 5, axis=1)).all()
 
 
-def test_outside_of_a_recording_nothing_is_known(walk):
+def test_outside_a_recording_all_joints_are_lost(walk):
     positions, confidence = sampled(walk, np.array([-1.0, walk.times[-1] + 0.1]))
     assert np.isnan(positions).all()
     assert not confidence.any()

@@ -11,7 +11,7 @@ FIRST = '[[sensor]]\nsource = "osc:0"\n'
 SECOND = '[[sensor]]\nsource = "osc:0"\nposition = [1, 0.5, 2]\n'
 
 
-def test_what_is_written_is_read_back(tmp_path):
+def test_written_files_are_read_back(tmp_path):
     pose = Pose.of_degrees(4.5, -75.25, 2.125, np.array([2.4, 0.3, -1.9]))
     members = [Member("replay:a b.log", Pose(np.eye(3), np.zeros(3))), Member('osc:7110?units=mm&x="', pose, 0.0417)]
     write(tmp_path / "two.toml", members)
@@ -45,7 +45,7 @@ def test_a_file_opens_its_sensors_and_the_first_needs_no_pose(tmp_path):
         (FIRST + "x", "two.toml", "a syntax error"),
     ],
 )
-def test_mistakes_in_the_file_are_told_with_their_place(tmp_path, text, place, found):
+def test_errors_in_the_file_are_reported_with_their_place(tmp_path, text, place, found):
     (tmp_path / "two.toml").write_text(text)
     with pytest.raises(SourceError) as caught:
         open_source("fused:two.toml", tmp_path)
@@ -53,7 +53,7 @@ def test_mistakes_in_the_file_are_told_with_their_place(tmp_path, text, place, f
     assert any(each in str(caught.value) for each in found.split("|"))
 
 
-def test_a_file_or_a_recording_that_is_not_there_is_told(tmp_path):
+def test_a_missing_file_or_recording_is_reported(tmp_path):
     with pytest.raises(SourceError, match=r"none.toml: .*puppetline align"):
         open_source("fused:none.toml", tmp_path)
     both = (FIRST + SECOND).replace("osc:0", "replay:none.log")

@@ -13,20 +13,20 @@ def observation(time, x=0.0, speed=0.0, confidence=1.0):
     return Observation(time, positions, velocities, np.full(20, confidence, dtype=np.float32))
 
 
-def test_equal_sights_give_their_mean_and_one_alone_is_itself():
+def test_equal_observations_are_averaged_and_a_single_one_is_unchanged():
     positions, confidence = fuse([observation(1.0, 0.0), observation(1.0, 0.08)], 1.0)
     np.testing.assert_allclose(positions, 0.04)
     assert (confidence == 1).all()
     np.testing.assert_array_equal(fuse([observation(1.0, 0.3)], 1.0)[0], 0.3)
 
 
-def test_a_guess_has_a_sixteenth_of_the_weight():
+def test_an_inferred_joint_has_a_sixteenth_of_the_weight():
     positions, confidence = fuse([observation(1.0, 0.0), observation(1.0, 1.7, confidence=0.5)], 1.0)
     np.testing.assert_allclose(positions, 0.1)
     assert (confidence == 1).all()
 
 
-def test_age_takes_weight_and_motion_is_carried_on_to_the_moment():
+def test_age_reduces_weight_and_motion_is_extrapolated():
     weight = np.exp(-0.03 / DECAY_SECONDS)
     positions, _ = fuse([observation(1.0, 0.0), observation(0.97, 0.08)], 1.0)
     np.testing.assert_allclose(positions, 0.08 * weight / (1 + weight))
@@ -36,7 +36,7 @@ def test_age_takes_weight_and_motion_is_carried_on_to_the_moment():
     np.testing.assert_allclose(positions, 0.5)
 
 
-def test_what_is_lost_or_too_old_says_nothing():
+def test_lost_joints_and_old_observations_do_not_count():
     lost = observation(1.0, 0.4)
     lost.confidence[HAND] = 0
     lost.positions[HAND] = np.nan
@@ -62,7 +62,7 @@ def test_velocities_are_of_joints_known_twice_within_a_short_time():
     assert (Observation.after(Observation.after(None, before), late).velocities == 0).all()
 
 
-def test_what_would_be_faster_than_anybody_is_not_carried_on():
+def test_motion_above_the_maximum_speed_is_not_extrapolated():
     positions = np.zeros((20, 3))
     positions[HAND, 0], positions[0, 0] = 0.34, 0.32  # in a thirtieth of a second: 10.2 and 9.6 m/s
     before = Observation.after(None, SkeletonFrame(1.0, 1, np.zeros((20, 3)), SURE))
@@ -71,7 +71,7 @@ def test_what_would_be_faster_than_anybody_is_not_carried_on():
 
 
 def with_hand(x, confidence=1.0):
-    """Return somebody who stands at the origin, and whose left hand is somewhere along x."""
+    """Return a performer at the origin whose left hand is at x."""
     seen = observation(1.0)
     seen.positions[HAND, 0], seen.confidence[HAND] = x, confidence
     return seen
@@ -86,22 +86,24 @@ def fused_hand(*observations, before=None):
 
 
 @pytest.mark.parametrize("wrong", [0, 1, 2])
-def test_of_three_who_see_a_joint_the_one_far_from_the_others_does_not_count(wrong):
+def test_of_three_positions_the_one_far_from_the_others_does_not_count(wrong):
     hands = [with_hand(x) for x in np.insert([0.0, 0.02], wrong, 0.42)]
     assert fused_hand(*hands) == pytest.approx((0.01, 1))
-    assert fused_hand(*hands, before=0.42) == pytest.approx((0.01, 1))  # the others are two
+    assert fused_hand(*hands, before=0.42) == pytest.approx((0.01, 1))  # the two others agree
 
 
 @pytest.mark.parametrize(("before", "found"), [(0.05, 0.0), (0.35, 0.4)])
-def test_of_two_the_one_counts_that_is_where_the_joint_was(before, found):
+def test_of_two_positions_the_one_near_the_previous_position_counts(before, found):
     assert fused_hand(with_hand(0.0), with_hand(0.4), before=before) == pytest.approx((found, 1))
     assert fused_hand(with_hand(0.4), with_hand(0.0), before=before) == pytest.approx((found, 1))
 
 
-def test_what_is_seen_prevails_over_a_guess_that_is_where_the_joint_was():
+def test_a_tracked_joint_prevails_over_an_inferred_one_at_the_previous_position():
     sure, guess = with_hand(0.0), with_hand(0.34, confidence=0.5)
     assert fused_hand(sure, guess, before=0.34) == pytest.approx((0.02, 1))
-    assert fused_hand(with_hand(0.0, 0.5), guess, before=0.34) == pytest.approx((0.17, 0.5))  # of guesses all count
+    assert fused_hand(with_hand(0.0, 0.5), guess, before=0.34) == pytest.approx(
+        (0.17, 0.5)
+    )  # all inferred positions count
 
 
 def test_up_to_fifteen_centimetres_they_are_of_one_mind():
@@ -109,14 +111,14 @@ def test_up_to_fifteen_centimetres_they_are_of_one_mind():
     assert fused_hand(with_hand(0.0), with_hand(0.151), before=0.0) == pytest.approx((0, 1))
 
 
-def test_who_does_not_know_a_joint_has_no_say_in_it():
+def test_a_sensor_that_has_lost_a_joint_does_not_count():
     lost = with_hand(np.nan, confidence=0.0)
     assert fused_hand(lost, with_hand(0.4), before=0.0) == pytest.approx((0.4, 1))
     assert fused_hand(lost, with_hand(0.4), with_hand(0.5)) == pytest.approx((0.45, 1))
 
 
 @pytest.mark.parametrize("frame", [0, 100, 200])
-def test_a_body_whose_sides_are_exchanged_is_told(walk, frame):
+def test_swapped_sides_are_detected(walk, frame):
     body = walk.positions[frame]
     assert not is_swapped(body + 0.02, SURE, body, SURE)
     assert is_swapped(body[OPPOSITE] + 0.02, SURE, body, SURE)

@@ -19,7 +19,7 @@ def performers():
 
 @pytest.fixture
 def body(walk):
-    """Make a frame of somebody who stands somewhere."""
+    """Return a frame of a performer who stands at x."""
 
     def make(time, user=1, x=0.0, confidence=1.0, swapped=False):
         positions = walk.positions[0] + [x, 0, 0]
@@ -30,7 +30,7 @@ def body(walk):
 
 
 def together(performers, *recordings):
-    """Show recordings to performers in the order of time; return the frames."""
+    """Pass recordings to `Performers` in the order of time; return the frames."""
     streams = [[(frame.time, k, frame) for frame in each] for k, each in enumerate(recordings)]
     seen = [performers.observe(sensor, frame) for _, sensor, frame in merge(*streams, key=lambda each: each[:2])]
     return [frame for frame in seen if frame is not None]
@@ -57,7 +57,7 @@ def test_without_noise_a_turn_is_exact_though_both_exchange_left_and_right(
 def test_two_sensors_beat_the_better_one_alone_in_the_turn(
     turn, seed, from_where, request, virtual_sensor, here, performers, true_positions
 ):
-    """The one alone is even told which side is left."""
+    """The single sensor even knows which side is left."""
     poses = [here, request.getfixturevalue(from_where)]
     sensors = [virtual_sensor(pose, seed=seed + k) for k, pose in enumerate(poses)]
     frames = together(performers, *(placed(s, s.record(turn, phase=0.013 * k)) for k, s in enumerate(sensors)))
@@ -82,7 +82,7 @@ def test_two_sensors_beat_the_better_one_alone_in_the_turn(
 def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
     turn, count, most, virtual_sensor, here, beside, opposite, performers, true_positions
 ):
-    """The mean of all would be 8 cm off. What only one of two sees is where that one says."""
+    """The mean of all would be 8 cm off. A joint that only one of two sensors sees has that sensor's position."""
     sensors = [virtual_sensor(pose, seed=1 + k, wrong=0.1) for k, pose in enumerate([here, beside, opposite][:count])]
     frames = together(performers, *(placed(s, s.record(turn, phase=0.01 * k)) for k, s in enumerate(sensors)))
     true = true_positions(turn, np.array([frame.time for frame in frames]))
@@ -90,7 +90,7 @@ def test_a_tenth_of_the_joints_grossly_wrong_does_little_harm(
     assert apart.mean() < most
 
 
-def test_the_first_sensor_sets_the_pace_and_the_next_one_goes_on_without_it(performers, body):
+def test_the_first_sensor_determines_the_times_and_the_next_one_replaces_it(performers, body):
     frames = together(
         performers,
         [body(k / 30) for k in range(30)],
@@ -103,7 +103,7 @@ def test_the_first_sensor_sets_the_pace_and_the_next_one_goes_on_without_it(perf
     assert {frame.user for frame in frames} == {1}
 
 
-def test_people_apart_are_two_and_each_keeps_the_number(performers, body):
+def test_performers_apart_keep_their_user_numbers(performers, body):
     a = [body(k / 30, user=1 + j, x=float(j)) for k in range(20) for j in range(2)]
     b = [body(k / 30 + 0.01, user=8 - j, x=j + 0.1) for k in range(20) for j in range(2)]
     frames = together(performers, a, b)
@@ -113,7 +113,7 @@ def test_people_apart_are_two_and_each_keeps_the_number(performers, body):
         assert all(x - 1e-9 <= (frame.positions - body(0).positions)[:, 0].mean() < x + 0.1 for frame in own)
 
 
-def test_a_tracker_that_takes_two_people_for_each_other_is_put_right(performers, body):
+def test_a_tracker_that_confuses_two_performers_is_corrected(performers, body):
     a = [body(k / 30, user=1 + (j if k < 15 else 1 - j), x=1.0 * j) for k in range(30) for j in range(2)]
     b = [body(k / 30 + 0.01, user=1 + j, x=1.0 * j) for k in range(30) for j in range(2)]
     frames = together(performers, a, b)
@@ -122,7 +122,7 @@ def test_a_tracker_that_takes_two_people_for_each_other_is_put_right(performers,
         assert (frame.positions - body(0).positions)[:, 0].mean() == pytest.approx(frame.user - 1, abs=1e-6)
 
 
-def test_who_is_lost_to_all_is_lost_and_who_is_lost_to_one_is_not(performers, body):
+def test_a_performer_is_lost_when_all_sensors_have_lost_them(performers, body):
     together(performers, [body(0.0, user=3)], [body(0.01, user=4)])
     assert performers.lose(0, 3, 0.1) == []
     assert performers.observe(1, body(0.2, user=4)).user == 1
@@ -131,14 +131,14 @@ def test_who_is_lost_to_all_is_lost_and_who_is_lost_to_one_is_not(performers, bo
     assert performers.observe(0, body(0.5)).user == 2
 
 
-def test_who_is_away_for_long_is_forgotten(performers, body):
+def test_a_performer_is_removed_after_a_long_absence(performers, body):
     assert performers.observe(0, body(0.0)).user == 1
     assert performers.forget(FORGET_SECONDS - 1) == []
-    assert performers.observe(0, body(FORGET_SECONDS, user=1)).user == 1  # the sensor's own number is enough
+    assert performers.observe(0, body(FORGET_SECONDS, user=1)).user == 1  # the sensor's own user number suffices
     assert performers.forget(2 * FORGET_SECONDS + 1) == [Lost(2 * FORGET_SECONDS + 1, 1)]
 
 
-def test_at_the_beginning_the_surer_sensor_says_which_side_is_left(performers, body):
+def test_at_the_beginning_the_most_confident_sensor_determines_the_sides(performers, body):
     frames = together(
         performers,
         [body(k / 30, swapped=True, confidence=0.8) for k in range(60)],
@@ -148,7 +148,7 @@ def test_at_the_beginning_the_surer_sensor_says_which_side_is_left(performers, b
         np.testing.assert_allclose(frame.positions, body(0).positions)
 
 
-def test_afterwards_they_are_as_they_were(performers, body):
+def test_afterwards_the_sides_are_those_of_the_frames_before(performers, body):
     for k in range(60):
         performers.observe(0, body(k / 30))
     for k in range(60, 90):
@@ -158,7 +158,7 @@ def test_afterwards_they_are_as_they_were(performers, body):
 
 
 def sides_exchanged(performers, sensors, clip, truth):
-    """Return which frames that come of a clip have left and right exchanged."""
+    """Return which frames of a clip have left and right swapped."""
     frames = together(performers, *(placed(s, s.record(clip, phase=0.013 * k)) for k, s in enumerate(sensors)))
     true = truth(clip, np.array([frame.time for frame in frames]))
     found = np.stack([frame.positions for frame in frames])
@@ -167,10 +167,10 @@ def sides_exchanged(performers, sensors, clip, truth):
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9])
-def test_who_comes_in_with_the_back_to_all_sensors_is_turned_round_once_by_walking(
+def test_a_performer_who_enters_backwards_is_corrected_once_by_walking(
     walk, seed, virtual_sensor, here, beside, performers, true_positions, turned
 ):
-    """Three metres away from them, and then a turn on the spot."""
+    """The performer walks three metres away from the sensors, and then turns on the spot."""
     middle = walk.positions[:, :1] * [1, 0, 1]
     place = np.minimum(1.0 * walk.times, 3.0)[:, None, None] * [0, 0, 1] + [0.3, 0, 1.5]
     clip = replace(walk, positions=(walk.positions - middle) * [-1, 1, -1] + place)
@@ -182,7 +182,7 @@ def test_who_comes_in_with_the_back_to_all_sensors_is_turned_round_once_by_walki
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9])
-def test_who_steps_back_a_metre_and_a_half_stays_as_they_were(
+def test_stepping_back_a_metre_and_a_half_swaps_nothing(
     walk, seed, virtual_sensor, here, beside, performers, true_positions
 ):
     middle = walk.positions[:, :1] * [1, 0, 1]
@@ -195,7 +195,7 @@ def test_who_steps_back_a_metre_and_a_half_stays_as_they_were(
 @pytest.mark.slow
 @pytest.mark.parametrize("start", range(8))
 @pytest.mark.parametrize("other", ["beside", "behind"])
-def test_whoever_walks_in_circles_is_soon_the_right_way_round_and_stays_so(
+def test_walking_in_circles_corrects_the_sides_once(
     walk, start, other, request, virtual_sensor, here, performers, true_positions, circled
 ):
     poses = here, request.getfixturevalue(other)
@@ -217,6 +217,6 @@ def test_no_turn_exchanges_the_sides(
     assert not sides_exchanged(performers, sensors, turned(clean(name), begin, begin + 2.0), true_positions).any()
 
 
-def test_nobody_is_seen_where_no_joint_is_known(performers, body):
+def test_a_frame_without_a_known_joint_is_not_a_performer(performers, body):
     assert performers.observe(0, body(0.0, confidence=0.0)) is None
     assert performers.observe(0, body(0.1)).user == 1

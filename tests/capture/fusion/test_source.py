@@ -17,7 +17,7 @@ TIMEOUT_SECONDS = 20.0
 
 
 class Scripted:
-    """A live source that gives what a test puts into it; what is an exception is raised."""
+    """A live source whose events come from a test; exceptions are raised."""
 
     recorded = False
 
@@ -57,7 +57,7 @@ class Scripted:
 
 @pytest.fixture
 def opened():
-    """The sources that were opened, by their URI, the newest last."""
+    """The opened sources by URI, the newest last."""
     return {"a": [], "b": []}
 
 
@@ -74,7 +74,7 @@ def source(opened, here, beside):
 
 @pytest.fixture
 def frame(walk):
-    """Make what a sensor sees of somebody who stands still."""
+    """Return a sensor's frame of a performer who stands still."""
 
     def make(pose, taken, user=1):
         positions = (walk.positions[0] - pose.position) @ pose.rotation
@@ -93,7 +93,7 @@ def next_events(source, ticks=False):
     raise AssertionError("nothing came")
 
 
-def test_one_performer_comes_of_two_sensors_in_the_frame_and_by_the_clock_of_the_first(
+def test_two_sensors_make_one_performer_in_the_coordinates_and_on_the_clock_of_the_first(
     source, opened, frame, here, beside, walk
 ):
     start = time.monotonic()
@@ -109,7 +109,7 @@ def test_one_performer_comes_of_two_sensors_in_the_frame_and_by_the_clock_of_the
     assert source.counts.received == 3
 
 
-def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
+def test_every_member_ends_the_wait(source, opened, frame, here, beside):
     source.receive()
     assert select([source.fileno()], [], [], 0)[0] == []
     for name, pose in (("a", here), ("b", beside)):
@@ -118,7 +118,7 @@ def test_any_member_wakes_who_waits(source, opened, frame, here, beside):
         source.receive()
 
 
-def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opened, frame, here, beside):
+def test_a_member_that_fails_is_opened_again_while_the_other_continues(source, opened, frame, here, beside):
     descriptor = source.fileno()
     opened["a"][0].show(RuntimeError("the cable"))
     source.receive()
@@ -137,7 +137,7 @@ def test_a_member_that_fails_is_opened_again_and_the_other_goes_on(source, opene
     assert select([descriptor], [], [], TIMEOUT_SECONDS)[0] == [descriptor]
     assert [(event.time, event.user) for event in next_events(source)] == [(again, 1)]
     assert source.fileno() == descriptor
-    assert source.counts.received == 2  # counted on where the member failed
+    assert source.counts.received == 2  # counts continue after a failure
 
 
 def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here, beside, caplog):
@@ -158,12 +158,12 @@ def test_a_member_that_cannot_be_opened_again_is_tried_until_it_can(opened, here
         wait(source, give_up)
         source.receive()
     assert tries == ["a", "b", "a", "a", "a"]
-    assert len(caplog.messages) == 2  # it is silent, and it cannot be opened: not again with each attempt
+    assert len(caplog.messages) == 2  # silent, and cannot be opened; attempts are not logged again
     source.close()
     assert all(each.closed for each in (opened["a"][1], opened["b"][0]))
 
 
-def test_what_cannot_be_opened_at_first_is_an_error_and_nothing_stays_open(opened, here, beside):
+def test_a_member_that_cannot_be_opened_at_first_is_an_error_and_closes_the_others(opened, here, beside):
     def opener(uri):
         if uri == "b":
             raise SourceError("b", found="nothing there", expected="a device", fix="Plug it in.")
@@ -175,9 +175,7 @@ def test_what_cannot_be_opened_at_first_is_an_error_and_nothing_stays_open(opene
     assert opened["a"][0].closed
 
 
-def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_lost_him(
-    source, opened, frame, here, beside
-):
+def test_ticks_fill_gaps_and_a_performer_is_lost_once_all_members_have_lost_them(source, opened, frame, here, beside):
     start = time.monotonic()
     opened["a"][0].show(frame(here, start))
     opened["b"][0].show(frame(beside, start + 0.04))
@@ -189,7 +187,7 @@ def test_in_silence_there_are_ticks_and_a_lost_performer_is_told_once_all_have_l
     assert (type(lost), lost.user) == (Lost, 1)
 
 
-def test_how_the_first_sensor_stands_is_told_in_order_and_how_the_others_do_is_not(source, opened, frame, here, beside):
+def test_the_tilt_of_the_first_sensor_is_reported_in_order_and_no_other(source, opened, frame, here, beside):
     start = time.monotonic()
     level = Cue(start + 0.001, "level", {"tilt": 4.0, "height": 1.2})
     opened["b"][0].show(Cue(start + 0.04, "level", {"tilt": 9.0, "height": 0.5}))
@@ -199,7 +197,7 @@ def test_how_the_first_sensor_stands_is_told_in_order_and_how_the_others_do_is_n
     assert events[1] == level
 
 
-def test_how_a_sensor_stands_that_is_laid_into_another_frame_is_not_told(opened, frame, beside):
+def test_the_tilt_in_other_coordinates_is_not_reported(opened, frame, beside):
     def opener(uri):
         opened[uri].append(Scripted(uri))
         return opened[uri][-1]
@@ -211,7 +209,7 @@ def test_how_a_sensor_stands_that_is_laid_into_another_frame_is_not_told(opened,
     source.close()
 
 
-def test_only_the_newest_frame_of_each_performer_is_given(source, opened, frame, here):
+def test_only_the_newest_frame_of_each_performer_is_returned(source, opened, frame, here):
     start = time.monotonic()
     opened["a"][0].show(*(frame(here, start + 0.001 * k) for k in range(5)))
     assert [event.time for event in next_events(source)] == [start + 0.004]
@@ -219,7 +217,7 @@ def test_only_the_newest_frame_of_each_performer_is_given(source, opened, frame,
 
 
 def to_the_end(source):
-    """Return all events, and the error that says it is over."""
+    """Return all events, and the error at the end."""
     events = []
     while True:
         try:
@@ -234,7 +232,7 @@ def part(clip, start, end):
 
 @pytest.mark.parametrize("late", [0.0, 0.4, -0.4])
 def test_recordings_play_together_by_their_clocks_every_frame_and_then_end(walk, here, beside, virtual_sensor, late):
-    """The second begins as much later or earlier than the first; its clock is 100 s ahead."""
+    """The second recording begins later or earlier than the first; its clock is 100 s ahead."""
     other = virtual_sensor(beside, 100.0).record(walk)
     begin = round(abs(late) * 30)
     first = part(walk, begin if late < 0 else 0, 40)

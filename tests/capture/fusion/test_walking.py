@@ -10,7 +10,7 @@ FORWARDS, SIDEWAYS, UP = np.array([0, 0, -1.0]), np.array([1.0, 0, 0]), np.array
 
 @pytest.fixture
 def walked(walk):
-    """Follow somebody who faces the sensor and moves evenly, 30 times a second; return how far that was forwards."""
+    """Follow a performer who faces the sensor and moves evenly, at 30 Hz; return the distance walked forwards."""
 
     def follow(*velocities, seconds=1.0, body=None, pause=0.0):
         found, time, place = Walk(), 0.0, np.zeros(3)
@@ -24,7 +24,7 @@ def walked(walk):
     return follow
 
 
-def test_what_is_walked_counts(walked):
+def test_walked_distance_counts(walked):
     """31 frames are three strides of ten frames each."""
     assert walked(FORWARDS, seconds=31 / 30) == pytest.approx(1.0)
     assert walked(-FORWARDS, seconds=31 / 30) == pytest.approx(-1.0)
@@ -38,15 +38,15 @@ def test_exchanging_the_sides_exchanges_the_ways(walked, walk):
 @pytest.mark.parametrize(
     "velocity", [SIDEWAYS, UP, -0.95 * WALKING_METRES_PER_SECOND * FORWARDS, SIDEWAYS - 0.9 * FORWARDS]
 )
-def test_stepping_sideways_jumping_and_stepping_back_slowly_say_nothing(walked, velocity):
+def test_stepping_sideways_jumping_and_stepping_back_slowly_do_not_count(walked, velocity):
     assert walked(velocity, seconds=5.0) == 0
 
 
-def test_more_than_enough_is_not_kept(walked):
+def test_the_distance_is_limited(walked):
     assert walked(FORWARDS, seconds=5.0) == MAX_WALK_METRES
 
 
-def test_after_a_gap_it_begins_anew_and_who_is_not_known_says_nothing(walked, walk):
+def test_a_gap_resets_the_distance_and_unknown_joints_do_not_count(walked, walk):
     assert walked(FORWARDS, 0 * FORWARDS, seconds=0.4, pause=3 * SPEED_PERIOD_SECONDS) == 0
     body = walk.positions[0].copy()
     body[JOINT_INDEX["hip_left"]] = np.nan

@@ -1,4 +1,4 @@
-"""Senders that know nothing of the code under test, and a body that walks."""
+"""Senders that are independent of the tested code, and a body that walks."""
 
 import socket
 import struct
@@ -14,7 +14,7 @@ from capture.network.source import open_osc, open_vmc
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
 
 TIMEOUT_SECONDS = 10.0
-"""Seconds after which a test gives up."""
+"""Time after which a test fails."""
 
 
 def _pad(data):
@@ -22,7 +22,7 @@ def _pad(data):
 
 
 def message(address, tags, *arguments):
-    """Write an OSC message byte for byte as the specification says."""
+    """Write an OSC message byte for byte, as in the specification."""
     data = _pad(address.encode()) + _pad(b"," + tags.encode())
     for tag, argument in zip(tags, arguments, strict=True):
         data += _pad(argument.encode()) if tag == "s" else struct.pack(f">{'q' if tag == 'h' else tag}", argument)
@@ -34,7 +34,7 @@ def bundle(*elements, time_tag=1):
 
 
 class Wire:
-    """A source that listens, and a socket that sends to it."""
+    """An open source, and a socket that sends to it."""
 
     def __init__(self, source):
         self.source = source
@@ -45,7 +45,7 @@ class Wire:
             self.socket.sendto(datagram, ("127.0.0.1", self.source.port))
 
     def events(self, *datagrams, count=1, until=None):
-        """Send, and wait as a caller would until that many events have come, ticks not counted."""
+        """Send, and wait like a caller until a number of events, without ticks, have arrived."""
         self.send(*datagrams)
         found = []
         give_up = time.monotonic() + TIMEOUT_SECONDS
@@ -61,7 +61,7 @@ class Wire:
         return frame
 
     def settle(self, *datagrams):
-        """Send, and take whatever comes of it until all datagrams have arrived."""
+        """Send, and return the events until all datagrams have arrived."""
         arrived = self.source.counts.received + len(datagrams)
         return self.events(*datagrams, until=lambda _: self.source.counts.received >= arrived)
 
@@ -82,7 +82,7 @@ def osc_bundle():
 
 @pytest.fixture
 def listen():
-    """Open a source on any free port of this machine, by its options."""
+    """Open a source with options on a free port of this machine."""
     with ExitStack() as stack:
 
         def opened(options="", scheme="osc"):
@@ -120,7 +120,7 @@ STANDING = {
     "ankle_right": (0.12, -0.90, 0.03),
     "foot_right": (0.14, -0.95, -0.08),
 }
-"""Facing the sensor, the right arm up: no joint is another's mirror image."""
+"""A performer who faces the sensor, with the right arm up; no joint is another's mirror image."""
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def walk():
 
 @pytest.fixture
 def fifteen():
-    """Which joint of ours each of NiTE's 15 is, by OSCeleton's names."""
+    """Joint of each of NiTE's 15 joints, by OSCeleton's names."""
     parts = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
     sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
     return {"head": "head", "neck": "shoulder_center", "torso": "spine", **sided}
@@ -150,7 +150,7 @@ def fifteen():
 
 @pytest.fixture
 def twenty(fifteen):
-    """Which joint of ours each of the Kinect SDK's 20 is, by OSCeleton's names."""
+    """Joint of each of the Kinect SDK's 20 joints, by OSCeleton's names."""
     parts = ("wrist", "ankle")
     sided = {f"{side[0]}_{part}": f"{part}_{side}" for side in ("left", "right") for part in parts}
     return {**fifteen, **sided, "waist": "hip_center"}
@@ -158,7 +158,7 @@ def twenty(fifteen):
 
 @pytest.fixture
 def of_fifteen():
-    """What is made of a pose of which only NiTE's 15 joints were sent: the rest lies on lines between neighbours."""
+    """Function that completes a pose of which only NiTE's 15 joints were sent, by interpolation between neighbours."""
 
     def completed(pose):
         ours = {name: pose[index] for name, index in JOINT_INDEX.items()}

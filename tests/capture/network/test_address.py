@@ -46,7 +46,7 @@ def test_options_follow_the_place():
         ("7000?units", "units: found ''; expected m, cm"),
     ],
 )
-def test_anything_else_is_refused_with_what_to_write(rest, message):
+def test_anything_else_is_refused_with_an_example(rest, message):
     with pytest.raises(SourceError, match=message) as caught:
         parse("osc", rest, 7110)
     assert "osc:0.0.0.0:7110?from=192.168.1.20&units=mm" in caught.value.fix

@@ -18,14 +18,14 @@ def _feed(assembly, names, time, **kwargs):
 
 @pytest.fixture
 def assembly():
-    """One that has just given a frame of three parts."""
+    """An assembly that has just completed a frame of three parts."""
     new = FrameAssembly()
     assert _feed(new, "abc", 1.0) == []
     assert _names(new.end()) == ["abc"]
     return new
 
 
-def test_a_frame_is_whole_with_the_parts_of_the_one_before_in_any_order(assembly):
+def test_a_frame_is_complete_with_the_parts_of_the_frame_before_in_any_order(assembly):
     assert _feed(assembly, "cb", 2.0) == []
     [whole] = assembly.add(_part("a", 7.0), 2.001)
     assert whole.parts == {"c": (0.0,), "b": (0.0,), "a": (7.0,)}
@@ -33,7 +33,7 @@ def test_a_frame_is_whole_with_the_parts_of_the_one_before_in_any_order(assembly
     assert assembly.end() == []
 
 
-def test_a_part_that_comes_again_ends_the_frame_without_the_missing_one(assembly):
+def test_a_repeated_part_ends_the_frame_without_the_missing_one(assembly):
     assert _feed(assembly, "ab", 2.0) == []
     [whole] = assembly.add(_part("a"), 2.033)
     assert "".join(whole.parts) == "ab"
@@ -41,7 +41,7 @@ def test_a_part_that_comes_again_ends_the_frame_without_the_missing_one(assembly
     assert _feed(assembly, "b", 2.034) == ["ab"]
 
 
-def test_another_time_of_the_senders_ends_the_frame():
+def test_another_time_of_the_sender_ends_the_frame():
     assembly = FrameAssembly()
     for name in "ab":
         assert assembly.add(_part(name, stamp=1.0), 1.0) == []
@@ -49,7 +49,7 @@ def test_another_time_of_the_senders_ends_the_frame():
     assert list(assembly.parts) == ["c"]
 
 
-def test_a_part_that_comes_after_its_frame_is_left_out_once_and_waited_for_then(assembly):
+def test_a_part_after_its_frame_is_skipped_once_and_expected_afterwards(assembly):
     assert _feed(assembly, "abc", 2.0) == ["abc"]
     assert _feed(assembly, "d", 2.0 + PART_TIMEOUT_SECONDS / 2) == []
     assert not assembly.parts
@@ -57,7 +57,7 @@ def test_a_part_that_comes_after_its_frame_is_left_out_once_and_waited_for_then(
     assert _feed(assembly, "d", 3.0) == ["abcd"]
 
 
-def test_the_senders_time_tells_what_is_late():
+def test_the_senders_time_determines_which_parts_are_late():
     assembly = FrameAssembly()
     for stamp in (1.0, 2.0):
         frames = [frame for name in "ab" for frame in assembly.add(_part(name, stamp=stamp), stamp)]
@@ -75,7 +75,7 @@ def test_a_new_part_after_a_pause_begins_a_frame(assembly):
     assert _feed(assembly, "abc", 1.0 + 2 * PART_TIMEOUT_SECONDS) == ["dabc"]
 
 
-def test_where_the_end_follows_nothing_ends_before_it(assembly):
+def test_an_announced_end_is_the_only_end(assembly):
     assert _feed(assembly, "abcd", 1.001, end_follows=True) == []
     assert _names(assembly.end()) == ["abcd"]
     assert _feed(assembly, "e", 1.002, end_follows=True) == []

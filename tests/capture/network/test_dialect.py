@@ -34,7 +34,7 @@ def test_numbers_of_any_width_have_one_shape():
         (0.5, "screen", 1.0, "screen"),
     ],
 )
-def test_units_are_those_that_were_said_or_fit_the_size(largest, units, scale, found):
+def test_units_are_configured_or_detected_by_size(largest, units, scale, found):
     values = np.array([[0.25, largest, np.nan]])
     metres, unit = to_metres(values, units, "m")
     assert unit == found

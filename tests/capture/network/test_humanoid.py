@@ -39,7 +39,7 @@ def test_at_rest_every_bone_has_its_typical_length_and_both_sides_are_alike():
 
 
 def test_poses_agree_with_rotation_matrices_in_a_right_handed_frame(rng):
-    """Unity's frame seen in a mirror is right-handed: z changes its sign, and so do x and y of quaternions."""
+    """Mirrored Unity coordinates are right-handed: z changes its sign, and so do x and y of quaternions."""
     flip, flip_turn = np.array([1, 1, -1]), np.array([-1, -1, 1, 1])
     for _ in range(20):
         turns = {bone: Rotation.random(rng=rng) for bone in ("Hips", *SKELETON)}

@@ -13,7 +13,7 @@ def _joints(pose, names, osc_message, address, time, *, user=2, confidence=1.0):
 
 
 @pytest.mark.parametrize("address", ADDRESSES)
-def test_a_walk_of_single_datagrams_comes_back(listen, walk, twenty, osc_message, address):
+def test_a_walk_of_single_datagrams_is_received(listen, walk, twenty, osc_message, address):
     wire = listen()
     for step, pose in enumerate(walk):
         frame = wire.frame(*_joints(pose, twenty, osc_message, address, 1.7e12 + 33.3 * step))
@@ -58,6 +58,6 @@ def test_hands_and_faces_are_not_needed(listen, osc_message):
     assert not wire.source.counts.refused
 
 
-def test_centimetres_can_be_said(listen, osc_message):
+def test_centimetres_can_be_configured(listen, osc_message):
     frame = listen("?units=cm").frame(osc_message("/joint", "siiffffd", "head", 0, 1, 10.0, -20.0, 150.0, 1.0, 5.0))
     np.testing.assert_allclose(frame.positions[JOINT_INDEX["head"]], [0.1, 0.2, 1.5], rtol=1e-15)

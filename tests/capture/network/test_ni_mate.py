@@ -31,7 +31,7 @@ def _joints(pose, osc_message, address="{}", extra=()):
         ("User 4/{}", 4),
     ],
 )
-def test_a_walk_comes_back_from_any_path(listen, walk, osc_message, address, user):
+def test_a_walk_is_received_from_any_address(listen, walk, osc_message, address, user):
     wire = listen()
     for pose in walk[:3]:
         frame = wire.frame(*_joints(pose, osc_message, address), osc_message("NI_mate_sync", "i", 1))
@@ -58,12 +58,12 @@ def test_the_sync_ends_the_frames_of_all_performers_though_joints_are_missing(li
     assert frames[0].positions[JOINT_INDEX["head"]].tolist() == [0.25, 1.0, 2.0]
 
 
-def test_millimetres_are_told_by_their_size(listen, osc_message):
+def test_millimetres_are_detected_by_their_size(listen, osc_message):
     frame = listen().frame(osc_message("Head", "fff", -250.0, 1000.0, -2000.0))
     assert frame.positions[JOINT_INDEX["head"]].tolist() == [0.25, 1.0, 2.0]
 
 
-def test_what_tells_no_position_is_heard_and_what_names_no_joint_is_refused(listen, osc_message):
+def test_messages_without_positions_are_ignored_and_unknown_joints_refused(listen, osc_message):
     wire = listen()
     wire.settle(osc_message("Head", "ffff", 1.0, 0.0, 0.0, 0.0), osc_message("Chest", "fff", 0.0, 1.0, 2.0))
     assert not wire.source.counts.refused

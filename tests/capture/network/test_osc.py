@@ -42,7 +42,7 @@ def _refused(datagram):
 
 
 @given(ADDRESSES, ARGUMENTS)
-def test_what_is_encoded_is_decoded(address, arguments):
+def test_encoded_messages_are_decoded(address, arguments):
     tags = "".join(TAGS[type(argument)] for argument in arguments)
     [decoded] = decode(encode(address, *arguments))
     assert decoded == Message(address, tags, arguments)
@@ -50,7 +50,7 @@ def test_what_is_encoded_is_decoded(address, arguments):
 
 
 @given(ADDRESSES.filter(lambda address: address.startswith("/")), ARGUMENTS)
-def test_python_osc_reads_what_is_encoded_and_writes_the_same_bytes(address, arguments):
+def test_python_osc_reads_encoded_messages_and_writes_the_same_bytes(address, arguments):
     encoded = encode(address, *arguments)
     theirs = OscMessage(encoded)
     assert (theirs.address, tuple(theirs.params)) == (address, arguments)
@@ -60,7 +60,7 @@ def test_python_osc_reads_what_is_encoded_and_writes_the_same_bytes(address, arg
     assert builder.build().dgram == encoded
 
 
-def test_what_python_osc_writes_is_decoded():
+def test_messages_of_python_osc_are_decoded():
     builder = OscMessageBuilder("/all")
     for value, tag in [
         (1, "i"),
@@ -116,7 +116,7 @@ def test_an_array_of_any_layout_is_written_in_c_order(numbers):
         ((None,), TypeError),
     ],
 )
-def test_what_osc_cannot_carry_is_not_encoded(arguments, error):
+def test_unsupported_arguments_are_not_encoded(arguments, error):
     with pytest.raises(error):
         encode("/a", *arguments)
 
@@ -261,7 +261,7 @@ def test_any_bytes_are_read_or_refused(data):
 
 
 @pytest.mark.parametrize("datagram", [datagram for datagram, _ in HOSTILE.values()])
-def test_no_false_claim_takes_memory(datagram):
+def test_false_lengths_do_not_allocate_memory(datagram):
     tracemalloc.start()
     try:
         _refused(datagram)

@@ -8,10 +8,10 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def _nite(pose, name, *, mirror):
-    """Return what NiTE measures of one of its joints, millimetres.
+    """Return NiTE's measurement of one of its joints in millimetres.
 
-    Without OSCeleton's mirror the picture is a mirror and NiTE names sides rightly; with it, it sees the camera's own
-    view, in which everything to the performer's right is to the left, and names the sides as they look.
+    If `mirror` is false, the image is mirrored and NiTE names the sides correctly. If it is true, NiTE sees the
+    camera's view, in which the performer's right is on the left, and swaps the names.
     """
     joint = JOINT_INDEX[name]
     return 1000 * (pose[OPPOSITE[joint]] * MIRROR if mirror else pose[joint])
@@ -36,7 +36,7 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("scale", [_on_screen, _raw])
 @pytest.mark.parametrize("mirror", [True, False])
-def test_a_walk_comes_back(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle, layout, scale, mirror):
+def test_a_walk_is_received(listen, walk, fifteen, of_fifteen, osc_message, osc_bundle, layout, scale, mirror):
     wire = listen("" if mirror else "?mirrored=0")
     for pose in walk:
         joints = [
@@ -78,7 +78,7 @@ def test_one_joint_by_hand(listen, osc_message, osc_bundle):
     assert np.isnan(frame.positions[frame.confidence == 0]).all()
 
 
-def test_units_can_be_said_where_the_numbers_do_not_tell(listen, osc_message, osc_bundle):
+def test_units_can_be_configured_if_the_numbers_are_ambiguous(listen, osc_message, osc_bundle):
     head = osc_bundle(osc_message("/joint", "sifff", "head", 1, 0.5, 1.0, 2.0))
     place = listen("?units=m&mirrored=0").frame(head).positions[JOINT_INDEX["head"]]
     assert place.tolist() == [0.5, 1.0, 2.0]
@@ -86,7 +86,7 @@ def test_units_can_be_said_where_the_numbers_do_not_tell(listen, osc_message, os
     np.testing.assert_allclose(place, [-0.0005, 0.001, -0.002], rtol=1e-15)
 
 
-def test_orientations_and_centres_of_mass_and_unused_joints_are_heard_and_not_needed(listen, osc_message, osc_bundle):
+def test_orientations_centres_of_mass_and_unused_joints_are_ignored(listen, osc_message, osc_bundle):
     wire = listen()
     frame = wire.frame(
         osc_message("/new_user", "i", 3),
@@ -106,7 +106,7 @@ def test_orientations_and_centres_of_mass_and_unused_joints_are_heard_and_not_ne
     assert not wire.source.counts.refused
 
 
-def test_a_lost_performer_is_told_once_and_only_if_there_was_one(listen, osc_message, osc_bundle):
+def test_a_lost_performer_is_reported_once_and_only_if_there_was_one(listen, osc_message, osc_bundle):
     wire = listen()
     head = osc_bundle(osc_message("/joint", "sifff", "head", 3, 0.5, 0.5, 1.0))
     gone = osc_message("/lost_user", "i", 3)
@@ -137,7 +137,7 @@ def test_a_hand_alone_has_a_scale_of_its_own_and_no_number(listen, osc_message, 
         ("shfff", ("head", 2**31, 0.5, 0.5, 1.0), "wrong arguments"),
     ],
 )
-def test_what_is_no_joint_is_refused(listen, osc_message, tags, arguments, reason):
+def test_unknown_joints_are_refused(listen, osc_message, tags, arguments, reason):
     wire = listen()
     assert wire.settle(osc_message("/joint", tags, *arguments)) == []
     assert wire.source.counts.refused == {reason: 1}

@@ -35,7 +35,7 @@ SDK = "siiffffd"
 
 @pytest.fixture
 def body(osc_message, osc_bundle):
-    """One frame of one performer in OSCeleton's way, the head at a height of screen coordinates."""
+    """A function that returns OSCeleton's bundle for a frame, with the head at a height in screen coordinates."""
 
     def made(user, height=0.5):
         joints = (("head", height), ("neck", 0.4), ("torso", 0.5))
@@ -49,7 +49,7 @@ def _head(frame):
 
 
 def _port(opened):
-    """Return where a source listens by default, or would if nobody else did on this machine."""
+    """Return the default port of a source, even if another program on this machine uses it."""
     try:
         source = opened("")
     except SourceError as error:
@@ -63,7 +63,7 @@ def test_the_default_ports_are_those_of_the_programs():
     assert _port(open_vmc) == 39539
 
 
-def test_a_taken_port_is_refused_with_what_to_do(listen):
+def test_a_port_in_use_is_refused_with_a_fix(listen):
     port = listen().source.port
     with pytest.raises(
         SourceError, match=f"^osc:{port}: found another program that listens on UDP port {port}"
@@ -73,13 +73,13 @@ def test_a_taken_port_is_refused_with_what_to_do(listen):
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid", "a" * 70, "..."])
-def test_a_host_that_is_not_this_machine_is_refused_with_what_to_do(host):
+def test_the_host_of_another_machine_is_refused_with_a_fix(host):
     with pytest.raises(SourceError, match="which is not an address of this machine") as caught:
         open_osc(f"{host}:0")
     assert "0.0.0.0" in caught.value.fix
 
 
-def test_localhost_means_what_senders_mean_by_it(body):
+def test_localhost_is_the_address_that_senders_use(body):
     source = open_osc("localhost:0")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.sendto(body(1), ("127.0.0.1", source.port))
@@ -89,7 +89,7 @@ def test_localhost_means_what_senders_mean_by_it(body):
     source.close()
 
 
-def test_it_is_a_source_that_closes_twice_and_leaves_its_port_and_nothing_open():
+def test_closing_twice_frees_the_port():
     with warnings.catch_warnings():
         warnings.simplefilter("error", ResourceWarning)
         source = open_osc("127.0.0.1:0?units=mm")
@@ -101,8 +101,8 @@ def test_it_is_a_source_that_closes_twice_and_leaves_its_port_and_nothing_open()
         gc.collect()
 
 
-def test_a_sender_in_another_process_is_heard(listen, walk):
-    """With python-osc, one datagram a joint, as OSCeleton-KinectSDK2 sends them."""
+def test_a_sender_in_another_process_is_received(listen, walk):
+    """The sender uses python-osc and one datagram per joint, like OSCeleton-KinectSDK2."""
     wire = listen()
     script = f"""
 from pythonosc.udp_client import SimpleUDPClient
@@ -116,7 +116,7 @@ for step, name in enumerate(("head", "neck", "l_hand")):
     np.testing.assert_allclose(frame.positions[known], [[0, 0.2, 1.5], [0.1, 0.2, 1.5], [0.2, 0.2, 1.5]], atol=1e-15)
 
 
-def test_frames_are_stamped_when_they_arrive_and_never_go_back(listen, body):
+def test_frames_have_increasing_arrival_times(listen, body):
     wire = listen()
     events = []
     for user in (1, 2, 1, 2, 1, 1):
@@ -138,7 +138,7 @@ def test_the_latest_frame_of_each_performer_is_kept_and_the_others_are_counted(l
     assert all(one.time < other.time for one, other in pairwise(frames))
 
 
-def test_who_goes_and_comes_back_between_two_looks_is_told_in_order(listen, body, osc_message):
+def test_leaving_and_returning_between_two_calls_is_reported_in_order(listen, body, osc_message):
     wire = listen()
     wire.frame(body(1))
     gone = osc_message("/lost_user", "i", 1)
@@ -165,7 +165,7 @@ def test_silence_ticks(listen):
     assert all(later.time - earlier.time >= TICK_SECONDS for earlier, later in pairwise(ticks))
 
 
-def test_what_is_refused_does_not_stop_the_ticks(listen):
+def test_refused_packets_do_not_stop_the_ticks(listen):
     wire = listen()
     ticks = []
     give_up = time.monotonic() + 10
@@ -176,7 +176,7 @@ def test_what_is_refused_does_not_stop_the_ticks(listen):
     assert [type(tick) for tick in ticks] == [Tick] * 3
 
 
-def test_a_frame_that_lacks_a_joint_is_due_when_it_has_waited(listen, osc_message):
+def test_an_incomplete_frame_is_due_after_the_timeout(listen, osc_message):
     wire = listen()
 
     def joints(*names):
@@ -203,7 +203,7 @@ def test_several_dialects_are_understood_at_once(listen, body, osc_message):
     assert sorted(frame.user for frame in frames) == [0, 1, 2, 3, 4]
 
 
-def test_at_most_so_many_performers_are_remembered(listen, body):
+def test_the_number_of_performers_is_limited(listen, body):
     wire = listen()
     for user in range(MAX_PERFORMERS):
         wire.frame(body(user))
@@ -219,14 +219,14 @@ def test_at_most_so_many_performers_are_remembered(listen, body):
     assert len(wire.source._present) <= MAX_PERFORMERS
 
 
-def test_only_the_sender_that_was_named_is_heard(listen, body):
+def test_only_the_configured_sender_is_accepted(listen, body):
     stranger, friend = listen("?from=127.0.0.2"), listen("?from=127.0.0.1")
     assert stranger.settle(body(1)) == []
     assert stranger.source.counts.refused == {"another sender": 1}
     assert friend.frame(body(1)).user == 1
 
 
-def test_a_flood_is_taken_in_portions(listen, body, osc_message, osc_bundle):
+def test_a_flood_is_received_in_portions(listen, body, osc_message, osc_bundle):
     wire = listen()
     full = osc_bundle(*[osc_message("/x", "")] * 1000)
     wire.send(*[full] * 8)
@@ -259,7 +259,7 @@ def test_garbage_is_counted_by_its_reason_and_logged_without_its_bytes(listen, b
 
 
 @pytest.mark.parametrize("far", [2e6, 3e38, 1e308])
-def test_positions_beyond_the_horizon_are_refused(listen, osc_message, osc_bundle, far):
+def test_positions_out_of_range_are_refused(listen, osc_message, osc_bundle, far):
     wire = listen()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -270,7 +270,7 @@ def test_positions_beyond_the_horizon_are_refused(listen, osc_message, osc_bundl
     assert wire.source.counts.refused == {"position too far away": 2}
 
 
-def test_a_frame_of_lost_joints_is_none(listen, osc_message):
+def test_a_frame_of_lost_joints_is_not_reported(listen, osc_message):
     wire = listen()
     wire.settle(osc_message("/joint", SDK, "head", 0, 1, 0.0, 0.0, 0.0, 0.1, 1.0))
     time.sleep(PART_TIMEOUT_SECONDS)
@@ -337,7 +337,7 @@ ANY = {"deadline": None, "suppress_health_check": [HealthCheck.function_scoped_f
 @settings(max_examples=round(1000 * EFFORT), **ANY)
 @given(DATAGRAMS)
 def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bundle, datagrams):
-    """One source for all examples, so that what one leaves behind meets the next."""
+    """One source serves all examples, so that each begins in the state that the last one left."""
     source, sender = long_lived
     received, refused = source.counts.received, sum(source.counts.refused.values())
     for datagram in datagrams:
@@ -364,7 +364,7 @@ def test_any_messages_become_sound_frames_or_counted_refusals(long_lived, osc_bu
             assert -(2**31) <= frame.user < 2**31
 
 
-def test_after_all_that_a_good_sender_is_heard(long_lived, body):
+def test_a_valid_sender_is_received_afterwards(long_lived, body):
     source, sender = long_lived
     sender.sendto(body(77, 0.25), ("127.0.0.1", source.port))
     events = []
@@ -376,7 +376,7 @@ def test_after_all_that_a_good_sender_is_heard(long_lived, body):
     assert _head(events[-1]) == 0.25
 
 
-def test_other_machines_are_heard_only_where_it_is_said_which(body):
+def test_other_machines_require_an_allowed_sender(body):
     with pytest.raises(SourceError, match="without an allowed sender"):
         open_osc("0.0.0.0:0")
     for allowed in ("any", "127.0.0.1"):

@@ -17,7 +17,7 @@ IDENTITY = (0.0, 0.0, 0.0, 1.0)
 
 
 def _sent(address, name, place=(0.0, 0.0, 0.0), turn=IDENTITY):
-    """Write a bone as another program's library does."""
+    """Write a bone with another program's library."""
     builder = OscMessageBuilder(address)
     builder.add_arg(name, "s")
     for number in (*place, *turn):
@@ -26,7 +26,7 @@ def _sent(address, name, place=(0.0, 0.0, 0.0), turn=IDENTITY):
 
 
 def _bone(name, turn=IDENTITY, place=(0.3, -0.2, 0.1)):
-    """A bone's place is an avatar's and must not matter, but for the hips."""
+    """Write a bone's rotation. Its position is the avatar's and must not matter, except for the hips."""
     return _sent("/VMC/Ext/Bone/Pos", name, (0.0, 1.0, 0.0) if name == "Hips" else place, turn)
 
 
@@ -38,7 +38,7 @@ def _pose(**turns):
     return [_bone(name, turns.get(name, IDENTITY)) for name in BONES]
 
 
-def test_a_raised_arm_and_one_held_out_are_where_they_are_by_hand(listen):
+def test_a_raised_arm_and_an_arm_held_out_are_at_computed_positions(listen):
     frame = listen(scheme="vmc").frame(*_pose(LeftUpperArm=UP_LEFT, RightUpperArm=AHEAD_RIGHT))
     assert frame.user == 0
     assert frame.confidence.tolist() == [1.0] * 20
@@ -71,7 +71,7 @@ def test_a_raised_arm_and_one_held_out_are_where_they_are_by_hand(listen):
 
 
 def test_random_poses_agree_with_scipy(listen, rng):
-    """Turned into a right-handed frame, which is the sensor's, a quaternion's x and y change their signs."""
+    """In right-handed sensor coordinates, x and y of a quaternion change their signs."""
     wire = listen(scheme="vmc")
     flip, flip_turn = np.array([1, 1, -1]), np.array([-1, -1, 1, 1])
     for _ in range(10):
@@ -94,7 +94,7 @@ def test_random_poses_agree_with_scipy(listen, rng):
             np.testing.assert_allclose(frame.positions[JOINT_INDEX[joint]], expected, atol=1e-6)
 
 
-def test_lengths_stay_typical_and_the_hips_are_where_they_are_sent(listen):
+def test_lengths_are_typical_and_the_hips_are_at_the_received_position(listen):
     wire = listen(scheme="vmc")
     one = wire.frame(*_pose())
     other = wire.frame(_root((0.5, 0.0, 2.0)), *_pose())
@@ -103,7 +103,7 @@ def test_lengths_stay_typical_and_the_hips_are_where_they_are_sent(listen):
     assert np.linalg.norm(knee - hip) == pytest.approx(typical_bone_length("knee"), abs=1e-6)
 
 
-def test_bones_that_never_came_leave_joints_lost_and_those_that_came_once_stay(listen):
+def test_joints_of_missing_bones_are_lost_and_received_bones_are_kept(listen):
     wire = listen(scheme="vmc")
     first = wire.frame(_bone("Hips"), _bone("Spine"), _bone("LeftUpperArm", UP_LEFT))
     known = {name for name, index in JOINT_INDEX.items() if first.confidence[index]}
@@ -118,7 +118,7 @@ def test_bones_that_never_came_leave_joints_lost_and_those_that_came_once_stay(l
     assert second.positions[elbow].tolist() == first.positions[elbow].tolist()
 
 
-def test_status_tells_of_bad_tracking_and_of_a_performer_that_is_not_there(listen, osc_message):
+def test_the_status_reports_bad_tracking_and_a_missing_performer(listen, osc_message):
     wire = listen(scheme="vmc")
     assert set(wire.frame(osc_message("/VMC/Ext/OK", "iiii", 1, 3, 0, 0), *_pose()).confidence) == {0.5}
     assert set(wire.frame(osc_message("/VMC/Ext/OK", "iiii", 1, 3, 0, 1), *_pose()).confidence) == {1.0}
@@ -166,7 +166,7 @@ def test_fewer_arguments_and_no_rotations_are_refused(listen, osc_message, addre
     assert wire.source.counts.refused == {"wrong arguments": 1}
 
 
-def test_hips_beyond_the_horizon_are_refused(listen):
+def test_hips_out_of_range_are_refused(listen):
     wire = listen(scheme="vmc")
     wire.events(_sent("/VMC/Ext/Bone/Pos", "Hips", (3e38, 0, 0)), until=lambda _: wire.source.counts.refused)
     assert wire.source.counts.refused == {"position too far away": 1}

@@ -17,7 +17,7 @@ from puppetline.errors import SkeletonLogError, SourceError
 
 
 class Clock:
-    """A monotonic clock that goes on when it is told to."""
+    """A monotonic clock that a test advances."""
 
     def __init__(self):
         self.now = 5000.0
@@ -59,7 +59,7 @@ def take(path, events):
 
 
 def play(source, clock, step=1 / 120, most=10_000):
-    """Call the source as the service does until it ends; return what came, with the clock's time of each."""
+    """Call the source like the service until it ends; return the events, each with the clock's time."""
     came = []
     for _ in range(most):
         try:
@@ -71,14 +71,14 @@ def play(source, clock, step=1 / 120, most=10_000):
 
 
 def key(event):
-    """What tells an event from all others, to the bit."""
+    """Return a value that is equal for events that are equal bit for bit."""
     if isinstance(event, SkeletonFrame):
         return (event.time, event.user, event.positions.tobytes(), event.confidence.tobytes())
     return event
 
 
 def performance():
-    """Some seconds of a stage with everything in it: a gap of a second without ticks, several events at one time."""
+    """Return some seconds of a stage: all kinds of events, a gap of 1 s without ticks, several events at a time."""
     yield Cue(100, "stage", {"characters": {"dog": {"since": 1 / 3, "user": None}}})
     for k in range(60):
         yield make_frame(100 + k / 30, user=1 + k % 2)
@@ -89,7 +89,7 @@ def performance():
     yield make_frame(103.1)
 
 
-def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock):
+def test_a_stages_take_yields_exactly_the_recorded_events(tmp_path, clock):
     written = list(performance())
     source = RecordingSource.of_file("replay:take", take(tmp_path / "take", written))
     assert (source.name, source.fileno()) == ("replay:take", None)
@@ -98,7 +98,7 @@ def test_a_stages_take_gives_the_very_events_that_were_recorded(tmp_path, clock)
     assert (source.counts.received, source.counts.dropped, source.counts.refused) == (len(written), 0, {})
 
 
-def test_each_event_comes_at_its_time_and_no_earlier(tmp_path, clock):
+def test_each_event_is_returned_at_its_time(tmp_path, clock):
     start = clock.now
     came = play(RecordingSource.of_file("r", take(tmp_path / "take", performance())), clock, step=0.001)
     late = [moment - start - (event.time - 100) for moment, event in came]
@@ -106,7 +106,7 @@ def test_each_event_comes_at_its_time_and_no_earlier(tmp_path, clock):
     assert max(late) <= 0.001 + 1e-9
 
 
-def test_the_recordings_clock_stands_still_until_somebody_listens(clock):
+def test_the_recordings_clock_starts_with_the_first_call(clock):
     source = RecordingSource.of_clips("demo:x", [make_clip([3.0, 3.5])])
     clock.now += 100
     assert source.now() == 3.0
@@ -123,7 +123,7 @@ def test_a_late_caller_gets_all_that_is_due_in_order(clock):
     assert source.counts.dropped == 0
 
 
-def test_a_caller_who_was_away_for_long_finds_the_recording_where_it_was(clock):
+def test_a_late_caller_delays_the_recording(clock):
     times = np.arange(90) / 30
     source = RecordingSource.of_clips("demo:x", [make_clip(times)])
     came = source.receive()
@@ -135,7 +135,7 @@ def test_a_caller_who_was_away_for_long_finds_the_recording_where_it_was(clock):
     np.testing.assert_array_equal([event.time for event in came], times)
 
 
-def test_the_end_is_an_error_that_says_so_and_stays(clock):
+def test_the_end_is_an_error_on_every_call(clock):
     source = RecordingSource.of_clips("demo:x", [make_clip([0.0])])
     assert len(source.receive()) == 1
     for _ in range(2):
@@ -144,7 +144,7 @@ def test_the_end_is_an_error_that_says_so_and_stays(clock):
         assert source.due() == clock.now
 
 
-def test_in_a_loop_the_first_pass_is_exact_and_the_times_go_on(tmp_path, clock):
+def test_in_a_loop_the_first_pass_is_exact_and_times_increase(tmp_path, clock):
     written = list(performance())
     users = sorted({event.user for event in written if isinstance(event, SkeletonFrame)})
     whole = len(written) + len(users)
@@ -174,7 +174,7 @@ def test_several_performers_play_together(clock):
     assert [key(e) for e in came if e.user == 7] == [key(frame) for frame in clips[1].frames()]
 
 
-def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
+def test_ticks_fill_the_gaps_of_a_recording(tmp_path, clock):
     clip = make_clip([1.0, 1.05, 2.0, 2.09])
     ticks = [1.05 + k * TICK_SECONDS for k in range(1, 29)]
     expected = [1.0, 1.05, *ticks, 2.0, 2.09]
@@ -187,7 +187,7 @@ def test_where_a_log_is_silent_there_are_ticks(tmp_path, clock):
         assert [event for event in came if isinstance(event, Tick)] == list(map(Tick, ticks))
 
 
-def test_a_take_of_an_earlier_version_plays_like_any_other_recording_and_says_so_once(tmp_path, clock, caplog):
+def test_a_take_of_an_earlier_version_is_played_and_logged_once(tmp_path, clock, caplog):
     frames = [as_recorded(make_frame(k / 30)) for k in range(3)]
     old = b'{"beginning": {"version": 3, "roles": []}}\n'
     (tmp_path / "take").write_bytes(HEADER + old + b"".join(map(encode, frames)))
@@ -222,8 +222,8 @@ def test_real_logs_play_all_their_frames(real_logs, clock):
             assert frames == [key(frame) for frame in clip.frames()]
 
 
-def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
-    """A recording that was continued after a restart of the machine, whose clock began anew."""
+def test_events_that_go_back_in_time_are_skipped(tmp_path, clock):
+    """The recording was continued after a restart of the machine, whose clock restarted."""
     events = [
         make_frame(50.0),
         make_frame(50.05),
@@ -240,7 +240,7 @@ def test_what_goes_back_in_time_is_left_out_as_it_is_of_a_clip(tmp_path, clock):
     assert [list(clip.times) for clip in read_log(path)] == [[50.0, 50.05, 50.1], [50.05]]
 
 
-def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
+def test_a_loop_over_decreasing_times_continues(tmp_path, clock):
     source = RecordingSource.of_file(
         "r", take(tmp_path / "t", [make_frame(50.0), make_frame(50.01), Tick(0.5)]), loop=True
     )
@@ -258,7 +258,7 @@ def test_a_loop_over_what_goes_back_in_time_goes_on(tmp_path, clock):
         (encode(make_frame(0.02)).replace(b'"p": [[', b'"p": [[9e9, 1, 1], ['), "20"),
     ],
 )
-def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, error):
+def test_an_invalid_line_ends_the_recording_there(tmp_path, clock, line, error):
     path = tmp_path / "take"
     path.write_bytes(HEADER + encode(make_frame(0.0)) + encode(make_frame(0.01)) + line + encode(make_frame(0.03)))
     source = RecordingSource.of_file("r", path)
@@ -270,7 +270,7 @@ def test_a_wrong_line_ends_the_recording_where_it_stands(tmp_path, clock, line, 
         source.receive()
 
 
-def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
+def test_a_position_out_of_range_ends_the_recording(tmp_path, clock):
     far = SkeletonFrame(0.01, 1, np.full((20, 3), 2 * MAX_DISTANCE_METRES), np.ones(20, np.float32))
     source = RecordingSource.of_file("r", take(tmp_path / "take", [make_frame(0.0), far]))
     assert len(source.receive()) == 1
@@ -278,7 +278,7 @@ def test_a_position_that_is_no_performers_ends_the_recording(tmp_path, clock):
         source.receive()
 
 
-def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
+def test_a_file_that_cannot_be_opened_is_refused_immediately(tmp_path):
     (tmp_path / "empty").write_bytes(HEADER)
     (tmp_path / "other").write_bytes(b"something else")
     with pytest.raises(SourceError, match="the end of the recording"):
@@ -291,7 +291,7 @@ def test_what_cannot_be_opened_is_refused_at_once(tmp_path):
             RecordingSource.of_file("r", tmp_path / name)
 
 
-def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
+def test_many_events_at_one_time_are_returned_in_portions(tmp_path, clock):
     source = RecordingSource.of_file("r", take(tmp_path / "take", [Tick(1.0)] * (2 * MAX_EVENTS + 5)))
     assert [len(source.receive()) for _ in range(3)] == [MAX_EVENTS, MAX_EVENTS, 5]
 
@@ -301,8 +301,8 @@ def test_any_number_of_events_at_one_moment_comes_in_portions(tmp_path, clock):
     gaps=st.lists(st.floats(1e-3, 3), min_size=1, max_size=20),
     steps=st.lists(st.floats(0, 2.5), min_size=1, max_size=50),
 )
-def test_the_time_now_is_never_before_what_came_nor_after_what_comes(start, gaps, steps):
-    """So that a cue stamped with it stands between the events that it came between."""
+def test_the_time_is_between_the_last_event_and_the_next(start, gaps, steps):
+    """A cue with this time is between the events around it."""
     clock = Clock()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(capture.sources.replay, "time", clock)
@@ -320,7 +320,7 @@ def test_the_time_now_is_never_before_what_came_nor_after_what_comes(start, gaps
         assert stamps == sorted(stamps)
 
 
-def test_on_the_real_clock_nothing_comes_early(tmp_path):
+def test_on_the_real_clock_no_event_is_early(tmp_path):
     clip = make_clip(np.arange(8) / 100)
     source = RecordingSource.of_clips("demo:x", [clip])
     came, started = [], None
@@ -333,7 +333,7 @@ def test_on_the_real_clock_nothing_comes_early(tmp_path):
     assert came == [key(frame) for frame in clip.frames()]
 
 
-def test_closing_lets_go_of_the_file_and_ends_it(tmp_path, clock):
+def test_closing_closes_the_file_and_ends_the_recording(tmp_path, clock):
     source = RecordingSource.of_file("r", take(tmp_path / "take", performance()))
     source.receive()
     source.close()

@@ -87,8 +87,8 @@ def test_bones_keep_their_lengths_after_the_first_second(squats):
 
 
 def test_an_upright_performer_has_the_given_height(squats):
-    crown = joint(squats, "head")[:, 1] + body.HEAD_TOP
-    soles = (joint(squats, "ankle_left") + joint(squats, "ankle_right"))[:, 1] / 2 - body.ANKLE_HEIGHT
+    crown = joint(squats, "head")[:, 1] + body.HEAD_TOP_METRES
+    soles = (joint(squats, "ankle_left") + joint(squats, "ankle_right"))[:, 1] / 2 - body.ANKLE_HEIGHT_METRES
     upright = np.sort(crown - soles)[-10:]
     np.testing.assert_allclose(upright, HEIGHT, rtol=0.05)
 

@@ -37,6 +37,7 @@ OURS = [
     for side in ([LEFT_IN_THE_IMAGE, "left"] if "?" in part else [""])
 ]
 """Indices of NiTE2's joints, in its order; its left is the left of the image."""
+LEFT_HAND = 6  # in NiTE2's order
 
 
 class StandIn:
@@ -117,6 +118,20 @@ def look(stand_in, show):
 
 
 @pytest.fixture
+def track(stand_in, look, body):
+    """Show a user with `body` until NiTE2 has calibrated them; return the performer."""
+
+    def tracked(confidence=1.0):
+        stand_in.show(4, NEW, CALIBRATED, body, confidence)
+        assert look(1.0) == []  # calibration has only started
+        [person] = look(1.1)
+        assert person.user == 4
+        return person
+
+    return tracked
+
+
+@pytest.fixture
 def body(standing):
     """(15, 3) joints of `standing` in NiTE2's coordinates: millimetres, x to the right of the image."""
     return standing[OURS] * [-1000, 1000, 1000]
@@ -156,29 +171,22 @@ def _wait_for(caplog, message):
         time.sleep(0.001)
 
 
-def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(stand_in, look, body, standing):
+def test_a_calibrated_user_is_a_performer_with_the_librarys_positions_and_confidence(track, standing):
     confidence = np.linspace(0.6, 1.0, 15)
-    stand_in.show(4, NEW, CALIBRATED, body, confidence)
-    assert look(1.0) == []  # calibration has only started
-    [person] = look(1.1)
-    assert person.user == 4
+    person = track(confidence)
     np.testing.assert_allclose(person.positions[OURS], standing[OURS], atol=1e-6)
     np.testing.assert_array_equal(person.confidence[OURS], confidence.astype(np.float32))
 
 
-def test_a_performers_right_hand_is_at_the_left_of_the_picture(stand_in, look, body):
-    left_hand = 6  # in NiTE2's order
-    body[left_hand] = -500, 200, 2000
-    stand_in.show(1, NEW, CALIBRATED, body)
-    look(1.0)
-    [person] = look(1.1)
-    np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_right"]], [0.5, 0.2, 2.0], atol=1e-6)
+def test_a_performers_right_hand_is_at_the_left_of_the_image(track, body):
+    body[LEFT_HAND] = -500, 200, 2000
+    np.testing.assert_allclose(track().positions[JOINT_INDEX["hand_right"]], [0.5, 0.2, 2.0], atol=1e-6)
 
 
 def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, stand_in, show, body):
     sensor.unplug()
     sensor.plug(refuses=["mirror off"])
-    body[6] = -500, 200, 2000
+    body[LEFT_HAND] = -500, 200, 2000
     stand_in.show(1, NEW, CALIBRATED, body)
     with closing(OpenNIDevice(NAME, Selection())) as device, closing(device.nite()) as tracker:
         for moment in (1.0, 1.1):
@@ -190,10 +198,8 @@ def test_sides_of_a_sensor_that_stays_mirrored_are_the_performers_own(sensor, st
     np.testing.assert_allclose(person.positions[JOINT_INDEX["hand_left"]], [-0.5, 0.2, 2.0], atol=1e-6)
 
 
-def test_joints_that_the_library_lacks_are_interpolated_and_inferred(stand_in, look, body):
-    stand_in.show(1, NEW, CALIBRATED, body)
-    look(1.0)
-    [person] = look(1.1)
+def test_joints_that_the_library_lacks_are_interpolated_and_inferred(track):
+    person = track()
     joints = dict(zip(JOINT_INDEX, person.positions, strict=True))
     made = ["hip_center", "wrist_left", "wrist_right", "ankle_left", "ankle_right"]
     for side in ("left", "right"):
@@ -209,15 +215,13 @@ def test_joints_that_the_library_lacks_are_interpolated_and_inferred(stand_in, l
 
 
 @pytest.mark.parametrize("bad", ["confidence 0", "no number"])
-def test_a_lost_joint_also_loses_the_joint_interpolated_from_it(stand_in, look, body, bad):
+def test_a_lost_joint_also_loses_the_joint_interpolated_from_it(track, body, bad):
     confidence = np.ones(15)
     if bad == "no number":
-        body[6] = np.nan
+        body[LEFT_HAND] = np.nan
     else:
-        confidence[6] = 0
-    stand_in.show(1, NEW, CALIBRATED, body, confidence)
-    look(1.0)
-    [person] = look(1.1)
+        confidence[LEFT_HAND] = 0
+    person = track(confidence)
     lost = [name for name, k in JOINT_INDEX.items() if person.confidence[k] == LOST]
     assert lost == ["wrist_right", "hand_right"]
 

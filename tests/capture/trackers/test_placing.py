@@ -79,7 +79,7 @@ def test_the_height_determines_the_scale_without_depth(truth):
 def test_a_taller_performer_is_farther_away_in_proportion(truth):
     view = 0.0, LENS, LENS.project(truth), posture_of(truth), TRACKED_ALL, None
     small, tall = (BodyPlacer(height).place(*view)[0] for height in (1.4, 2.0))
-    crown_and_soles = body.HEAD_TOP + body.ANKLE_HEIGHT
+    crown_and_soles = body.HEAD_TOP_METRES + body.ANKLE_HEIGHT_METRES
     np.testing.assert_allclose(tall, small * (2.0 - crown_and_soles) / (1.4 - crown_and_soles))
 
 

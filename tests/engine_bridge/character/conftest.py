@@ -1,4 +1,4 @@
-"""A cube, as vertices and faces that look outwards; the figures of the exports' tests."""
+"""A cube and a ball; the figures of the exports' tests."""
 
 from types import SimpleNamespace
 

@@ -9,7 +9,7 @@ from engine_bridge.character.appearance import Appearance
 from engine_bridge.character.document import Document
 
 UV = np.array([[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [1.75, -0.25]], np.float32)
-"""The middle of each of 2 × 2 pixels, the last one in another repetition."""
+"""The middles of 2 × 2 pixels, the last one in another repetition of the image."""
 
 
 def encoded(picture, kind="PNG"):
@@ -20,7 +20,7 @@ def encoded(picture, kind="PNG"):
 
 @pytest.fixture
 def painted():
-    """Make a document of 4 vertices whose materials have one picture each, and return their colours."""
+    """Return the colours of 4 vertices in a document whose materials have one image each."""
 
     def colors(*pictures):
         document = Document(schema.empty())

@@ -30,7 +30,7 @@ def skin(tmp_path):
 
 @pytest.fixture
 def saved(tmp_path, assert_valid_gltf):
-    """Write a surface as .glb, let the validator look at it, and read it."""
+    """Write a surface as a .glb, validate the file, and read it."""
 
     def run(surface):
         assemble(surface, "figure").save(tmp_path / "figure.glb")

@@ -30,13 +30,13 @@ def same(found):
 
 @pytest.fixture
 def kept(tmp_path):
-    """The file that the arrays are kept in."""
+    """The file with the arrays."""
     load_or_compute(tmp_path, KEY, some_arrays)
     return tmp_path / f"{KEY}.npz"
 
 
 def made_anew(kept, caplog):
-    """Recall from a bad file: the right arrays, a warning that names the file, and a good file afterwards."""
+    """A bad file gives the right arrays, a warning that names the file, and a good file afterwards."""
     caplog.clear()
     with caplog.at_level(logging.WARNING):
         assert same(load_or_compute(kept.parent, KEY, some_arrays))

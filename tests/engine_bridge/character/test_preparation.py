@@ -16,7 +16,7 @@ PARAMETERS = ModelParameters(fields=2, isolines=3)
 
 @pytest.fixture(scope="module")
 def render_mesh():
-    """A ball whose triangles have corners of their own, one of them turned over, and a vertex in none."""
+    """A ball whose triangles share no corners, with one flipped triangle and one vertex without a triangle."""
     vertices, faces = igl.upsample(*igl.icosahedron(), 2)
     faces[7] = faces[7][::-1]
     return np.concatenate([vertices[faces].reshape(-1, 3), [[0, 0, 2]]]), np.arange(faces.size).reshape(-1, 3)

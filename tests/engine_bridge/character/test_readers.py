@@ -68,10 +68,10 @@ def test_whatever_a_file_is_cut_off_to_it_is_refused_or_a_surface_of_fewer_trian
         with suppress(MeshError):
             surface = read_surface(written(f"a.{encoding[-3:]}", whole[:size]))
             loaded[size] = sum(len(piece.triangles) for piece in surface.pieces)
-    if encoding == "text stl":  # as which are read that ends with a facet
+    if encoding == "text stl":  # a file may end after a facet
         assert loaded == {size: whole[:size].count(b"endfacet") for size in loaded}
         assert 0 < len(loaded) < len(whole) // 20
-    elif encoding == "obj":  # which does not say how much there is of it
+    elif encoding == "obj":  # which does not state its length
         ends = {size: whole[:size].count(b"\nf ") for size in loaded}
         assert all(0 <= ends[size] - triangles <= 1 for size, triangles in loaded.items())
     else:

@@ -8,7 +8,7 @@ from puppetline.errors import MeshError
 
 
 def soup(vertices, triangles):
-    """Give every triangle corners of its own."""
+    """Return a mesh whose triangles share no corners."""
     return vertices[triangles].reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
 
 

@@ -25,7 +25,7 @@ f 3/1 1/1 4/1
 
 @pytest.fixture
 def mesh(tmp_path):
-    """A tetrahedron with a picture, in a folder of its own."""
+    """A tetrahedron with an image, in a separate folder."""
     folder = tmp_path / "mesh"
     folder.mkdir()
     (folder / "a.obj").write_text(OBJ)
@@ -36,7 +36,7 @@ def mesh(tmp_path):
 
 @pytest.fixture
 def read(tmp_path, mesh, monkeypatch):
-    """Read the mesh, and say whether it was surface_document."""
+    """Return the document of the mesh, and whether it was parsed."""
     parses = []
     parse = surface_document.read_surface
     monkeypatch.setattr(surface_document, "read_surface", lambda *files: parses.append(1) or parse(*files))

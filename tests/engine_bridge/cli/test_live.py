@@ -63,7 +63,7 @@ def test_wrong_use_is_told(arguments, message):
     [
         (["--source", "osc:99999"], "expected PORT, HOST or HOST:PORT"),
         (["--source", "tv:1"], "found the scheme 'tv'; expected one of demo, replay, osc, vmc, "),
-        (["--source", "demo:dance"], "found no performance 'dance'"),
+        (["--source", "demo:dance"], "found no example motion 'dance'"),
         (["--source", "replay:none.log"], "none.log"),
         (["--source", "osc:0", "--idle", "none.log"], "none.log"),
         (["--source", "osc:0", "--morphs", "none.glb"], "none.glb"),
@@ -328,7 +328,7 @@ def test_the_skeleton_lies_on_the_performer_of_a_real_video(run, camera, real_da
     folder = real_data / "video" / "tfjs"
     run("look", "--source", f"video:{folder / 'pose_squats.mp4'}", "-o", "look.png")
     frames = json.loads((folder / "pose_squats.full.json").read_text())  # which of them was seen last is chance
-    # the film is 1280 pixels high and 720 wide
+    # the video is 1280 pixels high and 720 wide
     places = (LANDMARK_WEIGHTS @ np.array(frames)[..., :2]) * PANEL_HEIGHT / 1280
     with Image.open(tmp_path / "look.png") as picture:
         panel = np.asarray(picture.convert("RGB")).astype(int)[12:, 12:][:PANEL_HEIGHT, : PANEL_HEIGHT * 720 // 1280]

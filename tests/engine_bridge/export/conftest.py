@@ -19,7 +19,7 @@ from solver.model.reduced_model import position_matrix
 
 @dataclass(frozen=True)
 class Variant:
-    """A character file, the world positions of each primitive with triangles, and what its own targets add to them."""
+    """A character file, the world positions of each primitive with triangles, and offsets by its own targets."""
 
     name: str
     path: Path
@@ -28,7 +28,7 @@ class Variant:
 
 
 def part_of(shape, chosen):
-    """Cut out some faces; the vertices that are left are in the shape's order."""
+    """Return the vertices and faces of a part, with vertices in the shape's order."""
     used, corners = np.unique(shape.faces[chosen], return_inverse=True)
     return used, corners.reshape(-1, 3).astype(np.uint32)
 
@@ -91,7 +91,7 @@ def with_lines(glb, shape):
 
 
 def local(points, normals, to_world):
-    """World to a node's own space."""
+    """Convert world coordinates to a node's space."""
     back = np.linalg.inv(to_world)
     turned = normals @ to_world[:3, :3]
     return (
@@ -127,7 +127,7 @@ def node_transforms(glb, shape):
 
 
 def shared_mesh(glb, shape):
-    """One half for both sides: a node shows it as it is, another mirrored."""
+    """One half for both sides, which a second node shows mirrored."""
     used, faces = part_of(shape, (shape.vertices[shape.faces][:, :, 0] > -0.06).all(axis=1))
     half = shape.vertices[used]
     half[np.abs(half[:, 0]) < 0.06, 0] = 0
@@ -138,7 +138,7 @@ def shared_mesh(glb, shape):
 
 
 def own_targets(glb, shape):
-    """Two targets that the character brings along; with the first a quarter in it is the figure."""
+    """Two targets in the file; the figure has the first one at a weight of a quarter."""
     smile = (shape.vertices * [0.0, 0.1, 0.2]).astype(np.float32)
     frown = np.roll(smile, 1, axis=1)
     still = np.zeros_like(smile)
@@ -158,7 +158,7 @@ def own_targets(glb, shape):
 
 
 def skinned(glb, shape):
-    """Two bones, bent away from where the mesh was bound and blended over the waist; its node is elsewhere."""
+    """Two bones that are bent from the bind pose and blended at the waist; the mesh's node is elsewhere."""
     turn = Rotation.from_euler("xyz", [20, -35, 50], degrees=True)
     lower, upper = np.eye(4), np.eye(4)
     lower[:3, 3] = [0.2, -0.1, 0.4]
@@ -184,7 +184,7 @@ def skinned(glb, shape):
 
 
 def quantized(glb, shape):
-    """Positions of 16 bits under a node that brings them back to size (KHR_mesh_quantization)."""
+    """Positions of 16 bits, which the node's transform restores (KHR_mesh_quantization)."""
     low, size = shape.vertices.min(axis=0), float(np.ptp(shape.vertices, axis=0).max())
     stored = np.round((shape.vertices - low) / size * 65535).astype(np.uint16)
     normals = np.round(shape.normals * 127).astype(np.int8)
@@ -207,7 +207,7 @@ def quantized(glb, shape):
 
 
 def strips_and_fans(glb, shape):
-    """The triangles around one vertex as a fan, all others as a strip that turns back on itself between them."""
+    """The triangles around one vertex as a fan, and all others as a strip with degenerate triangles in between."""
     hub = int(shape.faces[0, 0])
     around = (shape.faces == hub).any(axis=1)
     follow = {}
@@ -230,7 +230,7 @@ def strips_and_fans(glb, shape):
 
 
 def bare_scene(glb, shape):
-    """No scene: what is shown are the nodes that are nobody's children."""
+    """No scene, so that all nodes without a parent are shown."""
     mesh = glb.mesh(glb.primitive(shape.vertices, shape.faces.astype(np.uint32), NORMAL=shape.normals))
     glb.node(mesh, parent=glb.node(translation=[0, 0.5, 0]))
     glb.file.scene, glb.file.scenes = None, []
@@ -290,7 +290,7 @@ class Export:
 
 @pytest.fixture(scope="session")
 def exports(variants, take, write_puppet):
-    """Every variant converted, by its name and whether its puppet has a root."""
+    """All variants converted, by name and whether the puppet has a root."""
 
     def make(variant, root):
         name = f"{variant.name}_{'root' if root else 'still'}"
@@ -308,14 +308,14 @@ def export(request, exports):
 
 @pytest.fixture(scope="session")
 def reports(node, exports):
-    """What the Khronos validator says about each file, before and after."""
+    """Reports of the Khronos validator about each file before and after the conversion."""
     paths = [str(path) for export in exports.values() for path in (export.variant.path, export.path)]
     return json.loads(node("validate.mjs", *paths))
 
 
 @pytest.fixture(scope="session")
 def solved():
-    """The float64 vertices of the solver's surface in each frame, from W and R, with the root's translation."""
+    """Return the float64 vertices of the solver's surface in each frame, from W and R, with the root's translation."""
 
     def vertices(clip):
         model, mesh = clip.rig.model, clip.rig.mesh
@@ -329,7 +329,7 @@ def solved():
 
 
 class Raw:
-    """A .glb as pygltflib gives it, its accessors turned into arrays in the plainest way."""
+    """A .glb as read by pygltflib, with accessors as arrays."""
 
     def __init__(self, path):
         self.file = gltf.GLTF2().load(path)
@@ -355,7 +355,7 @@ class Raw:
         return self.blob[view.byteOffset or 0 :][: view.byteLength]
 
     def weights(self, node):
-        """(F, K) of the channel that morphs a node."""
+        """Weights (F, K) of the channel that morphs a node."""
         animation = self.file.animations[0]
         channel = next(c for c in animation.channels if (c.target.node, c.target.path) == (node, "weights"))
         sampler = animation.samplers[channel.sampler]

@@ -11,7 +11,7 @@ from engine_bridge.export.convert import convert
 from engine_bridge.performance.settings import Settings
 
 KEYS = slice(None, None, 2)
-"""39 times over 58 frames: every second one is a key's, those between are halfway between two keys."""
+"""Indices of keyframes among 39 times over 58 frames; the other times are halfway between two keyframes."""
 PER_STEP = 3
 
 
@@ -174,7 +174,7 @@ STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.
 
 
 def animated_without_motion(path):
-    """What becomes of a character file that a target moves by 1 in each direction, though its weight stays 0."""
+    """A character before and after export with a target that moves it by 1 in each direction, with weight 0."""
     character = load_character(path)
     moved = [(np.ones((1, *part.vertices.shape), np.float32), None) for part in character.parts]
     animate(character, STILL, moved.__getitem__).save(path)

@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def of_take(take, blob_puppet, folder):
-    """Baked from a log, and what was said of the progress."""
+    """A file baked from a recording, with its summary and the reported progress."""
     stages = []
     summary = bake(blob_puppet, folder / "take.glb", (take,), progress=lambda *stage: stages.append(stage))
     return summary, folder / "take.glb", stages
@@ -36,7 +36,7 @@ def of_take(take, blob_puppet, folder):
 
 @pytest.fixture(scope="module")
 def of_nothing(blob_puppet, folder):
-    """Baked from motion that is made up."""
+    """A file baked from synthetic motion, with its summary."""
     return bake(blob_puppet, folder / "nothing.glb"), folder / "nothing.glb"
 
 
@@ -52,7 +52,7 @@ def performed(rig, timeline):
 
 
 def shown_places(rig, frames):
-    """Where the vertices that are drawn are in each frame (F, N, 3), float64 from W."""
+    """Positions (F, N, 3) of the drawn vertices in each frame, float64 from W."""
     model, mesh = rig.model, rig.mesh
     W = position_matrix(
         model.to_model(rig.character.vertices),
@@ -64,7 +64,7 @@ def shown_places(rig, frames):
 
 
 def places_from_weights(path, rig, weights):
-    """Where the file's own accessors put vertices (F, N, 3) for the weights of its last targets."""
+    """Positions (F, N, 3) of the vertices by the file's accessors, for weights of its last targets."""
     document = Document.load(path)
     nodes, meshes, placed = document.gltf["nodes"], document.gltf["meshes"], []
     for part in load_character(path).parts:
@@ -88,7 +88,7 @@ def test_the_summary_says_what_the_file_and_the_motion_are(of_take):
 
 
 def test_live_weights_put_vertices_where_the_solver_does_within_the_error_that_was_said(of_take, take, blob_rig):
-    """Projected frame by frame, and evaluated with the rest positions and targets that the file holds."""
+    """Frames are projected one by one, and evaluated with the rest positions and targets in the file."""
     summary, path, _ = of_take
     basis = LiveBasis.load(path, blob_rig)
     frames, _ = performed(blob_rig, load_timeline(take, Settings())[0])
@@ -112,7 +112,7 @@ def test_three_plays_the_animation_as_the_solver_has_it_with_the_root_on_a_node(
 
 
 def test_the_roots_motion_is_in_no_target(record, standing, write_puppet, blob_file, tmp_path):
-    """Somebody who only walks about moves the root, and leaves nothing to be a target."""
+    """A performer who only walks moves the root, which leaves no motion for targets."""
     there = 0.8 * np.sin(np.arange(60) / 15)[:, None, None] * np.array([1.0, 0.0, 0.5])
     log = record(tmp_path / "walk.log", standing + there)
     puppet = write_puppet(blob_file.with_name("walks.toml"), blob_file.name, root=True)
@@ -149,7 +149,7 @@ def test_without_logs_it_covers_performances_and_handles(of_nothing, blob_rig, s
 
 
 def test_made_up_motion_covers_a_performance_that_it_was_not_made_of(blob_rig):
-    """What is left of it, root mean square over the surface in the worst frame, is a twentieth of what was left out."""
+    """The root mean square error in the worst frame is less than a twentieth of the motion."""
     others = [name for name in PERFORMANCES if name != "kung_fu"]
     settings = Settings(tolerance=DEFAULT_TOLERANCE)
     motion = synthetic_motion(blob_rig, others, settings, lambda *_: None)
@@ -205,7 +205,7 @@ def test_each_stage_tells_of_its_progress_up_to_the_end(of_take):
 
 
 def pieces(glb, shape):
-    """The left half in a node that is stretched and mirrored; the right half in two primitives, with a target."""
+    """The left half in a stretched and mirrored node, and the right half in two primitives with a target."""
     middle = shape.vertices[shape.faces].mean(axis=1)
     corners = {}
     for name, chosen in (
@@ -247,7 +247,7 @@ def test_all_parts_take_the_same_weights_after_the_targets_that_they_have(
 
 
 def test_a_file_that_was_baked_is_a_character_that_can_be_baked_again(of_take, take, write_puppet, tmp_path):
-    """Its extras speak of the new targets then, which come last."""
+    """Its extras then describe the new targets, which are the last ones."""
     shutil.copy(of_take[1], tmp_path / "again.glb")
     puppet = write_puppet(tmp_path / "again.toml", "again.glb")
     summary = bake(puppet, tmp_path / "twice.glb", (take,), targets=4)

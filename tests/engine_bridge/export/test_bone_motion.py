@@ -10,7 +10,7 @@ BONES = 5
 
 @pytest.fixture
 def skin():
-    """A bar of 400 points whose five bones overlap, and W = its blend lines: controls are the bones' own matrices."""
+    """A bar of 400 points with five overlapping bones; with `blend_lines` as W, controls are the bones' matrices."""
     rng = np.random.default_rng(2)
     rest = rng.uniform(-1, 1, (400, 3)) * [0.5, 0.1, 0.1]
     place = (rest[:, :1] + 0.5) * (BONES - 1)
@@ -20,7 +20,7 @@ def skin():
 
 
 def motions(count, angle, seed=4):
-    """(F, B, 3, 4) rigid motions that differ from bone to bone."""
+    """Rigid motions (F, B, 3, 4) that differ between bones."""
     rng = np.random.default_rng(seed)
     made = np.empty((count, BONES, 3, 4))
     made[..., :3] = Rotation.from_rotvec(rng.normal(0, angle, (count * BONES, 3))).as_matrix().reshape(-1, BONES, 3, 3)
@@ -29,7 +29,7 @@ def motions(count, angle, seed=4):
 
 
 def controls(motion):
-    """(F, 4B, 3): what `blend_lines` takes to where these motions carry the skin."""
+    """Controls (F, 4B, 3) with which `blend_lines` gives the positions of the skin."""
     return motion.transpose(0, 3, 1, 2).reshape(len(motion), -1, 3)
 
 

@@ -71,7 +71,7 @@ def test_frames_are_made_at_the_rate_that_is_asked_for(take, blob_puppet, tmp_pa
 
 
 def test_the_rest_pose_is_the_one_at_the_second_that_is_asked_for(record, dance, standing, blob_puppet, tmp_path):
-    """First a pose with lifted arms, then one second as the character stands: only from there on it looks like it."""
+    """A pose with a lifted hand is followed by one second in the character's pose."""
     lifted = standing.copy()
     lifted[JOINT_INDEX["hand_left"]] += [0.2, 0.5, 0]
     log = record(tmp_path / "a.log", np.concatenate([np.tile(lifted, (30, 1, 1)), np.tile(standing, (30, 1, 1))]))

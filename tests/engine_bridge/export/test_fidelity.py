@@ -1,4 +1,4 @@
-"""Real characters come out of a conversion with all that they came with: their file beside ours, bit for bit."""
+"""Contents of real characters before and after a conversion, compared bit for bit."""
 
 import json
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 class File:
-    """A .glb as it stands: its JSON, and the bytes behind each accessor and picture."""
+    """A .glb as JSON, with the bytes of each accessor and image."""
 
     def __init__(self, path):
         whole = path.read_bytes()
@@ -43,7 +43,7 @@ class File:
         return self.json.get(name, [])
 
     def accessor(self, index):
-        """Everything that an accessor says, and its values' bytes."""
+        """The properties of an accessor, and the bytes of its values."""
         accessor = dict(self.json["accessors"][index])
         view = self.json["bufferViews"][accessor.pop("bufferView")]
         start = view.get("byteOffset", 0) + accessor.pop("byteOffset", 0)

@@ -9,14 +9,14 @@ from puppetline.errors import MeshError
 
 
 def numbers(character):
-    """Two sets of numbers that no vertex shares with another."""
+    """Two sets of numbers that differ between all vertices."""
     count = len(character.vertices)
     return [np.arange(2 * count, dtype=np.float32).reshape(count, 2), np.full((count, 2), 7, np.float32)]
 
 
 @pytest.fixture
 def flat(raw, tmp_path):
-    """Flatten a file; return the character, the document's path and what pygltflib reads there."""
+    """Flatten a file; return the character, the document's path and its contents."""
 
     def make(path):
         character = load_character(path)

@@ -28,7 +28,7 @@ SMALLER = "[retarget]\nscale = 1.3\n\n[solver]\nfields = 4\nisolines = 6\n"
 
 @dataclass(frozen=True)
 class Baked:
-    """A baked file, and what it should do, in float64 from W and the file's own accessors."""
+    """A baked file, with expected results in float64 from W and the file's accessors."""
 
     path: Path
     rig: object
@@ -40,7 +40,7 @@ class Baked:
         return self.W @ (R - self.rig.model.rest_controls) * self.rig.mesh.diagonal
 
     def left(self, R, weights):
-        """Root mean square of what the targets leave, as a fraction of the diagonal."""
+        """Root mean square error of the targets, as a fraction of the diagonal."""
         away = self.moved(R) - self.targets @ weights.astype(np.float64)
         return np.sqrt((away**2).sum(axis=1).mean()) / self.rig.mesh.diagonal
 
@@ -102,7 +102,7 @@ def test_a_pose_that_the_directions_span_comes_back_up_to_where_the_limit_begins
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions):
-    """Each coordinate is limited by itself, so what is within range is not changed by what is not."""
+    """Each coordinate is limited separately, so that coordinates within the range do not change."""
     mixed = data.draw(arrays(np.float64, len(directions), elements=st.floats(-1e9, 1e9)))
     R = baked.rig.model.rest_controls + np.tensordot(mixed, directions, axes=1)
     weights, _, limited = basis.project(R)
@@ -116,7 +116,7 @@ def test_no_pose_takes_a_weight_out_of_its_range(data, baked, basis, directions)
 
 
 def test_no_other_weights_are_nearer_to_a_pose_within_range(baked, basis):
-    """By least squares over all vertices with the targets that the file holds, of which one is a sum of the others."""
+    """The reference is a least-squares fit of the targets in the file over all vertices."""
     random, rest = np.random.default_rng(3), baked.rig.model.rest_controls
     targets = baked.targets.reshape(-1, len(basis.names))
     for _ in range(5):
@@ -136,7 +136,7 @@ def test_the_residual_is_the_root_mean_square_over_all_vertices(baked, basis, si
 
 
 def test_a_rigid_motion_leaves_what_it_leaves(baked, basis):
-    """A turn of the whole character, which no target of the clip does: every isoline turns by the same."""
+    """The whole character turns, which no target of the clip reproduces; all isolines turn equally."""
     model = baked.rig.model
     turn = Rotation.from_euler("xyz", [20, 50, -30], degrees=True).as_matrix()
     R = np.tile(np.vstack([turn, [0.1, 0.0, -0.2]]), (len(model.rest_controls) // 4, 1))
@@ -179,7 +179,7 @@ def plain(new_glb, folder, vertices, faces):
 def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weights(
     baked, basis, blob, new_glb, write_puppet, tmp_path
 ):
-    """A basis belongs to a shape: where the solver finds the same one, it fits, on whatever machine."""
+    """A basis belongs to a shape, and fits any mesh of it on any computer."""
     order = np.random.default_rng(1).permutation(len(blob.vertices))
     place = np.argsort(order)
     mesh = plain(new_glb, tmp_path, blob.vertices[order], np.random.default_rng(2).permutation(place[blob.faces]))
@@ -194,7 +194,7 @@ def test_the_same_surface_with_its_vertices_in_another_order_gets_the_same_weigh
 
 @pytest.mark.parametrize("change", [[1.0, 1.02, 1.0], [1.01, 1.01, 1.01], [-1.0, 1.0, 1.0]])
 def test_a_basis_for_another_mesh_is_refused(baked, blob, new_glb, write_puppet, tmp_path, change):
-    """Taller by two hundredths, larger by one, or its own mirror image."""
+    """The mesh is 2 % taller, 1 % larger, or mirrored."""
     faces = blob.faces if np.prod(change) > 0 else blob.faces[:, ::-1]
     mesh = plain(new_glb, tmp_path, (blob.vertices * np.float32(change)).astype(np.float32), faces)
     rig = load_rig(write_puppet(tmp_path / "other.toml", mesh.name))
@@ -223,7 +223,7 @@ def test_a_file_without_a_basis_is_refused(blob_file, blob_rig):
 
 
 def with_extras(path, into, extras):
-    """Write a .glb with something else in its asset's extras."""
+    """Write a .glb with other extras of its asset."""
     content = path.read_bytes()
     (size,) = struct.unpack_from("<I", content, 12)
     gltf = json.loads(content[20 : 20 + size])
@@ -289,7 +289,7 @@ def test_whatever_else_stands_in_the_extras_is_refused(baked, tmp_path, extras):
 
 
 def weights_of(rig, basis, positions):
-    """Perform joints (F, 20, 3) at 30 frames a second and yield each frame's projection."""
+    """Yield the projections of joints (F, 20, 3) at 30 frames per second."""
     performance = Performance(rig.puppet, rig.mesh, rig.model, positions[0])
     sure = np.ones(len(JOINTS), dtype=np.float32)
     for number, joints in enumerate(positions):
@@ -297,7 +297,7 @@ def weights_of(rig, basis, positions):
 
 
 def test_joints_at_random_take_no_weight_out_of_its_range(baked, basis, standing):
-    """A basis of one gentle recording, and joints that jump up to 5 m a frame, one of them 1e6 m away."""
+    """The basis is that of one gentle recording; joints jump by up to 5 m per frame, one of them by 1e6 m."""
     random = np.random.default_rng(7)
     positions = np.concatenate([standing[None], standing + random.uniform(-5, 5, (1000, *standing.shape))])
     positions[500, JOINT_INDEX["hand_left"]] = [1e6, -1e6, 1e6]

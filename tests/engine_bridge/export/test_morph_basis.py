@@ -27,7 +27,7 @@ def moved(clip, solved):
 
 @pytest.fixture(scope="module")
 def with_targets(clip, raw, tmp_path_factory):
-    """Write the clip with K targets and return the summary and the float64 positions that the file holds."""
+    """Write the clip with K targets, and return the summary and the float64 positions in the file."""
     folder = tmp_path_factory.mktemp("targets")
     done = {}
 
@@ -62,7 +62,7 @@ def test_more_targets_are_closer(with_targets):
 
 @pytest.mark.parametrize("count", [2, 3, 4, 6, 9])
 def test_no_basis_of_that_size_is_closer_in_the_least_squares_sense(with_targets, moved, clip, count):
-    """By Eckart and Young, for one direction fewer than there are targets: the last target makes up for the signs."""
+    """The bound of Eckart and Young has one direction fewer than targets, because the last target handles signs."""
     displacements = (moved - clip.rig.mesh.vertices).reshape(len(moved), -1)
     least = np.sqrt((np.linalg.svd(displacements, compute_uv=False)[count - 1 :] ** 2).sum())
     _, positions = with_targets(count)
@@ -103,7 +103,7 @@ def test_a_reach_leaves_room_for_motion_that_goes_as_far_in_every_direction(clip
 
 
 def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch):
-    """Whichever few frames and vertices the estimate looks at, the error is measured on all of them."""
+    """The error is measured for all frames and vertices, not only for those of the estimate."""
     monkeypatch.setattr(morph_basis, "SAMPLE_SIZE", 3)
     binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     frames = clip.frames[:].copy()
@@ -119,7 +119,7 @@ def test_the_spike_of_a_single_frame_and_vertex_is_not_missed(clip, monkeypatch)
 
 
 def test_frames_beyond_the_number_of_unknowns_give_the_same_basis(clip):
-    """More frames than unknowns are decomposed by the other Gram matrix; repeating a clip adds nothing to it."""
+    """More frames than unknowns use the other Gram matrix; a repeated clip has the same basis."""
     binding = BatchBinding.of_solver_mesh(clip.rig.model, clip.rig.mesh)
     short = morph_basis.fit(clip.rig.model, binding, clip.frames, tolerance=1e-4)
     long = morph_basis.fit(clip.rig.model, binding, np.tile(clip.frames[:], (8, 1, 1)), tolerance=1e-4)

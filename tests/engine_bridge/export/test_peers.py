@@ -1,4 +1,4 @@
-"""Exported files in other programs: what Blender, three.js, Babylon.js, Godot and assimp show is what was solved."""
+"""Exported files in Blender, three.js, Babylon.js, Godot and assimp, compared with the solver."""
 
 import io
 import shutil
@@ -29,23 +29,23 @@ REAL = ["kaykit_Knight", "quaternius_Adventurer", "khronos_Fox"]
 
 FPS = 30
 FRAMES = 31
-"""One second."""
+"""Number of frames of one second."""
 TIMES = 13
-"""Every two and a half frames: keyframes, and the middles between two, by turns."""
+"""Number of times, two and a half frames apart: alternately at a keyframe and in the middle between two."""
 ROUNDING = 2e-6
-"""Of the diagonal: what is left to the programs, which calculate in float32."""
+"""Maximum error of the programs, which use float32, as a fraction of the diagonal."""
 
 
 @pytest.fixture(params=PROGRAMS)
 def program(request, player):
-    """Each program that is here, in turn."""
+    """Each installed program in turn."""
     player(request.param)
     return request.param
 
 
 @dataclass(frozen=True)
 class File:
-    """An exported file, and what it was made of."""
+    """An exported file with its clip and summary."""
 
     raw: type
     clip: Clip
@@ -57,7 +57,7 @@ class File:
 
     @cached_property
     def reader(self):
-        """The file as it is, without the project's own reader."""
+        """The file as read by another library."""
         return self.raw(self.path)
 
     @property
@@ -77,7 +77,7 @@ def second(record, dance, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def character(variants, blob, new_glb, request, tmp_path_factory):
-    """Return the path of a character by its name; everything in those that are made here has a name of its own."""
+    """Return the path of a character by its name; all objects in synthetic ones have different names."""
     folder = tmp_path_factory.mktemp("characters")
 
     def opened(path):
@@ -128,7 +128,7 @@ def add_texture(glb, uv):
 
 @pytest.fixture(scope="module")
 def file(character, second, write_puppet, raw, tmp_path_factory):
-    """Export a character, once for all tests; the made ones are moved by a root as well."""
+    """Export a character, once for all tests; synthetic ones have a root."""
     folder, exported = tmp_path_factory.mktemp("exported"), {}
 
     def make(name, form):
@@ -165,7 +165,7 @@ def tips(vertices):
 
 @pytest.fixture(scope="module")
 def play(file, player):
-    """Export a character and play it in a program, once for all tests: the file, and what is shown of it."""
+    """Export a character and play it in a program, once for all tests; return the file and the result."""
     played = {}
 
     def once(program, name, form):
@@ -179,7 +179,7 @@ def play(file, player):
 
 
 class Skinned:
-    """A skinned file as the specification plays it, in float64: bones turn along the shortest arc."""
+    """A skinned file played by the specification in float64, in which bones turn along the shortest arc."""
 
     def __init__(self, made):
         self.made, self.nodes = made, made.file.nodes
@@ -229,7 +229,7 @@ class Skinned:
 
 
 def allowed(program, made, expected):
-    """How far a vertex may be from where the file says, in the character's units."""
+    """Maximum distance of a vertex from its position in the file, in the character's units."""
     rounding = ROUNDING * made.diagonal
     if program == "Godot" and made.gltf.skins:  # keeps each of at most four weights of a vertex in 16 bits
         rounding += 4 / 65535 * max(np.linalg.norm(positions, axis=2).max() for positions in expected.values())
@@ -256,7 +256,7 @@ def test_every_vertex_is_where_it_was_solved_to_be(program, form, name, play, pl
 
 
 PLAIN = str.maketrans(dict.fromkeys('.:@/"%', "_"))
-"""What Godot writes for characters that the names of its nodes may not have."""
+"""Godot's replacements of characters that are not allowed in names of nodes."""
 
 
 def names(things):
@@ -393,7 +393,7 @@ def test_godots_editor_imports_every_vertex_when_its_optimizer_is_off(form, play
 
 @pytest.fixture(scope="module")
 def hour(file, tmp_path_factory):
-    """An hour at 30 frames a second: one second there and back, again and again."""
+    """An hour at 30 frames per second, in which one second is played forwards and backwards in a loop."""
     made = file("textured", "morph")
     there_and_back = np.abs((np.arange(3600 * FPS + 1) + FRAMES - 1) % (2 * FRAMES - 2) - (FRAMES - 1))
     store, second = FrameStore(made.clip.frames[0].shape), made.clip.frames[:]
@@ -406,7 +406,7 @@ def hour(file, tmp_path_factory):
 
 
 MERGED = 1e-5
-"""Share of the time by which Godot takes two moments of an animation for one."""
+"""Relative difference of times below which Godot merges keyframes."""
 
 
 def test_an_hour_plays_to_its_end(program, player, request, players):

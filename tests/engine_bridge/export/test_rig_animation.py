@@ -1,4 +1,4 @@
-"""A file's own skeleton, turned by motions of bones: known answers, awkward skeletons, and real files in three.js."""
+"""Animations of a file's own skeleton: known answers, unusual skeletons, and real files in three.js."""
 
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from solver.motion.limbs import Limb, bones_of, parents_first
 HALF = np.sqrt(0.5)
 REAL = ("kaykit_Knight", "quaternius_Adventurer", "quaternius_Witch", "quaternius_George")
 BENDS_ELSEWHERE = {"kaykit_Knight": ("chest", "spine"), "quaternius_George": ("Head",)}
-"""Joints of real files that stand elsewhere than limbs bend: what hangs on them is not where the motions have it."""
+"""Joints of real files that are not where limbs bend, so that their children do not follow the motions exactly."""
 STILL = ("hip_center", "spine", "shoulder_center", "head")
 CHAINS = {"trunk": STILL[:3], "head": STILL[2:]} | {
     f"{side} {limb}": tuple(f"{joint}_{side}" for joint in joints)
@@ -43,7 +43,7 @@ def limb(name, *points, parent=None):
 ARM = limb("left arm", (0, 0, 0), (1, 0, 0), (2, 0, 0))
 BODY = limb("trunk", (0, 0, 0), (0, 1, 0), (0, 2, 0))
 BRANCH = limb("left arm", (0.5, 2, 0), (1.5, 2, 0), (2.5, 2, 0), parent="trunk")
-"""Hangs on the trunk's second bone."""
+"""A child of the trunk's second bone."""
 
 
 def transform(place=(0, 0, 0), turn=(0, 0, 0), scale=(1, 1, 1)):
@@ -65,7 +65,7 @@ FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)
 
 @pytest.fixture
 def build(glb, tmp_path):
-    """Build a character of joints (name: world matrix, parent), in the order given, each with vertices of its own."""
+    """Build a character of joints (name: world matrix, parent) in this order, each with its own vertices."""
 
     def make(joints, above=None, matrices=(), blend=0.25, own_animation=False):
         top = None
@@ -90,7 +90,7 @@ def build(glb, tmp_path):
         vertices = cloud(*places)
         faces = np.concatenate([FACES + 4 * index for index in range(len(places))])
         inverse = np.array([np.linalg.inv(world[name]).T.ravel() for name in nodes], np.float32)
-        glb.file.skins.append(glb_skin(skin_joints, glb.add(inverse, None)))
+        glb.file.skins.append(gltf.Skin(joints=skin_joints, inverseBindMatrices=glb.add(inverse, None)))
         own = np.repeat(np.arange(len(places)), 4)
         which = np.column_stack([own, (own + 1) % len(places), own * 0, own * 0]).astype(np.uint8)
         share = np.tile([1 - blend, blend, 0, 0], (len(own), 1)).astype(np.float32)
@@ -102,10 +102,6 @@ def build(glb, tmp_path):
         return load_character(glb.save(tmp_path / "rigged.glb"))
 
     return make
-
-
-def glb_skin(joints, inverse):
-    return gltf.Skin(joints=joints, inverseBindMatrices=inverse)
 
 
 def add_own_animation(glb, node):
@@ -126,7 +122,7 @@ def arm_joints(**changes):
 
 
 def motions_of(limbs, turns):
-    """Motions (F, b, 4, 3) of bones with world rotations (F, b): each about its head, where its parent carries it."""
+    """Motions (F, b, 4, 3) of bones with world rotations (F, b) about their moved heads."""
     bones = bones_of(limbs)
     motions = np.zeros((len(turns), len(bones), 4, 3))
     for b, (head, parent) in enumerate(zip(bones.heads, bones.parents, strict=True)):
@@ -143,7 +139,7 @@ def wild(limbs, count=12, seed=3):
     return motions_of(limbs, [[Rotation.from_rotvec(rng.normal(size=3)) for _ in range(bones)] for _ in range(count)])
 
 
-def take_of(motions, root=None):
+def keyframes_of(motions, root=None):
     times = np.arange(len(motions), dtype=np.float32) / 30
     root = None if root is None else np.asarray(root, np.float32)
     return Keyframes("take", times, np.zeros((len(motions), 0), np.float32), root)
@@ -151,11 +147,11 @@ def take_of(motions, root=None):
 
 def animated(character, limbs, motions, root=None):
     bones = rig_bones(character, limbs)
-    return *animate_rig(character, take_of(motions, root), bones, motions.astype(np.float32)), bones
+    return *animate_rig(character, keyframes_of(motions, root), bones, motions.astype(np.float32)), bones
 
 
 def keys_of(document, animation=0):
-    """The keys by name of the joint and path."""
+    """The keyframes by joint and path."""
     chosen, nodes = document.gltf["animations"][animation], document.gltf["nodes"]
     return {
         (nodes[channel["target"]["node"]]["name"], channel["target"]["path"]): document.array(
@@ -166,7 +162,7 @@ def keys_of(document, animation=0):
 
 
 def posed(document, frame):
-    """The document with its nodes as the first animation has them in a frame."""
+    """The document with its nodes posed as in a frame of the first animation."""
     posed, animation = document.copy(), document.gltf["animations"][0]
     for channel in animation["channels"]:
         keys = document.array(animation["samplers"][channel["sampler"]]["output"])
@@ -176,7 +172,7 @@ def posed(document, frame):
 
 
 def blended(character, bones, motions, root=None):
-    """Where linear blend skinning of the motions themselves has all vertices (F, N, 3)."""
+    """Positions (F, N, 3) of all vertices by linear blend skinning of the motions."""
     gltf, of_node = character.document.gltf, bones.of_nodes(character)
     shown = []
     for part in character.parts:
@@ -201,7 +197,7 @@ def assert_goes_with(character, document, bones, motions, root=None, within=2e-6
 
 
 def test_an_arm_that_is_raised_and_bent_has_the_keys_worked_out_by_hand(build):
-    """Upper arm a quarter turn about z, forearm half a turn, all of it 5 to the left."""
+    """The upper arm turns by 90° about z, the forearm by 180°, and the root moves by 5 to the left."""
     character = build(arm_joints(), blend=0)
     quarter, half = (Rotation.from_euler("z", angle, degrees=True) for angle in (90, 180))
     motions = motions_of([ARM], [[Rotation.identity()] * 2, [quarter, half]])
@@ -240,7 +236,7 @@ def test_what_stands_above_the_joints_does_not_matter(build, above, matrices):
 
 
 def test_nodes_between_joints_and_children_listed_first_are_followed(glb, tmp_path):
-    """The skin has two joints with a node between them that it does not name, and the child comes first."""
+    """The skin has two joints with another node between them, and lists the child first."""
     lower = glb.node(name="lower", translation=[0.5, 0, 0])
     between = glb.node(name="between", translation=[0.5, 0, 0], rotation=[0, 0, HALF, HALF])
     upper = glb.node(name="upper")
@@ -252,7 +248,7 @@ def test_nodes_between_joints_and_children_listed_first_are_followed(glb, tmp_pa
     which = np.repeat([[0, 1, 0, 0], [1, 0, 0, 0]], 4, axis=0).astype(np.uint8)
     primitive.attributes.JOINTS_0 = glb.add(which)
     primitive.attributes.WEIGHTS_0 = glb.add(np.tile(np.float32([1, 0, 0, 0]), (8, 1)))
-    glb.file.skins.append(glb_skin([lower, upper], None))
+    glb.file.skins.append(gltf.Skin(joints=[lower, upper]))
     glb.node(glb.mesh(primitive), skin=0)
     character = load_character(glb.save(tmp_path / "between.glb"))
     motions = wild(limbs)
@@ -262,7 +258,7 @@ def test_nodes_between_joints_and_children_listed_first_are_followed(glb, tmp_pa
 
 
 def body_joints():
-    """Limbs bend at the joints; the skeleton stands on a root, and a foot's target hangs on nothing."""
+    """Limbs bend at the joints, the skeleton has a root, and a foot's target has no parent."""
     return {
         "root": (transform(), None),
         "hips": (transform((0, 0.1, 0), (0, 40, 0)), "root"),
@@ -311,7 +307,7 @@ def test_all_else_in_the_file_stays_to_the_bit_and_its_own_animation_comes_after
 
 
 def test_a_joint_between_bends_takes_of_each_bone_what_it_covers(build):
-    """The trunk bends at height 1; the joints stand at 0.5 and 1.5. Half the bend above each."""
+    """The trunk bends at height 1, between joints at 0.5 and 1.5, each of which turns by half of the bend."""
     joints = {
         "hips": (transform(), None),
         "belly": (transform((0, 0.5, 0)), "hips"),
@@ -348,7 +344,7 @@ def test_quaternions_do_not_jump_over_two_turns_and_over_chunks(build, monkeypat
 
 
 def test_two_skins_on_two_skeletons_at_one_place_move_together(glb, tmp_path):
-    """As exporters write them that give each garment a skeleton of its own."""
+    """Some exporters write a separate skeleton for each garment."""
     for _ in range(2):
         upper = glb.node(name="upper")
         lower = glb.node(name="lower", parent=upper, translation=[1, 0, 0])
@@ -356,7 +352,7 @@ def test_two_skins_on_two_skeletons_at_one_place_move_together(glb, tmp_path):
         primitive.attributes.JOINTS_0 = glb.add(np.repeat([[0, 1, 0, 0]], 8, axis=0).astype(np.uint8))
         share = np.repeat([[1, 0, 0, 0], [0, 1, 0, 0]], 4, axis=0).astype(np.float32)
         primitive.attributes.WEIGHTS_0 = glb.add(share)
-        glb.file.skins.append(glb_skin([upper, lower], None))
+        glb.file.skins.append(gltf.Skin(joints=[upper, lower]))
         glb.node(glb.mesh(primitive), skin=len(glb.file.skins) - 1)
     character = load_character(glb.save(tmp_path / "twice.glb"))
     motions = wild([ARM])
@@ -381,7 +377,7 @@ def test_a_scale_that_differs_by_axis_is_said_and_the_places_below_are_measured(
     character, motions = build(arm_joints(upper=(transform(scale=(1, 2, 1)), None))), wild([ARM])
     document, made, bones = animated(character, [ARM], motions)
     assert made.uneven == ("lower",)
-    # upper is exact, and so is the place of what hangs on it; the hand is off by what lower is turned otherwise
+    # upper and the positions of its children are exact; the hand is off by the approximate rotation of lower
     aims = np.append([1.9, 0, 0], 1) @ motions[:, 1]
     hands = [world_transforms(posed(document, frame))[bones.nodes[2], :3, 3] for frame in range(12)]
     away = np.linalg.norm(hands - aims, axis=1)
@@ -412,7 +408,7 @@ def test_a_sheared_joint_is_refused(glb, tmp_path):
     primitive = glb.primitive(cloud((0.5, 0, 0), (1.5, 0, 0)), np.concatenate([FACES, FACES + 4]))
     primitive.attributes.JOINTS_0 = glb.add(np.zeros((8, 4), np.uint8))
     primitive.attributes.WEIGHTS_0 = glb.add(np.tile(np.float32([1, 0, 0, 0]), (8, 1)))
-    glb.file.skins.append(glb_skin([node], None))
+    glb.file.skins.append(gltf.Skin(joints=[node]))
     glb.node(glb.mesh(primitive), skin=0)
     character = load_character(glb.save(tmp_path / "sheared.glb"))
     with pytest.raises(MeshError, match=r"nodes\[0\]\.matrix: found a joint with a sheared matrix.* Use --as morph"):
@@ -423,7 +419,7 @@ def test_a_sheared_joint_is_refused(glb, tmp_path):
 
 
 def write_puppet_of(mesh, path):
-    """A puppet with the limbs that the file's skeleton says, each following the performer's."""
+    """A puppet with the limbs of the file's skeleton, which follow the performer's."""
     chains = rig_limbs(load_character(mesh)).chains
     limbs = [{"name": each.name, "points": each.points.tolist(), "joints": list(CHAINS[each.name])} for each in chains]
     values = {
@@ -438,7 +434,7 @@ def write_puppet_of(mesh, path):
 
 @pytest.fixture(scope="module")
 def converted(real_data, take, tmp_path_factory):
-    """Each real character's clip and summary, made once."""
+    """The clip and summary of each real character."""
     made = {}
 
     def make(name):
@@ -452,7 +448,7 @@ def converted(real_data, take, tmp_path_factory):
 
 
 def followers(character, names):
-    """The nodes of these names and all that hang on them."""
+    """The nodes with these names and their descendants."""
     nodes = character.document.gltf["nodes"]
     waiting = [index for index, node in enumerate(nodes) if node.get("name") in names]
     found = set()

@@ -1,4 +1,4 @@
-"""The .glb for shaders beside the scene message: one character, vertex for vertex."""
+"""The .glb for shaders compared with the scene message, vertex by vertex."""
 
 import json
 import shutil
@@ -49,7 +49,7 @@ def scene_of(path):
 
 
 def assert_is_the_scene(made, scene):
-    """All that the file says of a vertex is what the scene message says of it."""
+    """Assert that the file has the same data at each vertex as the scene message."""
     arrays, count = scene.arrays, scene.facts["vertices"]
     np.testing.assert_array_equal(column(made, "POSITION"), arrays["positions"])
     directed = arrays["normals"].any(axis=1)

@@ -1,4 +1,4 @@
-"""Every variant of the figure as a skinned mesh, read back by pygltflib and played by three.js."""
+"""All variants of the figure as skinned meshes, read by pygltflib and played by three.js."""
 
 import json
 from pathlib import Path
@@ -15,14 +15,14 @@ pytest.importorskip("py_dem_bones")
 
 FRAMES = 20
 MIRRORED = {"node_transforms": 0, "shared_mesh": 1}
-"""Variants with a part under a mirror, and which it is: with the mirror baked in, its triangles must be turned over."""
+"""Variants with a mirrored part, and its number; its triangles must be flipped."""
 IN_THE_WORLD = {"textured", "colored", "float_colors", "without_normals", "without_indices", "several_primitives"}
-"""Variants whose vertices are where the file says: there is nothing to bring anywhere."""
+"""Variants whose vertices are in world coordinates already."""
 
 
 @pytest.fixture(scope="module")
 def take(record, dance, tmp_path_factory):
-    """Every third frame of the dance, one after another: with fewer frames, bones are found in less time."""
+    """A recording of every third frame of the dance, for which bones are found in less time."""
     frames = dance()[::3]
     assert len(frames) == FRAMES
     return record(tmp_path_factory.mktemp("short") / "dance.log", frames)
@@ -30,7 +30,7 @@ def take(record, dance, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def skins(variants, take, write_puppet):
-    """Every variant with 8 bones: its variant, the clip and the summary."""
+    """All variants with 8 bones: the variant, the clip and the summary."""
 
     def make(variant):
         puppet = write_puppet(variant.path.with_name(f"{variant.name}_skin.toml"), variant.path.name)
@@ -102,7 +102,7 @@ def test_normals_are_those_of_the_surface_at_rest(skin, raw):
 
 
 def test_triangles_face_outwards(skin, raw):
-    """As they do in the world, mirrors and all."""
+    """Triangles have the same winding as in the world, including mirrored ones."""
     _, clip, summary = skin
     made = raw(summary.output)
     for part, primitive in zip(clip.rig.character.parts, parts(made, clip), strict=True):

@@ -9,7 +9,7 @@ from engine_bridge.export import skin_weights
 
 @pytest.fixture
 def planted():
-    """300 vertices that four of seven bones, or fewer, carry exactly: their misses and their weights."""
+    """Errors and weights of 300 vertices that at most four of seven bones move exactly."""
     rng = np.random.default_rng(3)
     weights = np.zeros((300, 7))
     for row in weights:
@@ -41,7 +41,7 @@ def test_weights_that_carry_exactly_are_found(planted):
 
 
 def test_two_bones_share_a_vertex_between_them_as_by_hand():
-    """Bone 0 misses by +3 along x, bone 1 by −1: a quarter and three quarters meet it."""
+    """Errors of +3 and −1 along x cancel with weights of a quarter and three quarters."""
     missed = np.array([[[3.0, 0, 0], [-1.0, 0, 0]]])
     np.testing.assert_allclose(skin_weights.solve(missed, np.full((1, 2), 0.5)), [[0.25, 0.75]], atol=1e-6)
 
@@ -57,7 +57,7 @@ def test_where_the_motion_leaves_them_open_the_weights_are_those_expected():
 
 
 def test_four_of_many_are_nearly_as_good_as_the_best_four():
-    """Against all subsets, each solved by non-negative least squares with a heavy line for Σ w = 1."""
+    """The reference is the best of all subsets by non-negative least squares, with a heavy row for Σ w = 1."""
     rng = np.random.default_rng(5)
     missed = rng.normal(0, 1, (40, 7, 12))
     found = skin_weights.solve(missed, np.full((40, 7), 1 / 7))

@@ -26,7 +26,7 @@ def clip(blob_rig, take):
 
 @pytest.fixture(scope="module")
 def fitted(clip):
-    """Fit so many bones, or within a tolerance; each done once."""
+    """Return the skin for a number of bones or a tolerance."""
     done = {}
 
     def make(bones=None, tolerance=1e-9):
@@ -44,7 +44,7 @@ def moved(clip):
 
 
 def played(skin, rest):
-    """(F, n, 3): what a viewer makes of it, vertex by vertex as glTF writes it down."""
+    """Positions (F, n, 3) of the vertices in a viewer, by the definition in glTF."""
     turns = Rotation.from_quat(skin.rotations.reshape(-1, 4)).as_matrix().reshape(*skin.rotations.shape[:2], 3, 3)
     arms = rest[:, None] - skin.joints[skin.bones]
     placed = np.einsum("fnkij,nkj->fnki", turns[:, skin.bones], arms) + skin.translations[:, skin.bones]
@@ -96,7 +96,7 @@ def test_weights_and_quaternions_are_as_gltf_wants_them(fitted):
 
 
 def test_bones_move_no_faster_than_what_they_carry(clip, fitted, moved):
-    """No jitter of bones that pull against each other: in a step none goes much farther than any vertex does."""
+    """Bones do not jitter: in each step, no bone moves much farther than the fastest vertex."""
     skin = fitted(16)
     steps = np.linalg.norm(np.diff(skin.translations, axis=0), axis=-1)
     allowed = np.linalg.norm(np.diff(moved, axis=0), axis=-1).max(axis=1, keepdims=True)

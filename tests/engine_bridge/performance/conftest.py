@@ -1,4 +1,4 @@
-"""A stage for the tests that play on one."""
+"""Fixtures of stages."""
 
 from ..service.conftest import executor, kung_fu, make_player, make_stage
 

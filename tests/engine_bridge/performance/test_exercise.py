@@ -10,7 +10,7 @@ from engine_bridge.performance.rig import load_rig
 
 
 def handles_of(rig, rest):
-    """Where the handles are in every frame of the exercise, (F, h, 3) from their rest positions, mesh units."""
+    """Displacements (F, h, 3) of the handles in each frame of the exercise, mesh units."""
     R = np.concatenate(list(exercise(rig, rest, 64))).astype(np.float64)
     deformer = make_deformer(rig.puppet, rig.mesh, rig.model)
     rows = rig.model.rows(rig.mesh, deformer.handles)
@@ -19,7 +19,7 @@ def handles_of(rig, rest):
 
 @pytest.fixture(scope="module")
 def free_rig(blob_file, write_puppet):
-    """The figure with its scale found by trying, so that its handles have a reach."""
+    """The figure with an automatic scale, so that its handles have a reach."""
     path = write_puppet(blob_file.with_name("free.toml"), blob_file.name, more="[solver]\nfields = 5\nisolines = 6\n")
     return load_rig(path)
 
@@ -59,7 +59,7 @@ def test_handles_move_alone_and_all_at_once(free_rig, standing):
 
 
 def test_with_a_scale_given_handles_go_as_far_as_the_performers_limbs_are_long(blob_rig, standing):
-    """1.3 units a metre, of an arm of 0.6 m that is not scaled down to any reach."""
+    """The scale is 1.3 units per metre, and the arm of 0.6 m is not limited by a reach."""
     moved = handles_of(blob_rig, standing)
     arm = 0.26 + 0.25 + 0.08
     assert np.linalg.norm(moved[:, 0], axis=-1).max() == pytest.approx(1.3 * arm, rel=0.05)

@@ -12,7 +12,7 @@ FRAMES = np.random.default_rng(0).normal(size=(50, 8, 3)).astype(np.float32)
 
 @pytest.fixture(params=["memory", "file"])
 def store(request, monkeypatch):
-    """The frames in a store, once small enough for memory and once not."""
+    """The frames in a store, once in memory and once in a file."""
     monkeypatch.setattr(frame_store, "MAX_MEMORY_BYTES", 10**6 if request.param == "memory" else 1000)
     made = FrameStore((8, 3))
     for start in (0, 20, 30):

@@ -44,7 +44,7 @@ BONES = {
     "Spine": ("spine", "shoulder_center"),
     "Neck": ("shoulder_center", "head"),
 }
-"""The joints between which each bone lies."""
+"""Joints at the ends of each bone."""
 
 T_POSE = {
     **dict.fromkeys(("Hips", "Spine", "Neck"), (0, 1, 0)),
@@ -52,7 +52,7 @@ T_POSE = {
     **{f"Right{bone}": (1, 0, 0) for bone in ("UpperArm", "LowerArm", "Hand")},
     **{f"{side}{bone}": (0, -1, 0) for side in ("Left", "Right") for bone in ("UpperLeg", "LowerLeg")},
 }
-"""Where the bones of VRM's T-pose point, in Unity's axes."""
+"""Directions of the bones in VRM's T-pose, in Unity's axes."""
 
 EVERY_BONE = {"Hips", "Spine", "Chest", "Neck", "Head"} | {
     f"{side}{bone}"
@@ -87,7 +87,7 @@ HANGING = body(arm=(0.1, -1, 0), forearm=(0.05, -1, 0.4), thigh=(0.1, -1, 0))
 
 
 def puppet(pose, turned=(), names=tuple(CHAINS), scale=1.0, up="y", front="z"):
-    """A puppet whose limbs lie in the bones of a body."""
+    """A puppet whose limbs are the bones of a body."""
     character = CharacterTable(mesh="body.glb", up=up, front=front, scale=scale)
     places = pose @ character.basis / scale
     limbs = [
@@ -103,7 +103,7 @@ def puppet(pose, turned=(), names=tuple(CHAINS), scale=1.0, up="y", front="z"):
 
 
 def posed(made, *performances, rest=T_POSED):
-    """The humanoid, and its pose in the last of some frames."""
+    """The humanoid, and its pose in the last frame."""
     motion = LimbMotion(made.limbs, PERFORMER, rest, made.character.basis)
     for number, pose in enumerate(performances):
         motions = motion.step(number / 30, pose, TRACKED)
@@ -155,7 +155,7 @@ def test_a_performer_in_a_t_pose_turns_no_bone_whatever_the_rest_pose_of_the_cha
     ids=["raised from the side", "raised from below"],
 )
 def test_arms_held_forwards_and_a_seat_are_known_quaternions(rest, left, right):
-    """Arms that hang go down about z and then forwards about x, as the character's do: their thumbs point up."""
+    """Hanging arms rotate about z and then about x, as the character's arms do, so that the thumbs point up."""
     performer = body(arm=(0, 0, 1), thigh=(0, 0, 1))
     humanoid, _, rotations, _ = posed(puppet(rest), performer)
     expected = dict.fromkeys(humanoid.names, (0, 0, 0, 1)) | {

@@ -5,7 +5,7 @@ import pytest
 from puppetline.examples.performances import PERFORMANCES
 
 from capture.recording import Recorder
-from engine_bridge.performance.idle import Idle
+from engine_bridge.performance.idle import IdleRecording
 from engine_bridge.performance.performance import make_deformer
 from puppetline.errors import SkeletonLogError
 
@@ -21,7 +21,7 @@ def log(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def idle(log, blob_rig):
-    return Idle(log, blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
+    return IdleRecording(log, blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
 
 
 def test_it_goes_on_for_ever_without_a_seam(idle, blob_rig):
@@ -41,7 +41,7 @@ def test_it_repeats_itself(idle):
 
 def test_a_log_that_cannot_be_read_is_refused(blob_rig, tmp_path):
     with pytest.raises(SkeletonLogError):
-        Idle(tmp_path / "none.log", blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
+        IdleRecording(tmp_path / "none.log", blob_rig, make_deformer(blob_rig.puppet, blob_rig.mesh, blob_rig.model))
 
 
 def test_a_character_idles_while_nobody_plays_it_and_eases_back_into_it(make_stage, log, kung_fu, blob_rig):

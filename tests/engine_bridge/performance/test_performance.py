@@ -10,7 +10,7 @@ from engine_bridge.puppet.puppet import CharacterTable, RetargetTable, RootTable
 from solver.model.reduced_model import position_matrix
 
 RAW = SmoothingTable(alpha=1, gamma=0, jitter_radius=0, max_deviation=float("inf"), prediction=0)
-"""No smoothing: what is measured is what is played."""
+"""Settings without smoothing."""
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +238,7 @@ def test_a_body_that_is_lost_and_found_carries_the_character_on_without_a_jump(r
 
 
 def test_a_turn_of_the_performer_is_a_rigid_turn_of_a_character_with_limbs(limbed_rig, frames, standing):
-    root = limbed_rig.puppet.root.model_copy(update={"feet": "free"})  # who spins at once from standing slides
+    root = limbed_rig.puppet.root.model_copy(update={"feet": "free"})  # feet slide if a performer spins without a step
     puppet = changed(limbed_rig.puppet, smoothing=RAW, root=root)
     hips, count = standing[JOINT_INDEX["hip_center"]], 40
     angles = np.linspace(0, 2 * np.pi, count)
@@ -253,7 +253,7 @@ def test_a_turn_of_the_performer_is_a_rigid_turn_of_a_character_with_limbs(limbe
 
 
 def test_a_character_with_limbs_crosses_its_arms(limbed_rig, frames, standing):
-    """The surface around each bone goes where the bone goes."""
+    """The surface around each bone moves with the bone."""
     puppet = changed(limbed_rig.puppet, smoothing=RAW, handle=())
     crossed = standing.copy()
     for side, sign in (("left", 1), ("right", -1)):

@@ -37,7 +37,7 @@ def directions(bones, motions):
 
 
 def wanted(puppet, joints):
-    """Where the performer's bones point, limb after limb as the bones are."""
+    """Directions of the performer's bones, in the order of the limbs."""
     positions = to_character_axes(joints)
     ends = [pair for limb in puppet.limbs for pair in itertools.pairwise(j[0] for j in limb.joints)]
     along = np.array([positions[b] - positions[a] for a, b in ends])
@@ -45,7 +45,7 @@ def wanted(puppet, joints):
 
 
 def turned(positions, angle):
-    """Sensor frame; a turn to the performer's left about the hips."""
+    """Positions after a turn to the performer's left about the hips, sensor coordinates."""
     hips = positions[..., [JOINT_INDEX["hip_center"]], :]
     return (positions - hips) @ Rotation.from_rotvec([0, angle, 0]).as_matrix().T + hips
 
@@ -186,12 +186,12 @@ NECK = joint("JOINT Neck", "0 0.25 0", joint("JOINT Head", "0 0.2 0"))
 SPINE = joint("JOINT Spine", "0 0.25 0", NECK, LEFT_ARM, RIGHT_ARM)
 HIPS = joint("ROOT Hips", "0 0 0", SPINE, LEFT_LEG, RIGHT_LEG, channels="CHANNELS 3 Xposition Yposition Zposition")
 FOREARM = f"HIERARCHY\n{HIPS}\n"
-"""A body in a T-pose whose left forearm can turn about itself."""
+"""A body in a T-pose whose left forearm can turn about its axis."""
 
 
 @pytest.fixture(scope="module")
 def twisted(tmp_path_factory):
-    """The left forearm turns by 150° about itself within a second and stays so for another one."""
+    """The left forearm turns by 150° about its axis within a second, and then stays for another second."""
     log = tmp_path_factory.mktemp("log") / "forearm.bvh"
     angles = np.concatenate([np.linspace(0, 150, 31), np.full(30, 150.0)])
     rows = [f"0 0 0 {angle}" for angle in angles.tolist()]
@@ -201,7 +201,7 @@ def twisted(tmp_path_factory):
 
 
 def forearm_turns(made, puppet, frames):
-    """The rotation vectors (T, 3) of the left forearm since the first frame, as a mirroring puppet has it too."""
+    """Rotation vectors (T, 3) of the left forearm, or the right one of a mirroring puppet, since the first frame."""
     side = "right" if puppet.retarget.mirror else "left"
     bone = next(
         number

@@ -10,7 +10,7 @@ from engine_bridge.performance.rig import cache_folder, load_rig
 
 @pytest.fixture(params=["glb", "obj"])
 def puppet(request, blob, blob_file, write_puppet, tmp_path, monkeypatch):
-    """A puppet file for the figure in one kind of file or another, and a cache that is empty."""
+    """A puppet file for the figure as a .glb or an .obj, with an empty cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     mesh = tmp_path / f"blob.{request.param}"
     if request.param == "glb":
@@ -35,7 +35,7 @@ def same_fields(one, other):
 
 
 def same(one, other):
-    """Compare all that a performance reads of two rigs, bit for bit."""
+    """Compare two rigs, bit for bit."""
     assert same_fields(one.mesh, other.mesh)
     assert same_fields(one.model, other.model)
     assert one.character.document.gltf == other.character.document.gltf

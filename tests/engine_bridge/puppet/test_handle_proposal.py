@@ -43,7 +43,7 @@ MOUSE = [
     ((-0.2, 0.9, 0.0), (-0.35, -0.2, 0.1), 0.16),
     ((0.0, 0.8, -0.1), (0.0, 0.6, -1.6), 0.12),
 ]
-"""Ears as long as its arms, and a tail."""
+"""A character with a tail, whose ears are as long as its arms."""
 
 
 def places(handles):
@@ -148,7 +148,7 @@ def test_a_character_that_is_turned_gets_the_same_handles_turned(solver_mesh, li
 
 
 def test_parts_of_their_own_are_limbs_as_well(make_shape):
-    """The dog cut into a body, a head, a tail and four legs that do not touch it."""
+    """The dog is cut into a body, a head, a tail and four legs that do not touch the body."""
     pieces = [make_shape([limb], 0.06) for limb in ([*DOG[:1], *DOG[3:]])]
     shrunk = [piece.vertices * 1.0 for piece in pieces]
     shrunk.append(make_shape(DOG[1:3], 0.06).vertices)

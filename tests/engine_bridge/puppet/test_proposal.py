@@ -51,7 +51,7 @@ REAL = {
     "gltf/quaternius_Witch.glb": PERSON,
     "gltf/kaykit_Knight.glb": PERSON,
 }
-"""How each limb of a real character follows."""
+"""Expected way in which each limb of a real character follows."""
 
 
 def assert_on_the_right_sides(named, basis):
@@ -96,7 +96,7 @@ def test_handles_can_be_had_instead_of_limbs(blob_file, tmp_path):
 
 
 def test_the_user_says_where_limbs_end(blob_file, tmp_path):
-    ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed, for once
+    ends = {"left arm": "-1.5,1.2,-0.05", "right arm": "1.55,1.32,0.1"}  # crossed
     made = new_puppet(blob_file, tmp_path / "a.toml", up="y", front="z", ends=ends).puppet
     points = {limb.name: limb.points for limb in made.limb}
     np.testing.assert_allclose(points["left arm"][-1], (-1.5, 1.2, -0.05), atol=0.15)

@@ -1,4 +1,4 @@
-"""Which bones the joints of real and hand-made skeletons follow, by name."""
+"""Bones that the joints of real and synthetic skeletons follow."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_nodes_without_a_skin_are_sorted_as_joints_are(build):
 
 
 def test_a_chest_on_which_arms_hang_is_not_the_beginning_of_the_head(build):
-    """There is no neck, and the head begins at the chest's joint: the arms would go with it."""
+    """Without a neck, the head begins at the chest's joint, and the arms must not follow it."""
     joints = {name: place for name, place in SPINE.items() if name not in ("neck", "skull")}
     joints |= {"chest": ((0, 2, 0), "middle"), "skull": ((0, 2.1, 0), "chest")}
     _, found = sorted_by_name(build(joints), [BODY, ARM, HEAD])
@@ -145,7 +145,7 @@ def of_file(real_data, name):
 
 
 def test_joints_of_a_knight(real_data):
-    """His spine has no joint in its middle, and his head's is above the shoulders."""
+    """The spine has no joint in its middle, and the head's joint is above the shoulders."""
     bones, found = of_file(real_data, "kaykit_Knight")
     assert found["hips"] == {"trunk 0": 1}
     assert found["spine"] == {"trunk 0": 0.574, "trunk 1": 0.426}

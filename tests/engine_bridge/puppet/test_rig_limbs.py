@@ -43,7 +43,7 @@ PARENTS = {
     "foot": "shin",
     "toes": "foot",
 }
-"""A person in T-pose, with a bone between upper arm and lower arm. What lies beside the middle is there twice."""
+"""A person in a T-pose, with a joint between upper arm and lower arm. Joints outside the middle exist on both sides."""
 
 VRM = ["hips", "spine", "chest", "neck", "head", "headEnd"]
 VRM += ["{side}Shoulder", "{side}UpperArm", "{side}UpperArmTwist", "{side}LowerArm", "{side}Hand"]
@@ -183,7 +183,7 @@ def test_joints_of_real_files_are_those_of_their_nodes(real_data):
 
 
 def test_a_vrm_humanoid_is_known_by_the_file_s_own_table(real_data):
-    """The table counts, not the names: here those of the nodes are numbers."""
+    """The table is used and not the names of the nodes, which are numbers here."""
     document = load_character(real_data / "mesh" / "gltf" / "quaternius_Adventurer.glb").document.copy()
     named = {"Hips": "hips", "Neck": "neck", "Head": "head"}
     for side, letter in (("left", "L"), ("right", "R")):

@@ -21,9 +21,7 @@ from engine_bridge.service.stage import Stage, StageSettings
 from engine_bridge.service.stage_runner import StageRunner
 from engine_bridge.service.states import STATES
 
-SAID = re.compile(
-    r"frame (?P<frame>\d+), (?P<state>\w+), \d+ a second, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n"
-)
+SAID = re.compile(r"frame (?P<frame>\d+), (?P<state>\w+), \d+ fps, \[(?P<low>[-.e\d ]+)\] to \[(?P<high>[-.e\d ]+)\]\n")
 
 pytestmark = pytest.mark.slow
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from capture.events import TICK_SECONDS
-from engine_bridge.performance.idle import Places
+from engine_bridge.performance.idle import TargetPose
 from engine_bridge.service.easing import MAX_STEP_SECONDS, Easing
 from solver.motion.limbs import bones_of
 
 BONES = bones_of(())
-REST = Places(np.zeros((2, 3)), np.zeros((0, 4, 3)), np.zeros(3))
-THERE = Places(np.array([[1.0, 0, 0], [0, 2.0, 0]]), np.zeros((0, 4, 3)), np.array([0, 0, 4.0]))
+REST = TargetPose(np.zeros((2, 3)), np.zeros((0, 4, 3)), np.zeros(3))
+THERE = TargetPose(np.array([[1.0, 0, 0], [0, 2.0, 0]]), np.zeros((0, 4, 3)), np.array([0, 0, 4.0]))
 
 
 @pytest.fixture

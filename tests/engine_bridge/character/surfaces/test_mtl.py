@@ -9,7 +9,7 @@ from engine_bridge.character.surfaces.surface import Material
 
 @pytest.fixture
 def read(tmp_path):
-    """Read one material, and what was noted."""
+    """Return a material and the notes about it."""
     for name, color in (("skin one.png", (9, 8, 7, 6)), ("bumps.png", (128, 128, 250)), ("heights.png", (90, 90, 90))):
         Image.new("RGBA" if len(color) == 4 else "RGB", (4, 4), color).save(tmp_path / name)
 

@@ -247,7 +247,7 @@ REAL = {
     "suzanne.obj": (507, 968), "nasty/joined_tetrahedra.obj": (None, 8), "nasty/negative_indices.obj": (None, 12),
     "nasty/not_convex.obj": (288, 96), "nasty/wallhole.obj": (92, 66), "fuze/fuze.obj": (None, 1000),
 }  # fmt: skip
-"""Vertices, where the file has neither texture coordinates nor normals or one for each, and triangles."""
+"""Numbers of vertices, unless texture coordinates or normals split them, and of triangles."""
 
 WITH_POLYGONS = {
     *("beast_32k_quads.obj", "makehuman_base.obj", "rabbit_9parts.obj", "suzanne.obj"),

@@ -169,7 +169,7 @@ def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faul
         Finding(silent, True, "can be opened; no data within 1 s"),
     ]
     assert [(each.name, each.ok, each.detail) for each in findings[2:]] == [
-        ("demo:nobody", False, "no performance 'nobody'"),
+        ("demo:nobody", False, "no example motion 'nobody'"),
         ("replay:no such file", False, "no such file: a file that cannot be read (No such file or directory)"),
     ]
     assert findings[2].fix == "Use one of these names, for example demo:walk?loop."

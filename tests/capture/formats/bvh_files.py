@@ -1,0 +1,73 @@
+"""BVH files of a body, for the tests."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from capture.clip import SkeletonClip
+from capture.formats import bvh
+from capture.formats.options import ReadOptions
+
+ROTATIONS = ("Zrotation", "Yrotation", "Xrotation")
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+
+# A body of 1.7 m in centimetres: name, offset and children, the arms hanging. Facing +z: its left is at +x.
+BODY = ("Hips", (0, 0, 0), [
+    ("Spine", (0, 10, 0), [
+        ("Neck", (0, 40, 0), [("Head", (0, 10, 0), [("", (0, 20, 0), [])])]),
+        ("LeftShoulder", (3, 38, 0), [("LeftArm", (15, 0, 0), [("LeftForeArm", (0, -28, 0), [
+            ("LeftHand", (0, -25, 0), [("", (0, -8, 0), [])])])])]),
+        ("RightShoulder", (-3, 38, 0), [("RightArm", (-15, 0, 0), [("RightForeArm", (0, -28, 0), [
+            ("RightHand", (0, -25, 0), [("", (0, -8, 0), [])])])])]),
+    ]),
+    ("LeftUpLeg", (9, -5, 0), [("LeftLeg", (0, -41, 0), [("LeftFoot", (0, -41, 0), [
+        ("LeftToeBase", (0, -6, 14), [("", (0, 0, 6), [])])])])]),
+    ("RightUpLeg", (-9, -5, 0), [("RightLeg", (0, -41, 0), [("RightFoot", (0, -41, 0), [
+        ("RightToeBase", (0, -6, 14), [("", (0, 0, 6), [])])])])]),
+])  # fmt: skip
+JOINT_COUNT = 20
+
+
+def hierarchy(
+    tree: tuple, z_up: bool = False, scale: float = 1, channels: Sequence[str] = ROTATIONS, depth: int = 0
+) -> list[str]:
+    name, offset, children = tree
+    x, y, z = np.multiply(offset, scale).tolist()
+    lines = [
+        f"{'ROOT' if depth == 0 else 'JOINT'} {name}" if name else "End Site",
+        "{",
+        f"\tOFFSET {x} {-z if z_up else y} {y if z_up else z}",
+    ]
+    if name:
+        own = (*POSITIONS, *channels) if depth == 0 else channels
+        lines.append(f"CHANNELS {len(own)} {' '.join(own)}")
+    for child in children:
+        lines += hierarchy(child, z_up, scale, channels, depth + 1)
+    return [*lines, "}"]
+
+
+def motion(rows: np.ndarray) -> list[str]:
+    return ["MOTION", f"Frames: {len(rows)}", "Frame Time: 0.04", *(" ".join(map(repr, row)) for row in rows.tolist())]
+
+
+def write(folder: Path, lines: Sequence[str], name: str = "take.bvh") -> Path:
+    path = folder / name
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def body_file(folder: Path, rows: np.ndarray | None = None, name: str = "take.bvh", **changes: object) -> Path:
+    rows = np.zeros((2, 3 + 3 * JOINT_COUNT)) if rows is None else rows
+    return write(folder, ["HIERARCHY", *hierarchy(BODY, **changes), *motion(rows)], name)  # type: ignore[arg-type]
+
+
+def random_rows(frames: int = 6, seed: int = 3) -> np.ndarray:
+    """Return a recording of small bends; the columns are root x y z, then z y x degrees of each joint."""
+    rows = np.random.default_rng(seed).uniform(-35, 35, (frames, 3 + 3 * JOINT_COUNT))
+    rows[:, 3:6] /= 10
+    return rows
+
+
+def clips_of(path: Path, **options: object) -> tuple[SkeletonClip, ...]:
+    return tuple(bvh.read(path, ReadOptions(**options)))  # type: ignore[arg-type]

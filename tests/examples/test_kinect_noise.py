@@ -23,7 +23,7 @@ TRUNK = [j for j in range(len(JOINTS)) if j not in LIMBS]
 
 
 def standing(frames, distance=NOMINAL_DEPTH_METRES):
-    """The performer doing nothing for long."""
+    """Return a clip of a performer who stands still."""
     pose = posed({part: np.array([rest]) for part, rest in REST.items()}, distance)
     confidence = np.ones((frames, len(JOINTS)), dtype=np.float32)
     return SkeletonClip("test", 1, np.arange(frames) / FRAMES_PER_SECOND, np.repeat(pose, frames, axis=0), confidence)

@@ -24,12 +24,12 @@ SWAY = {  # how far each part may go from rest with the ankles in reach: metres,
 
 
 def parts(frames, **changed):
-    """Every part at rest but for those that are given."""
+    """Return all parts at rest except the given ones."""
     return {part: np.tile(changed.get(part, rest), (frames, 1)) for part, rest in REST.items()}
 
 
 def swaying(frames, seed=1):
-    """Each part somewhere about its place at rest; the hips only downwards, for the knees are nearly straight."""
+    """Return each part near its rest value, the hips only below it because the knees are nearly straight."""
     rng = np.random.default_rng(seed)
     poses = {part: rest + rng.uniform(-SWAY[part], SWAY[part], (frames, 3)) for part, rest in REST.items()}
     poses["hips"][:, 1] -= 0.12
@@ -37,7 +37,7 @@ def swaying(frames, seed=1):
 
 
 def mirrored(poses):
-    """The same with left and right exchanged: out stays out, but the hips' right and all turns change sides."""
+    """Return the mirrored parts: out stays out, but the hips' right and all turns change sign."""
     swap = {"left": "right", "right": "left"}
     named = {
         "_".join([part.split("_")[0], *(swap[s] for s in part.split("_")[1:])]): path for part, path in poses.items()
@@ -62,7 +62,7 @@ def test_a_part_without_moves_rests():
     np.testing.assert_allclose(interpolated([], START, TIMES), np.tile(START, (len(TIMES), 1)), rtol=0, atol=1e-15)
 
 
-def test_a_move_ends_where_and_when_it_says_and_holds_still_until_the_next():
+def test_a_move_ends_at_its_target_and_time_and_the_part_is_still_until_the_next():
     values = interpolated(MOVES, START, TIMES)
     for begin, end, expected in ((0.0, 1.0, START), (2.0, 2.5, MOVES[1][2]), (3.0, 4.0, MOVES[2][2])):
         during = values[within(begin, end)]

@@ -70,7 +70,7 @@ def test_the_version_is_that_of_the_installed_package():
 
 
 @pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
-def test_matrix_products_take_one_thread_unless_the_user_says_otherwise(monkeypatch, given, threads):
+def test_matrix_products_take_one_thread_unless_the_user_sets_another_number(monkeypatch, given, threads):
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     if given is not None:
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)

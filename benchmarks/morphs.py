@@ -104,7 +104,7 @@ def project(rig: Rig, performance: str, motion: Motion) -> Unseen:
     shown = [basis.project(R) for R in frames]
     moved = np.tensordot([each.weights for each in shown], basis.targets, axes=1).transpose(0, 2, 1)
     nearest = (rig.model.rest_controls + moved).astype(np.float32)
-    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).farthest(frames - nearest)
+    away, _ = BatchBinding.of_solver_mesh(rig.model, rig.mesh).largest_displacements(frames - nearest)
     left = [each.residual for each in shown]
     at = int(away.argmax())
     return Unseen(len(basis.names), np.array(left), float(away[at]) / rig.mesh.diagonal, frames[at], nearest[at])

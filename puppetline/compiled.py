@@ -9,15 +9,15 @@ import numba
 def compiled(function: Callable[..., Any] | None = None, *, inner: bool = False, **options: Any) -> Any:
     """Compile a function when it is first called.
 
-    The compiled code is kept on disk for other processes, and runs without the interpreter's lock.
+    The compiled code is cached on disk for other processes, and runs without the interpreter's lock.
 
     Parameters
     ----------
     function : callable, optional
-        Its parameters have no type hints: Numba infers their types from a call. Without a function, a decorator is
-        returned.
+        Its parameters have no type hints: Numba infers their types from a call. Without a function, the result is a
+        decorator.
     inner : bool
-        Whether only compiled functions call this one. Its code becomes part of theirs, so it is not kept by itself.
+        Whether only compiled functions call this one. It is compiled with them, and not cached separately.
     **options
         Further options of `numba.njit`, such as `fastmath` and `error_model`.
     """

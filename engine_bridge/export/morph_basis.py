@@ -214,7 +214,7 @@ def _measure(
     for start in range(0, len(frames), CHUNK):
         chunk = slice(start, start + CHUNK)
         left = frames[chunk] - model.rest_controls - np.tensordot(weights[chunk].astype(np.float64), targets, axes=1)
-        distance, vertex = binding.farthest(left)
+        distance, vertex = binding.largest_displacements(left)
         worst = int(distance.argmax())
         distances.append(float(distance[worst]))
         at_frames.append(start + worst)

@@ -166,7 +166,7 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
         if separation is not None:
             separation.add(vertices)
 
-    for solved in solve(rig, timeline, settings, surface.at_a_time):
+    for solved in solve(rig, timeline, settings, surface.batch_frames):
         root[len(frames) : len(frames) + len(solved.R)] = solved.root
         frames.append(solved.R)
         if settings.form == "rig":
@@ -180,5 +180,5 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             *notes,
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
-    parts_apart = None if separation is None else separation.worst
+    parts_apart = None if separation is None else separation.largest
     return Clip(rig, timeline, frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes)

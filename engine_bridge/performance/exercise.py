@@ -10,10 +10,10 @@ from engine_bridge.performance.performance import make_deformer
 from engine_bridge.performance.retargeting import fit_sizes
 from engine_bridge.performance.rig import Rig
 from solver.model.bones import Bones
+from solver.model.vectors import perpendicular
 from solver.motion.limbs import TRUNK, Limb, parents_first
 from solver.motion.motion_blend import moved_by
 from solver.motion.retarget import soft_limit
-from solver.motion.vectors import perpendicular
 
 SINGLE_FRAMES = 15
 """Number of frames for one handle along one axis and back, and for one bone about one axis and back."""

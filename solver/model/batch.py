@@ -58,7 +58,7 @@ class BatchBinding:
         return BatchBinding(self._model, rest[chosen], follows[chosen])
 
     @property
-    def at_a_time(self) -> int:
+    def batch_frames(self) -> int:
         """Number of frames to pass to `vertices` at a time."""
         return min(MAX_BATCH_FRAMES, max(MIN_BATCH_FRAMES, MAX_BATCH_NUMBERS // (3 * len(self))))
 
@@ -84,7 +84,7 @@ class BatchBinding:
         """
         return self._blended(R, np.zeros(3))
 
-    def farthest(self, R: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    def largest_displacements(self, R: NDArray[np.floating]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Find the vertex with the largest displacement in each frame.
 
         Parameters
@@ -100,7 +100,7 @@ class BatchBinding:
         """
         square, place = np.full(len(R), -1, dtype=np.float32), np.zeros(len(R), dtype=np.int64)
         lines, slopes = self._side_by_side(R, np.zeros(3))
-        _farthest(self._rest, self._between, self._cells, self._below, lines, slopes, square, place)
+        _largest_displacements(self._rest, self._between, self._cells, self._below, lines, slopes, square, place)
         return np.sqrt(square), self._order[place]
 
     def _blended(self, R: NDArray[np.floating], origin: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -157,7 +157,7 @@ def _blend(rest, between, cells, below, lines, slopes, order, out):
 
 
 @compiled
-def _farthest(rest, between, cells, below, lines, slopes, square, place):
+def _largest_displacements(rest, between, cells, below, lines, slopes, square, place):
     """Find the vertex with the largest squared length in each frame."""
     frames = len(square)
     cell = np.empty((4 + 4 * between.shape[1], lines.shape[2]), dtype=np.float32)

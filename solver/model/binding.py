@@ -152,15 +152,8 @@ class ShadedBinding(Binding):
         normals = np.empty_like(self.rest) if normals is None else normals
         self._check(controls, out)
         self._check(controls, normals)
+        table = _tables.of(len(controls))
         kernels.blend_normals(
-            self.rest,
-            self._tangents,
-            self._slopes,
-            self._ladder,
-            controls,
-            self._weights,
-            _tables.of(len(controls)),
-            out,
-            normals,
+            self.rest, self._tangents, self._slopes, self._ladder, controls, self._weights, table, out, normals
         )
         return out, normals

@@ -146,7 +146,7 @@ def covariance_map(
     Parameters
     ----------
     L : (n, n) sparse float64
-        Its entries beside the diagonal are the cotangent weights.
+        Its off-diagonal entries are the cotangent weights.
     rest : (n, 3) float64
         Rest positions x.
     ladder : (n, n_e) float64

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
-from solver.model import matrix_blocks
-from solver.model.matrix_blocks import MATRICES, NUMBERS
+from solver.model.matrix_blocks import MATRICES, NUMBERS, matrix_row_places, pack_rows, unpack_rows
+from solver.model.vectors import cross, dot
 
 MIN_SINGULAR_VALUE_RATIO = 1e-8
 """Ratio of a singular value to the largest one below which the matrix does not determine a rotation about one axis."""
@@ -73,11 +73,6 @@ def _either(condition, a, b):
 
 
 @compiled(inner=True, inline="always")
-def _cross(a, b):
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@compiled(inner=True, inline="always")
 def _image(s, v):
     return (
         s[0] * v[0] + s[1] * v[1] + s[2] * v[2],
@@ -123,37 +118,32 @@ def nearest_rotations(S, out):
             a0, a1, v0, v1 = _larger_first(a[0], a[1], v0, v1)
             a0, a2, v0, v2 = _larger_first(a0, a[2], v0, v2)
             a1, a2, v1, v2 = _larger_first(a1, a2, v1, v2)
-            v2 = _cross(v0, v1)
+            v2 = cross(v0, v1)
             u0, largest = _across(_image(s, v0), (0.0, 0.0, 0.0))
             u0 = _either(largest > 0, u0, v0)
             u1, second = _across(_image(s, v1), u0)
             least, length = _across(v1, u0)
             least = _either(length > 1e-4, least, _across(v2, u0)[0])
             u1 = _either(second > MIN_SINGULAR_VALUE_RATIO * largest, u1, least)
-            u2 = _cross(u0, u1)
+            u2 = cross(u0, u1)
             for_row_0 = (u0[0], u1[0], u2[0])
             for_row_1 = (u0[1], u1[1], u2[1])
             for_row_2 = (u0[2], u1[2], u2[2])
             x, y, z = (v0[0], v1[0], v2[0]), (v0[1], v1[1], v2[1]), (v0[2], v1[2], v2[2])
-            out[o + k] = _dot(for_row_0, x)
-            out[o + MATRICES + k] = _dot(for_row_1, x)
-            out[o + 2 * MATRICES + k] = _dot(for_row_2, x)
-            out[o + 3 * MATRICES + k] = _dot(for_row_0, y)
-            out[o + 4 * MATRICES + k] = _dot(for_row_1, y)
-            out[o + 5 * MATRICES + k] = _dot(for_row_2, y)
-            out[o + 6 * MATRICES + k] = _dot(for_row_0, z)
-            out[o + 7 * MATRICES + k] = _dot(for_row_1, z)
-            out[o + 8 * MATRICES + k] = _dot(for_row_2, z)
-
-
-@compiled(inner=True, inline="always")
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+            out[o + k] = dot(for_row_0, x)
+            out[o + MATRICES + k] = dot(for_row_1, x)
+            out[o + 2 * MATRICES + k] = dot(for_row_2, x)
+            out[o + 3 * MATRICES + k] = dot(for_row_0, y)
+            out[o + 4 * MATRICES + k] = dot(for_row_1, y)
+            out[o + 5 * MATRICES + k] = dot(for_row_2, y)
+            out[o + 6 * MATRICES + k] = dot(for_row_0, z)
+            out[o + 7 * MATRICES + k] = dot(for_row_1, z)
+            out[o + 8 * MATRICES + k] = dot(for_row_2, z)
 
 
 def of_matrices(S: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the (m, 3, 3) rotations nearest to (m, 3, 3) matrices."""
-    place = matrix_blocks.matrix_row_places(len(S))
-    packed = matrix_blocks.pack_rows(S.reshape(-1, 3), place)
+    place = matrix_row_places(len(S))
+    packed = pack_rows(S.reshape(-1, 3), place)
     nearest_rotations(packed, packed)
-    return matrix_blocks.unpack_rows(packed, place).reshape(-1, 3, 3)
+    return unpack_rows(packed, place).reshape(-1, 3, 3)

@@ -129,9 +129,15 @@ class ReducedModel:
             Times R, these are the positions of the surface points in model units.
         """
         corners, blend = snap(mesh, points)
-        rest = self.to_model(mesh.vertices[corners.ravel()])
-        W = position_matrix(rest, self.ladder[corners.ravel()].astype(np.float64), self.weights, self.isolines)
+        W = self.position_matrix(mesh.vertices[corners.ravel()], corners.ravel())
         return np.einsum("hc,hcj->hj", blend, W.toarray().reshape(*corners.shape, -1))
+
+    def position_matrix(
+        self, points: NDArray[np.float64], vertices: NDArray[np.integer] | slice = slice(None)
+    ) -> "csr_matrix":
+        """Return the (n, 4m) rows of W for (n, 3) points of the mesh file that have the blends of solver vertices."""
+        ladder = self.ladder[vertices].astype(np.float64)
+        return position_matrix(self.to_model(points), ladder, self.weights, self.isolines)
 
     def to_model(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Convert (..., 3) points of the mesh file to model units."""

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
+from solver.model.vectors import dot, in_axes, length, minus, scaled, unit
 from solver.motion import quaternions as quat
 from solver.motion.retarget import is_position
 from solver.motion.two_bones import bend, carry_along, moved, place, pole
-from solver.motion.vectors import dot, in_axes, length, minus, scaled, unit
 
 MEET_ARM_LENGTHS, APART_ARM_LENGTHS = 0.15, 0.4
 """Distances between a performer's hands, in arm lengths, below which the character's hands have the same distance, and
@@ -54,16 +54,10 @@ class _Plan(NamedTuple):
     parents: NDArray[np.int64]  # (b,)
     poles: NDArray[np.float64]  # (2, 3)
     basis: NDArray[np.float64]  # (3, 3)
-    performers: float  # length of the performer's arm, metres
-    own: float  # length of the character's, mesh units
+    performer_length: float  # of an arm, metres
+    character_length: float  # of an arm, mesh units
     space: float  # radians
     meet: bool
-
-
-class _State(NamedTuple):
-    """The state between frames."""
-
-    clock: NDArray[np.float64]  # (2,): time; weight with which the hands are drawn together
 
 
 class Arms:
@@ -73,7 +67,7 @@ class Arms:
     ----------
     bones : Bones
     left, right : Arm
-    performers : float
+    performer_length : float
         Length of the performer's arm from shoulder to wrist, in metres.
     basis : (3, 3) float64, optional
         Rows: the mesh file's directions of the character's left, up and forward.
@@ -88,7 +82,7 @@ class Arms:
         bones: Bones,
         left: Arm,
         right: Arm,
-        performers: float,
+        performer_length: float,
         basis: NDArray[np.float64] | None = None,
         *,
         space: float = 0.0,
@@ -105,12 +99,12 @@ class Arms:
             parents=bones.parents,
             poles=np.array([pole(bones, arm.upper, arm.lower, elbows) for arm in arms]),
             basis=basis,
-            performers=float(performers),
-            own=float(np.mean([bones.lengths[[arm.upper, arm.lower]].sum() for arm in arms])),
+            performer_length=float(performer_length),
+            character_length=float(np.mean([bones.lengths[[arm.upper, arm.lower]].sum() for arm in arms])),
             space=float(space),
             meet=bool(meet),
         )
-        self._state = _State(clock=np.array([-np.inf, 0.0]))
+        self._state = np.array([-np.inf, 0.0])  # time; weight with which the hands are drawn together
 
     def step(
         self,
@@ -141,20 +135,19 @@ class Arms:
 @compiled
 def _step(plan, state, time, positions, confidence, motions, heading):
     """Update the state and the motions of a frame."""
-    clock = state.clock
-    elapsed = max(0.0, time - clock[0]) if math.isfinite(clock[0]) else math.inf
-    clock[0] = time
+    elapsed = max(0.0, time - state[0]) if math.isfinite(state[0]) else math.inf
+    state[0] = time
     if plan.space != 0:
         for arm in range(2):
             _hold_away(plan, arm, motions)
     gap = _gap(plan, positions, confidence, heading)
     if plan.meet and math.isfinite(gap[0]):
-        near = (APART_ARM_LENGTHS - length(gap) / plan.performers) / (APART_ARM_LENGTHS - MEET_ARM_LENGTHS)
+        near = (APART_ARM_LENGTHS - length(gap) / plan.performer_length) / (APART_ARM_LENGTHS - MEET_ARM_LENGTHS)
         near = min(max(near, 0.0), 1.0)
         near *= near * (3 - 2 * near)
-        clock[1] = near + math.exp(-elapsed / MEET_SECONDS) * (clock[1] - near)
-        if clock[1] > 1e-6:
-            _draw_together(plan, clock[1], gap, motions)
+        state[1] = near + math.exp(-elapsed / MEET_SECONDS) * (state[1] - near)
+        if state[1] > 1e-6:
+            _draw_together(plan, state[1], gap, motions)
 
 
 @compiled(inner=True)
@@ -192,14 +185,14 @@ def _draw_together(plan, share, gap, motions):
     """Move both hands by half of the difference to the performer's distance."""
     left, right = plan.arms[0, 2], plan.arms[1, 2]
     now = minus(moved(motions[left], plan.tails[left]), moved(motions[right], plan.tails[right]))
-    scale = plan.own / plan.performers
+    scale = plan.character_length / plan.performer_length
     missing = minus(scaled(gap, scale), now)
-    share *= 0.5 * min(1.0, 2 * MAX_SHIFT_ARM_LENGTHS * plan.own / max(length(missing), 1e-300))
+    share *= 0.5 * min(1.0, 2 * MAX_SHIFT_ARM_LENGTHS * plan.character_length / max(length(missing), 1e-300))
     before, changed = motions.copy(), np.zeros(len(motions), dtype=np.bool_)
     for arm in range(2):
         upper, lower = plan.arms[arm, 0], plan.arms[arm, 1]
         shift = scaled(missing, share if arm == 0 else -share)
-        if length(shift) > 1e-12 * plan.own:
+        if length(shift) > 1e-12 * plan.character_length:
             # the hand keeps its rotation, so its tip moves as the wrist does
             hand = lower + 1 if plan.arms[arm, 2] != lower else -1
             end = bend(motions, plan.heads, plan.tails, upper, lower, plan.poles[arm], shift)

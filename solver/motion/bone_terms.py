@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from solver.model.fields import interpolation
-from solver.model.reduced_model import ReducedModel, position_matrix
+from solver.model.reduced_model import ReducedModel
 from solver.model.rotations import RotationMode
 from solver.surface.mesh import SolverMesh
 
@@ -61,9 +61,7 @@ def bone_terms(model: ReducedModel, mesh: SolverMesh, scale: float) -> BoneTerms
         held = model.regions.of(bone)
         if not len(held):
             continue
-        W = position_matrix(
-            model.to_model(mesh.vertices[held]), model.ladder[held].astype(np.float64), model.weights, model.isolines
-        )
+        W = model.position_matrix(mesh.vertices[held], held)
         there = np.unique(W.indices)
         area = mesh.vertex_areas[held]
         dense = np.sqrt(area / max(float(area.sum()), 1e-300))[:, None] * W[:, there].toarray()

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from puppetline.errors import MeshError
-from solver.model import matrix_blocks, rotations
+from solver.model import matrix_blocks as blocks
+from solver.model import rotations
 from solver.model.matrix_blocks import ROWS, add_product, apply_change, place_of_row
 from solver.model.polar import nearest_rotations
 from solver.model.reduced_model import Controls, ReducedModel
@@ -130,11 +131,9 @@ class Deformer:
         anchor = nearby_motions(model, mesh) if len(self.bones) else np.zeros((len(A), 0))
         from_inputs = scipy.linalg.cho_solve(factor, np.hstack([stiffness * rows.T, held.pull + pinned @ anchor]))
         constant = np.zeros_like(rest) if len(self.bones) else scipy.linalg.cho_solve(factor, pinned @ rest)
-        self._place_of_turns = matrix_blocks.matrix_row_places(B.shape[1] // 3)
-        self._place_of_seen = (
-            matrix_blocks.row_places(len(reader)) if self._mode == "triangles" else self._place_of_turns
-        )
-        place_of_inputs = matrix_blocks.row_places(from_inputs.shape[1])
+        self._place_of_turns = blocks.matrix_row_places(B.shape[1] // 3)
+        self._place_of_seen = blocks.row_places(len(reader)) if self._mode == "triangles" else self._place_of_turns
+        place_of_inputs = blocks.row_places(from_inputs.shape[1])
 
         def laid_out(
             reader: NDArray[np.float64], row: NDArray[np.int64], prior: NDArray[np.float64] | float
@@ -142,16 +141,16 @@ class Deformer:
             from_all = reader @ from_inputs
             from_all[:, len(rows) :] += prior
             return _Affine(
-                matrix_blocks.pack_matrix(reader @ from_turns, row, self._place_of_turns),
-                matrix_blocks.pack_matrix(from_all, row, place_of_inputs),
-                matrix_blocks.pack_rows(reader @ constant, row),
+                blocks.pack_matrix(reader @ from_turns, row, self._place_of_turns),
+                blocks.pack_matrix(from_all, row, place_of_inputs),
+                blocks.pack_rows(reader @ constant, row),
             )
 
         together = rotation_weights(model, self._mode)
         area, count = mesh.vertex_areas, len(self.bones)
         held_shares = bone_shares(together, area, np.where(regions.held, regions.owner, -1), count)
         near = nearby_rotations(bone_shares(together, area, regions.owner, count))
-        self._near_bones = matrix_blocks.pack_matrix(
+        self._near_bones = blocks.pack_matrix(
             np.hstack([np.zeros((len(near), len(rows))), near]), self._place_of_turns, place_of_inputs
         )
         drawn: NDArray[np.float64] | float = 0.0
@@ -159,8 +158,8 @@ class Deformer:
             size = np.einsum("rxx->r", (reader @ rest).reshape(-1, 3, 3)) / 3
             drawn = prior(held_shares, size)
         self._surface = laid_out(reader, self._place_of_seen, drawn)
-        self._controls = laid_out(np.eye(len(rest)), matrix_blocks.row_places(len(rest)), 0.0)
-        self._inputs = matrix_blocks.pack_rows(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
+        self._controls = laid_out(np.eye(len(rest)), blocks.row_places(len(rest)), 0.0)
+        self._inputs = blocks.pack_rows(np.zeros((from_inputs.shape[1], 3)), place_of_inputs)
         self._at_rest = np.tile(np.eye(4, 3), (len(self.bones), 1, 1))
         self._rest_frames = rotations.triangle_frames(model.edges @ rest)
         spread = (
@@ -168,7 +167,7 @@ class Deformer:
         )
         on_a_line = len(handles) < 3 or spread[1] < MIN_HANDLE_SPREAD_DIAGONALS * float(model.diagonal)
         self._rolls = on_a_line and not len(self.bones)
-        self._unturned = matrix_blocks.pack_rows(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
+        self._unturned = blocks.pack_rows(np.tile(np.eye(3), (B.shape[1] // 3, 1)), self._place_of_turns)
         self._turns, self._near, self._carried, self._now_carried = (self._unturned.copy() for _ in range(4))
         self._started = False
         self._fixed, self._now = np.empty_like(self._surface.constant), np.empty_like(self._surface.constant)
@@ -177,7 +176,7 @@ class Deformer:
     @property
     def turns(self) -> NDArray[np.float64]:
         """(3r, 3) float64: the rotations of clusters or isolines in the last frame, for row vectors."""
-        return matrix_blocks.unpack_rows(self._turns, self._place_of_turns)
+        return blocks.unpack_rows(self._turns, self._place_of_turns)
 
     def another(self, iterations: int) -> "Deformer":
         """Return a deformer of the same character, handles and bones with its own state."""
@@ -235,9 +234,7 @@ class Deformer:
             _carry(self._near_bones, self._inputs, self._near, self._carried, self._now_carried, self._turns)
         elif not self._started:
             start = twist.rigid_fit(self.handles, targets)
-            self._turns[:] = matrix_blocks.pack_rows(
-                np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns
-            )
+            self._turns[:] = blocks.pack_rows(np.tile(start, (len(self._place_of_turns) // 3, 1)), self._place_of_turns)
         self._started = True
         if self._mode == "triangles":
             self._compare_triangles()
@@ -255,8 +252,8 @@ class Deformer:
         for _ in range(self.iterations):
             self._now[:] = self._fixed
             add_product(self._surface.turns, self._turns, self._now)
-            found = rotations.from_edges(matrix_blocks.unpack_rows(self._now, self._place_of_seen), self._rest_frames)
-            self._turns[:] = matrix_blocks.pack_rows(found.reshape(-1, 3), self._place_of_turns)
+            found = rotations.from_edges(blocks.unpack_rows(self._now, self._place_of_seen), self._rest_frames)
+            self._turns[:] = blocks.pack_rows(found.reshape(-1, 3), self._place_of_turns)
 
     def step(self, targets: NDArray[np.float64], motions: NDArray[np.float64] | None = None) -> Controls:
         """Solve for the next frame, starting from the previous one.

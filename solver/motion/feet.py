@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
+from solver.model.vectors import dot, length, minus, plus, row_of, scaled
 from solver.motion import quaternions as quat
 from solver.motion.resting_feet import HEIGHT, LIFT, TIME, VOTE_FRAMES, remaining, resting_feet
 from solver.motion.retarget import RETURN_SECONDS
 from solver.motion.two_bones import bend, carry_along, moved, place, pole
-from solver.motion.vectors import dot, length, minus, plus, row_of, scaled
 
 MAX_HOLD_METRES = 0.15
 """Largest distance between a held foot and where the leg points, in the performer's metres."""
@@ -120,9 +120,8 @@ class Feet:
     ) -> None:
         basis = np.eye(3) if basis is None else np.asarray(basis, dtype=np.float64)
         count = len(legs)
-        chains = np.array([(leg.thigh, leg.shin, leg.foot) for leg in legs], dtype=np.int64)
         self._plan = _Plan(
-            legs=chains,
+            legs=np.array([(leg.thigh, leg.shin, leg.foot) for leg in legs], dtype=np.int64),
             joints=np.array([leg.joint for leg in legs], dtype=np.int64),
             heads=np.ascontiguousarray(bones.heads, dtype=np.float64),
             tails=np.ascontiguousarray(bones.tails, dtype=np.float64),

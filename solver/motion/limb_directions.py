@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from puppetline.compiled import compiled
+from solver.model.vectors import MIN_LENGTH, between, blend, dot, length, row_of, unit
 from solver.motion import quaternions as quat
 from solver.motion.limb_plan import SIDES
 from solver.motion.retarget import is_position
-from solver.motion.vectors import MIN_LENGTH, between, blend, dot, length, row_of, unit
 
 INNER_JOINT_SHARES = 0.15, 0.35
 """Distances of a joint within the trunk from the trunk's ends, as shares of its length, above which it counts, and
@@ -35,6 +35,27 @@ EXCHANGED_SECONDS = 1.5
 
 TIME, SIDE_TIME, EXCHANGED, SINCE, HEADING = range(5)
 """Entries of the state's clock."""
+
+
+@compiled(inner=True)
+def observed(plan, state, time, positions, confidence, orientations):
+    """Measure the performer's bones in a frame.
+
+    Returns
+    -------
+    directions : (rows, 3)
+        Zero if unknown.
+    weight : float
+        Of the trunk's inner joints.
+    sides : (rows, 3)
+        Directions from right to left that rolls follow; zero if none.
+    turned : (rows, 4)
+        Orientations that rolls follow; NaN if none.
+    """
+    seen, rows = _tracked_joints(plan, state, time, positions, confidence), len(plan.roll)
+    _remove_heading(plan, state, seen)
+    directions, weight = _directions(plan, seen, rows)
+    return directions, weight, _sides(plan, seen, rows), _orientations(plan, state, orientations, rows)
 
 
 @compiled(inner=True)
@@ -69,7 +90,7 @@ def _hips_and_shoulders(pairs, seen):
 
 
 @compiled(inner=True)
-def tracked_joints(plan, state, time, positions, confidence):
+def _tracked_joints(plan, state, time, positions, confidence):
     """Return the joints, NaN if lost, with exchanged left and right undone."""
     seen = np.full(positions.shape, np.nan)
     for j in range(len(positions)):
@@ -103,7 +124,7 @@ def tracked_joints(plan, state, time, positions, confidence):
 
 
 @compiled(inner=True)
-def remove_heading(plan, state, seen):
+def _remove_heading(plan, state, seen):
     """Turn the joints about the upright axis until the body faces +z, if the character does not turn."""
     if plan.turns:
         return
@@ -113,7 +134,7 @@ def remove_heading(plan, state, seen):
 
 
 @compiled(inner=True)
-def directions_of(plan, seen, rows):
+def _directions(plan, seen, rows):
     """Return the directions of the bones (rows, 3), zero if unknown, and the weight of the trunk's inner joints."""
     points = np.zeros((len(plan.joints), 3))
     for p in range(len(plan.joints)):
@@ -164,7 +185,7 @@ def _known_unit(v):
 
 
 @compiled(inner=True)
-def sides_of(plan, seen, rows):
+def _sides(plan, seen, rows):
     """Return the direction from right to left (rows, 3) that each bone's roll follows; zero if none."""
     across = np.zeros((rows, 3))
     hips, shoulders = _hips_and_shoulders(plan.pairs, seen)
@@ -182,7 +203,7 @@ def sides_of(plan, seen, rows):
 
 
 @compiled(inner=True)
-def orientations_of(plan, state, orientations, rows):
+def _orientations(plan, state, orientations, rows):
     """Return the orientation of the performer's bone that each roll follows (rows, 4); NaN if none."""
     turned = np.full((rows, 4), np.nan)
     if state.clock[EXCHANGED] > 0:

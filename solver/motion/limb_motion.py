@@ -18,20 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
+from solver.model.vectors import blend, in_axes, row_of, scaled, unit
 from solver.motion import quaternions as quat
-from solver.motion.limb_directions import (
-    HEADING,
-    TIME,
-    directions_of,
-    orientations_of,
-    remove_heading,
-    sides_of,
-    tracked_joints,
-)
+from solver.motion.limb_directions import HEADING, TIME, observed
 from solver.motion.limb_plan import plan_of
 from solver.motion.limb_turns import turn_bone
 from solver.motion.limbs import Limb, Performer, bones_of, parents_first
-from solver.motion.vectors import blend, in_axes, row_of, scaled, unit
 
 
 class _State(NamedTuple):
@@ -147,16 +139,11 @@ def _step(plan, state, time, positions, confidence, orientations, out):
     began = math.isfinite(state.clock[TIME])
     elapsed = max(0.0, time - state.clock[TIME]) if began else math.inf  # 0 if the clock is set back
     state.clock[TIME] = time
-    seen = tracked_joints(plan, state, time, positions, confidence)
-    remove_heading(plan, state, seen)
-    rows = len(plan.roll)
-    directions, counts = directions_of(plan, seen, rows)
-    aims, across = plan.aims.copy(), sides_of(plan, seen, rows)
+    directions, weight, across, turned = observed(plan, state, time, positions, confidence, orientations)
+    aims, world = plan.aims.copy(), np.empty((len(plan.roll), 4))
     for row in plan.trunk_rows:
-        aims[row] = unit(blend(plan.chords[row], plan.aims[row], counts))
-    turned = orientations_of(plan, state, orientations, rows)
-    world = np.empty((rows, 4))
-    for row in range(rows):
+        aims[row] = unit(blend(plan.chords[row], plan.aims[row], weight))
+    for row in range(len(world)):
         base = (1.0, 0.0, 0.0, 0.0)
         if plan.base[row] >= 0:
             base = quat.row_of(world, plan.base[row])

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.bones import Bones
+from solver.model.vectors import perpendicular, unit
 from solver.motion.limbs import TRUNK, Limb, Performer
-from solver.motion.vectors import perpendicular, unit
 
 BENT_SINES = 0.25, 0.6
 """Sines of the angle at elbow or knee above which its plane counts, and counts fully."""

@@ -3,11 +3,11 @@
 import math
 
 from puppetline.compiled import compiled
+from solver.model.vectors import MIN_LENGTH, cross, dot, length, row_of, scaled, unit
 from solver.motion import quaternions as quat
 from solver.motion.limb_directions import smooth_step
 from solver.motion.limb_plan import BENT_SINES, HINGE, SIDES
 from solver.motion.retarget import RETURN_SECONDS
-from solver.motion.vectors import MIN_LENGTH, cross, dot, length, row_of, scaled, unit
 
 MAX_TURN_RATE = 25.0
 """Largest angular speed of a limb relative to its base, in radians per second; a thrower's forearm reaches about 40."""

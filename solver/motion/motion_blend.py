@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
+from solver.model.vectors import scaled
 from solver.motion import quaternions as quat
 from solver.motion.two_bones import moved
-from solver.motion.vectors import scaled
 
 
 def difference(bones: Bones, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:

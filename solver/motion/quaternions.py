@@ -6,7 +6,7 @@ A quaternion turns column vectors: `rotated(q, v)` is q v q⁻¹, and `product(a
 import math
 
 from puppetline.compiled import compiled
-from solver.motion.vectors import cross, dot, length, perpendicular, plus, scaled, unit
+from solver.model.vectors import cross, dot, length, perpendicular, plus, scaled, unit
 
 
 @compiled(inner=True, inline="always")

@@ -8,8 +8,8 @@ import math
 import numpy as np
 
 from puppetline.compiled import compiled
+from solver.model.vectors import length
 from solver.motion.retarget import is_position
-from solver.motion.vectors import length
 
 REST_SPEED, RELEASE_SPEED = 0.15, 0.4
 """Speeds of a performer's foot, in metres per second, below which it comes to rest and above which it stops resting."""

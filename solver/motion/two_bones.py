@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from puppetline.compiled import compiled
 from solver.model.bones import Bones
+from solver.model.vectors import dot, in_axes, length, minus, plus, unit
 from solver.motion import quaternions as quat
-from solver.motion.vectors import dot, in_axes, length, minus, plus, unit
 
 MAX_REACH_SHARE = 0.9995
 """Largest distance between the ends of a bent limb, as a share of its length."""

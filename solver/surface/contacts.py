@@ -92,12 +92,12 @@ class PartSeparation:
     mesh : SolverMesh
     """
 
-    worst: float
+    largest: float
     """Largest distance over all frames between points that touch at rest, as a fraction of the diagonal; 0 if there are
     no such points."""
 
     def __init__(self, mesh: SolverMesh) -> None:
-        self.worst = 0.0
+        self.largest = 0.0
         ties = contacts(mesh)
         self._jump = ties.only(ties.gap == 0).difference(len(mesh.vertices))
         self._diagonal = mesh.diagonal
@@ -107,7 +107,7 @@ class PartSeparation:
         if self._jump.shape[0]:
             jump = (self._jump @ positions.reshape(len(positions), -1)).reshape(-1, *positions.shape[1:])
             apart = np.sqrt(np.einsum("kxf,kxf->kf", jump, jump).max(initial=0))
-            self.worst = max(self.worst, float(apart) / self._diagonal)
+            self.largest = max(self.largest, float(apart) / self._diagonal)
 
 
 def contacts(mesh: SolverMesh) -> Contacts:

@@ -79,14 +79,9 @@ class SurfaceTree:
         for level in self._levels():
             left, right = label[2 * level.start : 2 * level.stop].reshape(-1, 2).T
             label[level] = np.where(left == right, left, MIXED_LABELS)
+        points, of_point = np.ascontiguousarray(points, dtype=np.float64), np.asarray(of_point, dtype=np.int64)
         slot, blend, square = _search(
-            np.ascontiguousarray(points, dtype=np.float64),
-            np.asarray(of_point, dtype=np.int64),
-            self._triangles,
-            self._low,
-            self._high,
-            label,
-            np.square(within),
+            points, of_point, self._triangles, self._low, self._high, label, np.square(within)
         )
         return np.where(slot < 0, -1, self._order[slot]), blend, np.sqrt(square)
 

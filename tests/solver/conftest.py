@@ -136,10 +136,7 @@ def surface():
     """All vertices of a mesh in float64 for control variables R in model units: X = W R, in the mesh's coordinates."""
 
     def of(model, mesh, R):
-        W = reduced_model.position_matrix(
-            model.to_model(mesh.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
-        )
-        return (W @ R) * model.diagonal + model.center
+        return (model.position_matrix(mesh.vertices) @ R) * model.diagonal + model.center
 
     return of
 

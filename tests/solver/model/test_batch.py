@@ -11,7 +11,7 @@ from solver.surface.mesh import SolverMesh
 
 @pytest.fixture(scope="module")
 def frames(creature_model):
-    """Control variables of seven wild poses: nothing of them is smooth or small."""
+    """Control variables of seven random poses, neither smooth nor small."""
     return creature_model.rest_controls + np.random.default_rng(0).normal(
         scale=0.2, size=(7, *creature_model.rest_controls.shape)
     )
@@ -56,13 +56,13 @@ def test_the_rest_pose_is_where_the_vertices_are(binding, creature, creature_mod
 def test_the_farthest_vertex_of_each_frame_is_found(binding, creature_model, frames):
     differences = frames - creature_model.rest_controls
     lengths = np.linalg.norm(binding.displacements(differences), axis=1)
-    distance, vertex = binding.farthest(differences)
+    distance, vertex = binding.largest_displacements(differences)
     np.testing.assert_array_equal(vertex, lengths.argmax(axis=0))
     np.testing.assert_allclose(distance, lengths.max(axis=0), rtol=1e-6)
 
 
 def test_what_stands_still_is_at_distance_zero(binding, creature_model):
-    distance, vertex = binding.farthest(np.zeros((2, *creature_model.rest_controls.shape)))
+    distance, vertex = binding.largest_displacements(np.zeros((2, *creature_model.rest_controls.shape)))
     assert (distance.tolist(), len(vertex)) == ([0, 0], 2)
 
 
@@ -88,11 +88,11 @@ def test_a_character_far_from_the_origin_is_moved_as_exactly_as_a_float32_can_be
 
 
 def test_fewer_frames_at_a_time_where_there_are_many_vertices(binding, monkeypatch):
-    assert binding.at_a_time == batch.MAX_BATCH_FRAMES
+    assert binding.batch_frames == batch.MAX_BATCH_FRAMES
     monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding) * 20)
-    assert binding.at_a_time == 20
+    assert binding.batch_frames == 20
     monkeypatch.setattr(batch, "MAX_BATCH_NUMBERS", 3 * len(binding))
-    assert binding.at_a_time == batch.MIN_BATCH_FRAMES
+    assert binding.batch_frames == batch.MIN_BATCH_FRAMES
 
 
 def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
@@ -101,7 +101,7 @@ def test_nothing_is_bound_and_nothing_comes_out(creature_model, frames):
 
 
 def test_places_from_the_middle_are_precise_far_from_the_origin(creature, creature_model, creature_handles, frames):
-    """Model units do not know where the mesh is: only its center does."""
+    """Model units do not depend on the position of the mesh."""
     far = replace(creature_model, center=creature_model.center + 3000 * creature.diagonal)
     moved = BatchBinding(far, creature.vertices + 3000 * creature.diagonal, np.arange(len(creature.vertices)))
     here = BatchBinding.of_solver_mesh(creature_model, creature)

@@ -15,7 +15,7 @@ ARM = (np.array([0.0, 1.1, 0.0]), np.array([1.4, 1.3, 0.0]))
 
 
 def chains(*limbs):
-    """Bones of limbs: (parent, points) each, parent a number of a bone."""
+    """Bones of limbs (parent, points), with the number of the parent bone."""
     heads, tails, parents, numbers = [], [], [], []
     for number, (parent, points) in enumerate(limbs):
         for k, (head, tail) in enumerate(pairwise(points)):
@@ -52,7 +52,7 @@ def regions(figure, skeleton):
     return bone_regions(figure, skeleton)
 
 
-# --- what a skeleton says of itself
+# --- properties of bones
 
 
 def test_ends_and_roots_of_limbs(skeleton):
@@ -62,7 +62,7 @@ def test_ends_and_roots_of_limbs(skeleton):
     assert len(skeleton) == 13
 
 
-# --- what belongs to whom
+# --- regions
 
 
 def test_the_middle_of_an_arm_belongs_to_its_bones_and_the_hand_is_whole(figure, skeleton, regions):
@@ -118,7 +118,7 @@ def skirted(march_capsules):
 
 
 def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
-    """The trap: most of the hem is nearer to the hand's bone than to the trunk's, in space."""
+    """In space, most of the hem is nearer to the hand's bone than to the trunk's."""
     bones = chains((-1, [[0, 0, 0], [0, 2, 0]]), (0, [[0.8, 1.9, 0], [0.8, 1.1, 0], [0.8, 0.5, 0], [0.8, 0.2, 0]]))
     v = skirted.vertices
     hem = (v[:, 0] > 0.45) & (v[:, 0] < 0.62) & (v[:, 1] < 0.6)
@@ -132,7 +132,7 @@ def test_a_hem_beside_a_hand_is_not_the_hands(skirted):
 
 
 def test_a_ray_that_leaves_by_a_hole_takes_nothing_of_what_it_meets(skirted):
-    """The trunk's side is open towards the arm, which is then in sight of the trunk's bone."""
+    """The trunk is open towards the arm, so rays of the trunk's bone meet the arm."""
     centre = skirted.vertices[skirted.faces].mean(axis=1)
     hole = (np.abs(centre[:, 2]) < 0.1) & (centre[:, 0] > 0) & (centre[:, 0] < 0.3) & (np.abs(centre[:, 1] - 1.2) < 0.2)
     faces = skirted.faces[~hole]
@@ -197,7 +197,7 @@ def test_the_order_of_vertices_does_not_matter(figure, skeleton, regions):
 
 
 def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
-    """The cube beside the right hand is tied to it across a gap and belongs to its bone all the same."""
+    """The cube beside the right hand is tied to it across a gap, and belongs to its bone."""
     arm = [ARM[0] + share * (ARM[1] - ARM[0]) for share in (0.25, 0.6, 1.0)]
     regions = bone_regions(two_parts, chains((-1, [[0, 0, 0], [0, 1.2, 0]]), (0, arm)))
     cube = np.arange(len(two_parts.vertices) - 8, len(two_parts.vertices))
@@ -206,7 +206,7 @@ def test_a_part_that_touches_follows_the_bone_that_it_touches(two_parts):
 
 
 def test_a_part_that_is_a_limb_for_the_most_part_is_so_behind_its_root_as_well():
-    """A ball with an arm of its own that is stuck into it: the end inside is not the ball's."""
+    """A ball and a separate arm that intersects it: the end inside belongs to the arm."""
     ball, triangles = igl.upsample(*igl.icosahedron(), 2)
     ring = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1.0]])
     places = np.arange(3.0, 22.0, 2.0)

@@ -1,4 +1,4 @@
-"""Rotation clusters: which vertices, and the energy that they are turned by."""
+"""Rotation clusters: their vertices, and the energy of their rotations."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from solver.surface.mesh import SolverMesh
 
 
 def same_groups(a, b):
-    """Whether two labellings differ by nothing but names."""
+    """Return whether two labellings are equal up to renumbering."""
     pairs = np.unique(np.column_stack([a, b]), axis=0)
     return len(pairs) == len(np.unique(a)) == len(np.unique(b))
 
@@ -37,7 +37,7 @@ def test_a_field_of_little_weight_divides_nothing(two):
 
 
 def test_vertices_count_by_their_area(two):
-    """Halving every triangle on one side leaves the clusters where they were."""
+    """Subdividing every triangle on one side does not change the clusters."""
     ladder, area = np.linspace(0, 9, 40)[:, None], np.ones(40)
     found = rotation_clusters(ladder, np.ones(1), area)
     dense = np.concatenate([ladder, ladder[20:], ladder[20:]])
@@ -65,7 +65,7 @@ def test_a_small_mesh_has_fewer_and_equal_vertices_share_one():
 
 
 def test_every_vertex_is_nearest_to_the_mean_of_its_own(creature_model):
-    """k-means has settled but for a few vertices."""
+    """k-means has converged except for a few vertices."""
     points = creature_model.ladder * creature_model.weights
     means = np.array([points[creature_model.cluster == c].mean(axis=0) for c in range(CLUSTER_COUNT)])
     nearest = np.linalg.norm(points[:, None] - means, axis=2).argmin(axis=1)

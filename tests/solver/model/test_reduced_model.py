@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from puppetline.errors import MeshError
-from solver.model import fields, reduced_model
+from solver.model import fields
 from solver.model.reduced_model import ModelParameters, build
 from solver.surface.mesh import SolverMesh, weld
 
@@ -25,10 +25,7 @@ def same(a, b):
 
 @pytest.fixture(scope="module")
 def dense(creature, creature_model):
-    model = creature_model
-    return reduced_model.position_matrix(
-        model.to_model(creature.vertices), model.ladder.astype(np.float64), model.weights, model.isolines
-    ).toarray()
+    return creature_model.position_matrix(creature.vertices).toarray()
 
 
 # --- what it holds
@@ -176,6 +173,5 @@ def test_parts_a_world_apart_still_have_a_model_that_keeps_the_rest_pose():
     apart = np.concatenate([ball + step for step in 1e4 * np.arange(5)])
     mesh = weld(apart, np.concatenate([faces + number * len(ball) for number in range(5)]))
     model = build(mesh)
-    rest = model.to_model(mesh.vertices)
-    W = reduced_model.position_matrix(rest, model.ladder.astype(np.float64), model.weights, model.isolines)
-    np.testing.assert_allclose(W @ model.rest_controls, rest, atol=1e-12)
+    rest = model.position_matrix(mesh.vertices) @ model.rest_controls
+    np.testing.assert_allclose(rest, model.to_model(mesh.vertices), atol=1e-12)

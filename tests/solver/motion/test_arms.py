@@ -29,7 +29,7 @@ def performer(left, right):
 
 
 def clapping(inwards):
-    """Upper arms forwards and down, forearms inwards by so much."""
+    """Upper arms point forwards and down, forearms inwards by a given amount."""
     return performer(
         [[0, -0.5, 1], [-inwards, 0, 1], [-inwards, 0, 1]], [[0, -0.5, 1], [inwards, 0, 1], [inwards, 0, 1]]
     )

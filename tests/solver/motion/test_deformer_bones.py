@@ -1,4 +1,4 @@
-"""A deformer that bones move."""
+"""A deformer with bones."""
 
 import numpy as np
 import pytest
@@ -100,7 +100,7 @@ def test_rigid_motion_of_all_bones_is_rigid_motion_of_the_character_at_once(
 
 
 def test_a_turn_of_all_bones_is_followed_frame_by_frame(bound, creature, model, creature_bones, surface, turn):
-    """Warm-started: a whole turn in steps of 10° stays rigid all the way, and ends where it began."""
+    """Frame by frame: a full turn in steps of 10° is rigid in every frame."""
     deformer = bound(NO_HANDLES)
     for degrees in range(0, 361, 10):
         motions = np.tile(np.vstack([turn(5, degrees), np.zeros(3)]), (6, 1, 1))

@@ -20,13 +20,13 @@ def legs(hips, thigh, shin, sole):
     return out
 
 
-PERFORMER = legs(0.1, 0.45, 0.42, 0.09) + np.array([0, 0.3, 0])  # whose floor is somewhere else
-CHARACTER = legs(0.3, 0.3, 0.5, 0.2)  # of other proportions
+PERFORMER = legs(0.1, 0.45, 0.42, 0.09) + np.array([0, 0.3, 0])  # with another height of the floor
+CHARACTER = legs(0.3, 0.3, 0.5, 0.2)  # with other proportions
 METRE = 0.8 / 0.87
 
 
 def stand_on(pose=CHARACTER, basis=None):
-    """Motions and feet of the character, in a mesh file with other axes if need be."""
+    """Motions and feet of the character, in a mesh file with the axes `basis`."""
     points = pose if basis is None else pose @ basis
     limbs = [Limb(name, points[c], tuple((j,) for j in c)) for name, c in (("left", LEFT), ("right", RIGHT))]
     motion = LimbMotion(limbs, SIDES, PERFORMER, basis)

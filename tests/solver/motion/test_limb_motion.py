@@ -323,7 +323,7 @@ def test_a_lost_limb_keeps_its_direction_against_the_trunk_and_comes_back_smooth
     motion = LimbMotion(character(T_POSE), SIDES, HANGING)
     motions = play(motion, poses, confidence)
     np.testing.assert_allclose(directions(motion, motions[14])[0], wanted(motion, raised @ turn.T), atol=1e-9)
-    np.testing.assert_allclose(motions[15], motions[14], atol=1e-9)  # it begins where it was held
+    np.testing.assert_allclose(motions[15], motions[14], atol=1e-9)  # easing starts from the held pose
     assert largest_step(motions) < 0.4
     found = directions(motion, motions[-1])[0]
     assert np.degrees(np.arccos(np.clip((found * wanted(motion, other @ turn.T)).sum(axis=1), -1, 1))).max() < 0.1
@@ -391,7 +391,7 @@ def test_parents_come_first_whatever_the_order():
 
 def test_the_spine_of_a_sensor_that_has_it_beside_the_hips_does_not_bend_the_back():
     low = HANGING.copy()
-    low[AT["spine"]] = [0, 0.05, -0.04]  # as Kinect v1 has it
+    low[AT["spine"]] = [0, 0.05, -0.04]  # as measured by Kinect v1
     motion = LimbMotion(character(T_POSE), SIDES, low)
     np.testing.assert_allclose(turns(motion.step(0.0, low, TRACKED))[:2], [np.eye(3)] * 2, atol=1e-12)
 

@@ -24,7 +24,7 @@ def handles(figure):
 
 @pytest.fixture(scope="module")
 def reach(figure, figure_model, handles):
-    """Of each handle as a limb of its own."""
+    """Reach of each handle as a separate limb."""
     return limb_reach(Deformer(figure_model, figure, handles), figure, np.eye(5))
 
 

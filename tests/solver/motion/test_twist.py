@@ -63,7 +63,7 @@ def test_with_one_handle_the_whole_mean_turn_is_taken_back_and_what_isolines_dif
 
 @pytest.mark.parametrize("count", [2, 3, 6, 7])
 def test_points_at_one_place_do_not_turn(rng, count):
-    """Their means are off by rounding, which has no direction."""
+    """Their means differ by rounding errors, which have no direction."""
     for _ in range(200):
         rest, now = rng.normal(size=3), rng.normal(size=3)
         found = twist.rigid_fit(np.tile(rest, (count, 1)), np.tile(now, (count, 1)))

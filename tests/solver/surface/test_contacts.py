@@ -23,7 +23,7 @@ def together(*meshes):
 
 
 def box(low, high, step):
-    """A closed box, its sides split into squares of about this size and turned anyhow."""
+    """A closed box whose sides are split into squares of about `step`, wound in any direction."""
     low, high = np.array(low, dtype=float), np.array(high, dtype=float)
     counts = np.ceil((high - low) / step).astype(int) + 1
     grid = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
@@ -68,11 +68,11 @@ def test_a_mesh_of_one_part_has_no_contacts_and_does_not_come_apart(creature):
     assert len(contacts(creature).vertices) == 0
     measure = PartSeparation(creature)
     measure.add((3 * creature.vertices)[:, :, None])
-    assert measure.worst == 0
+    assert measure.largest == 0
 
 
 def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_its_surface():
-    """Two boxes, one pushed into the other; libigl says what is near."""
+    """Two boxes that intersect; libigl finds the nearest points."""
     one, other = box([0, 0, 0], [1, 1, 1], 0.11), box([0.3, 0.98, 0.2], [0.8, 1.9, 0.7], 0.07)
     mesh = together(one, other)
     ties = contacts(mesh)
@@ -90,7 +90,7 @@ def test_every_vertex_that_touches_another_part_is_tied_to_the_nearest_point_of_
 
 
 def test_an_edge_that_goes_through_another_part_ties_its_nearer_end():
-    """A post stuck deep into a block: none of its vertices is near the block's surface."""
+    """A post deep inside a block: none of its vertices is near the block's surface."""
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.4, 0.85, 0.4], [0.6, 2.05, 0.6], 0.4))
     ties = contacts(mesh)
     of_post = mesh.components[ties.vertices] == 1
@@ -123,7 +123,7 @@ def test_a_part_that_floats_is_tied_to_the_nearest_one_wherever_it_is_near_to_it
 
 @pytest.mark.parametrize("seed", range(3))
 def test_parts_that_meet_at_a_point_are_tied_there(seed):
-    """Two boxes, corner to corner, the one welded to the other."""
+    """Two boxes that are welded at one corner."""
     (lower, faces), (upper, _) = box([0, 0, 0], [1, 1, 1], 0.25), box([1, 1, 1], [2, 2, 2], 0.25)
     both = np.random.default_rng(seed).permutation(np.concatenate([faces, faces + len(lower)]))
     mesh = weld(np.concatenate([lower, upper]), both)
@@ -158,7 +158,7 @@ def test_thousands_of_loose_triangles_are_tied_into_one(figure):
 
 @pytest.fixture(scope="module")
 def arm_at_the_side():
-    """A trunk, and an arm that is stuck into it at the shoulder and hangs down its side with a gap of 0.3 %."""
+    """A trunk, and an arm that intersects it at the shoulder and hangs at its side with a gap of 0.3 %."""
     gap = 0.003 * np.sqrt(1 + 4 + 0.25)
     trunk, arm = box([0, 0, 0], [0.5, 2, 0.5], 0.08), box([0.5 + gap, 0.3, 0.1], [0.7, 1.9, 0.3], 0.05)
     shoulder = (arm[0][:, 1] > 1.7) & (arm[0][:, 0] < 0.55)
@@ -187,7 +187,7 @@ def test_that_arm_can_be_raised_without_the_hip(arm_at_the_side):
 
 
 def test_parts_that_only_face_each_other_are_tied_all_the_same():
-    """A head on a neck, with a gap between them: nothing else holds it."""
+    """A head over a neck, with a gap between them and no other contact."""
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.2), box([0.2, 1.005, 0.2], [0.8, 1.6, 0.8], 0.1))
     ties = contacts(mesh)
     assert 0 < apart(mesh, ties).max() < TOUCH_DIAGONALS * mesh.diagonal
@@ -202,11 +202,11 @@ def test_separation_is_the_largest_distance_over_the_contacts_of_all_frames():
     mesh = together(box([0, 0, 0], [1, 1, 1], 0.25), box([0.25, 0.999, 0.25], [0.75, 2, 0.75], 0.25))
     measure = PartSeparation(mesh)
     measure.add((mesh.vertices)[:, :, None])
-    assert measure.worst == pytest.approx(0.001 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.001 / mesh.diagonal)
     upper = mesh.components[:, None] == 1
     for lift in (0.02, 0.05, 0.03):
         measure.add((mesh.vertices + lift * upper * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0.05 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.05 / mesh.diagonal)
 
 
 @pytest.mark.parametrize(
@@ -220,9 +220,9 @@ def test_separation_does_not_see_what_does_not_touch_at_rest(other):
     number = mesh.components[mesh.of_render[np.cumsum([0, len(block[0]), len(other[0])])]]
     measure = PartSeparation(mesh)
     measure.add((mesh.vertices + 0.1 * (mesh.components[:, None] == number[1]) * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0, abs=1e-12)
+    assert measure.largest == pytest.approx(0, abs=1e-12)
     measure.add((mesh.vertices - 0.1 * (mesh.components[:, None] == number[2]) * [0, 1, 0])[:, :, None])
-    assert measure.worst == pytest.approx(0.1 / mesh.diagonal)
+    assert measure.largest == pytest.approx(0.1 / mesh.diagonal)
 
 
 def test_rigid_motion_separates_nothing(turn):
@@ -230,11 +230,11 @@ def test_rigid_motion_separates_nothing(turn):
     rest, moved = PartSeparation(mesh), PartSeparation(mesh)
     rest.add((mesh.vertices)[:, :, None])
     moved.add((mesh.vertices @ turn(3, 70) + [4.0, -3, 2])[:, :, None])
-    assert moved.worst == pytest.approx(rest.worst, abs=1e-12)
+    assert moved.largest == pytest.approx(rest.largest, abs=1e-12)
 
 
 def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
-    """Held to a tenth of the 1 % of the diagonal that a viewer would see, beyond what they are apart at rest."""
+    """The limit beyond the distance at rest is a tenth of the 1 % of the diagonal that a viewer would notice."""
     mesh = together(
         (figure.vertices, figure.faces),
         sphere([-0.08, 1.98, 0.37], 0.05, rounds=1),
@@ -251,4 +251,4 @@ def test_eyes_hat_and_belt_stay_where_they_are_while_the_figure_moves(figure):
     measure, rng = PartSeparation(mesh), np.random.default_rng(5)
     for _ in range(10):
         measure.add((binding.vertices(deformer.step(handles + rng.normal(scale=0.15, size=handles.shape))))[:, :, None])
-    assert measure.worst < TOUCH_DIAGONALS + 0.001
+    assert measure.largest < TOUCH_DIAGONALS + 0.001

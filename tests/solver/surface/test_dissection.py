@@ -46,7 +46,7 @@ def test_every_vertex_stands_there_once_wherever_it_is(places):
 
 
 def test_the_halves_of_a_grid_do_not_touch_before_the_last_row():
-    """The first cut takes one row or diagonal of 40 × 40 vertices out; what comes before it falls into two halves."""
+    """The first separator is one row or diagonal of 40 × 40 vertices; the vertices before it are in two halves."""
     A, places = shuffle(*grid(40))
     order = dissection(A, places)
     middle = places[order[-40:]]
@@ -64,7 +64,7 @@ def test_a_grid_fills_in_little_more_than_by_minimum_degree_and_much_less_than_r
 
 
 def test_a_tube_of_long_needles_is_cut_along_them():
-    """Every plane across the longest axis cuts all needles: the other axes are tried."""
+    """Every plane across the longest axis cuts all needles, so the other axes are tried."""
     count = 3000
     angles = np.linspace(0, 2 * np.pi, count + 1)[:-1]
     ring = np.column_stack([np.cos(angles), np.sin(angles)])

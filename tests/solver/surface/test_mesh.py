@@ -19,12 +19,12 @@ COARSE = solver_mesh.MIN_VERTICES
 
 @pytest.fixture(autouse=True)
 def small_meshes(monkeypatch):
-    """Leave meshes as coarse as they are, so that a cube can show what welding does."""
+    """Do not split coarse meshes, so that tests of welding can use a cube."""
     monkeypatch.setattr(solver_mesh, "MIN_VERTICES", 0)
 
 
 def split_cube():
-    """A cube as game assets have it: each side with its own four vertices."""
+    """A cube whose sides each have four vertices of their own, as in game assets."""
     positions = CORNERS[QUADS].reshape(-1, 3)
     quads = np.arange(24).reshape(6, 4)
     return positions, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
@@ -230,7 +230,7 @@ def test_each_part_is_turned_by_itself(figure):
 
 
 def test_neighbours_agree_around_an_edge_of_three_faces(figure):
-    """A fin on an edge of the figure, and faces turned at random."""
+    """A fin on an edge of the figure, and randomly flipped faces."""
     a, b = figure.edges[100]
     tip = figure.vertices[[a, b]].mean(axis=0) * 1.5
     faces = np.concatenate([figure.faces, [[a, b, len(figure.vertices)]]])

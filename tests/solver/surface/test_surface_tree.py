@@ -8,7 +8,7 @@ FAR = np.full(400, np.inf)
 
 
 def scattered(seed, count=300, size=0.2):
-    """Triangles strewn about, some of them needles, each with one of five labels."""
+    """Random triangles, some of them needles, each with one of five labels."""
     rng = np.random.default_rng(seed)
     triangles = rng.normal(size=(count, 1, 3)) + size * rng.normal(size=(count, 3, 3))
     triangles[::10, 2] = triangles[::10, :2].mean(axis=1) + 1e-9
@@ -16,7 +16,7 @@ def scattered(seed, count=300, size=0.2):
 
 
 def reference(triangles, of_triangle, points, of_point):
-    """Ask libigl for each label by itself."""
+    """Query libigl for each label separately."""
     distance = np.empty(len(points))
     for label in np.unique(of_point):
         others = triangles[of_triangle != label]

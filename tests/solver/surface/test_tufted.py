@@ -1,4 +1,4 @@
-"""The Laplacian of the tufted cover beside that of its authors' own library."""
+"""The Laplacian of the tufted cover compared with its authors' library."""
 
 import igl
 import numpy as np

@@ -1,14 +1,14 @@
-/* Positions and normals of one frame with AVX2 intrinsics: the yardstick for solver/model/kernels.py.
+/* Positions and normals of one frame with AVX2 intrinsics, for comparison with solver/model/kernels.py.
 
-   A vertex stands between two isolines of each of 8 fields. Between isolines k and k + 1 the transform that it takes is
-   a straight line in its isoline coordinate, base_k + coordinate * step_k. Each is kept by columns, four numbers a column
-   with a zero at the end, so that a transform is two registers and applies to a point in two multiply-adds: what comes
-   out is a register whose halves are to be added, which is done for eight vertices at once. */
+   A vertex lies between two isolines of each of 8 fields. Between isolines k and k + 1 its transform is linear in its
+   isoline coordinate: base_k + coordinate * step_k. Transforms are stored by columns of four numbers, the last of which is
+   zero. So a transform is two registers, and two multiply-adds apply it to a point. The result is a register whose halves
+   must be added, which is done for eight vertices together. */
 
 #include <immintrin.h>
 #include <stddef.h>
 
-enum { FIELDS = 8, ROW = 16, MOST_ISOLINES = 64 };
+enum { FIELDS = 8, ROW = 16, MAX_ISOLINES = 64 };
 
 typedef struct {
     __m256 xy, zw;
@@ -25,7 +25,7 @@ static __m256 apply(__m256 left, __m256 right, Point p)
     return _mm256_fmadd_ps(right, p.zw, _mm256_mul_ps(left, p.xy));
 }
 
-/* the two halves of 8 registers added, and the first three numbers of each sorted into one register a coordinate */
+/* Add the two halves of 8 registers, and gather the first three numbers of each in one register per coordinate. */
 static void gather(const __m256 r[8], __m256 *x, __m256 *y, __m256 *z)
 {
     __m256 s[4];
@@ -64,7 +64,7 @@ static __m256 minor(__m256 a, __m256 b, __m256 c, __m256 d) /* a b - c d */
 void frame(size_t count, int isolines, const float *controls, const float *weights, const float *rest,
            const float *tangents, const float *slopes, const float *ladder, float *positions, float *normals)
 {
-    _Alignas(32) static float lines[FIELDS * MOST_ISOLINES * 2 * ROW]; /* base_k, step_k, base_k+1, … */
+    _Alignas(32) static float lines[FIELDS * MAX_ISOLINES * 2 * ROW]; /* base_k, step_k, base_k+1, … */
     for (int field = 0; field < FIELDS; field++)
         for (int k = 0; k < isolines - 1; k++) {
             const float *low = controls + 12 * (field * isolines + k), *high = low + 12;

@@ -1,5 +1,5 @@
-/* A wall clock that steps: loaded before libc (LD_PRELOAD), it adds what the file named by CLOCK_AHEAD holds, a number
-   of seconds in 8 bytes, to every reading. Clocks that only go forward stay as they are. */
+/* A wall clock that steps. Loaded before libc (LD_PRELOAD), it adds a number of seconds to every reading: the 8 bytes of
+   the file that CLOCK_AHEAD names. Monotonic clocks are not changed. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>

@@ -1,11 +1,11 @@
 extends SceneTree
-## Times the processing of characters of a running service: PORT and their names. Prints one line of JSON.
+## Times the characters of a running service in each frame. Arguments: its port, names of characters. Prints JSON.
 
-const WARM_UP := 120
-const FRAMES := 600
+const WARM_UP_FRAMES := 120
+const MEASURED_FRAMES := 600
 
 var _puppets: Array[Puppet3D] = []
-var _settled := 0
+var _counted_frames := 0
 var _receiving := PackedFloat64Array()
 var _processing := PackedFloat64Array()
 var _first := 0
@@ -27,21 +27,21 @@ func _initialize() -> void:
 func _process(delta: float) -> bool:
 	var start := Time.get_ticks_usec()
 	if _puppets[0]._stream != null:
-		_puppets[0]._stream.poll()  # all of them share it, and it works once a frame
+		_puppets[0]._stream.poll()  # all nodes share the stream, which works once per frame
 	var received := Time.get_ticks_usec()
 	for puppet in _puppets:
 		puppet._process(delta)
 	var done := Time.get_ticks_usec()
 	if not _puppets.all(func(puppet: Puppet3D) -> bool: return puppet.statistics()["sequence"] > 0):
 		return false
-	_settled += 1
-	if _settled == WARM_UP:
+	_counted_frames += 1
+	if _counted_frames == WARM_UP_FRAMES:
 		_first = _sequences()
 		_began = start
-	if _settled >= WARM_UP:
+	if _counted_frames >= WARM_UP_FRAMES:
 		_receiving.append((received - start) / float(_puppets.size()))
 		_processing.append((done - received) / float(_puppets.size()))
-	if _settled < WARM_UP + FRAMES:
+	if _counted_frames < WARM_UP_FRAMES + MEASURED_FRAMES:
 		return false
 	var frames := (_sequences() - _first) / float(_puppets.size())
 	var found := {

@@ -86,10 +86,10 @@ def play(command: list[str | Path], file: Path, count: int, base: Path, *more: s
     ran = subprocess.run(
         [*map(str, command), str(file), str(count), str(base), *more], capture_output=True, text=True, check=False
     )
-    told = base.with_name(f"{base.name}.json")
-    if ran.returncode or not told.exists():
+    output = base.with_name(f"{base.name}.json")
+    if ran.returncode or not output.exists():
         raise RuntimeError(f"{command[0]} on {file}: exit code {ran.returncode}\n{ran.stdout}\n{ran.stderr}")
-    report = json.loads(told.read_text(encoding="utf-8"))
+    report = json.loads(output.read_text(encoding="utf-8"))
     floats = np.fromfile(base.with_name(f"{base.name}.bin"), dtype="<f4")
     document = Document.load(file)
     used, numbers = (

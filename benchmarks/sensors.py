@@ -207,8 +207,10 @@ def fusion() -> Iterator[Goal]:
         seen = [performers.observe(k, frame) for _, k, frame in merge(*streams, key=lambda each: each[:2])]
         frames = [frame for frame in seen if frame is not None]
         both.append(_turn_error(turn, np.array([f.time for f in frames]), np.stack([f.positions for f in frames])))
-        told = [VirtualSensor(pose, seed=seed + k, swaps=False).record(turn) for k, pose in enumerate(poses)]
-        better.append(min(_turn_error(turn, c.times, p.apply(c.positions)) for p, c in zip(poses, told, strict=True)))
+        unswapped = [VirtualSensor(pose, seed=seed + k, swaps=False).record(turn) for k, pose in enumerate(poses)]
+        better.append(
+            min(_turn_error(turn, c.times, p.apply(c.positions)) for p, c in zip(poses, unswapped, strict=True))
+        )
     error, alone = median(both), median(better)
     yield Goal(f"two sensors fused, in a turn (the better one alone: {alone:.1f} cm)", error, round(alone, 1), "cm")
 

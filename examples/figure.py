@@ -1,4 +1,4 @@
-"""A figure: solid parts with colours, put together in order like clay."""
+"""Figures: solid parts with colours, combined in order."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,51 +11,51 @@ from .sdf import Array, Shape, mirror, smooth_minimum
 
 Color = tuple[float, float, float]
 """Linear RGB in [0, 1]."""
-How = Literal["add", "carve", "paint"]
+Operation = Literal["add", "carve", "paint"]
 Pattern = Callable[[Array, Array], Array]
-"""Points (n, 3) and their colours so far (n, 3) to new colours (n, 3)."""
+"""Function from points (n, 3) and their colours (n, 3) to new colours (n, 3)."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """One step in making a figure.
+    """One step of a figure.
 
     Parameters
     ----------
     shape : Shape
-        Where.
+        The solid that is added, carved or painted.
     color : Color
-        Of the surface that the step leaves behind.
+        Colour of the surface that the step makes.
     blend : float
-        Metres over which surface and colour flow into what is already there.
+        Distance over which surface and colour blend with the existing ones, in metres.
     how : {"add", "carve", "paint"}
-        Put the shape on, cut it away, or only colour what lies inside it.
+        Add the shape, remove it, or only colour the surface inside it.
     """
 
     shape: Shape
     color: Color
     blend: float = 0.0
-    how: How = "add"
+    how: Operation = "add"
 
 
-def both(shape: Shape, color: Color, blend: float = 0.0, how: How = "add") -> Part:
-    """Return the part for a shape at the left (x > 0) together with its image at the right."""
+def both(shape: Shape, color: Color, blend: float = 0.0, how: Operation = "add") -> Part:
+    """Return the part for a shape on the left (x > 0) and its mirror image on the right."""
     return Part(mirror(shape), color, blend, how)
 
 
 @dataclass(frozen=True)
 class Figure:
-    """Parts and patterns, from first to last: each sees only what those before it have made."""
+    """Parts and patterns in order; each acts on the result of those before it."""
 
     steps: Sequence[Part | Pattern]
 
     def bounds(self) -> tuple[Array, Array]:
-        """Corners (3,) of a box around the figure."""
+        """Return the corners (3,) of a box around the figure."""
         added = [step.shape for step in self.steps if isinstance(step, Part) and step.how == "add"]
         return np.min([s.low for s in added], axis=0), np.max([s.high for s in added], axis=0)
 
     def distance(self, points: Array) -> Array:
-        """Signed distances (n,) of points (n, 3) to the surface."""
+        """Return the signed distances (n,) of points (n, 3) to the surface."""
         total = np.full(len(points), np.inf)
         for step in self.steps:
             if isinstance(step, Part) and step.how != "paint":
@@ -63,7 +63,7 @@ class Figure:
         return total
 
     def colors(self, points: Array) -> Array:
-        """Linear RGB (n, 3) of points (n, 3) on the surface."""
+        """Return linear RGB (n, 3) of points (n, 3) on the surface."""
         total, colors = np.full(len(points), np.inf), np.zeros((len(points), 3))
         for step in self.steps:
             if isinstance(step, Part):
@@ -75,7 +75,7 @@ class Figure:
 
     @staticmethod
     def _shape(part: Part, points: Array, total: Array) -> tuple[NDArray[np.intp], Array]:
-        """Update the distances in `total`; return which points the part touches and their share of its colour."""
+        """Update the distances in `total`; return the points that the part affects, and its share of their colour."""
         sign = 1.0 if part.how == "add" else -1.0
         reach = sign * total + part.blend if part.how != "paint" else np.full(len(points), part.blend)
         near = part.shape.within(points, reach)

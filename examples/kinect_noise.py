@@ -1,7 +1,7 @@
-"""The sensor before a performer made by code: a clip as a Kinect v1 would have recorded it.
+"""Noise of a Kinect v1 for clips that are made by code.
 
-Jitter, drift, guesses, strays and dropouts have the size that was measured on real recordings (`with_kinect_noise`).
-Nothing here is random that a seed does not fix.
+Jitter, drift, guesses, outliers and dropouts have the size that was measured on real recordings (`with_kinect_noise`).
+A seed determines all random numbers.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ from capture.skeleton import INFERRED, JOINT_INDEX, JOINTS, LOST, TRACKED
 
 Array = NDArray[np.float64]
 
-FRAME_RATE = 30.0
-"""Frames a second."""
-TICK_JITTER = 0.0025
-"""Seconds, standard deviation of a frame's time about the even clock."""
-SKIPPED = 0.01
-"""Share of frames that never arrive."""
+FRAMES_PER_SECOND = 30.0
+"""Rate of the frames, per second."""
+TICK_JITTER_SECONDS = 0.0025
+"""Standard deviation of the times of frames from an even clock, in seconds."""
+SKIPPED_SHARE = 0.01
+"""Share of frames that are missing."""
 
-_ERRORS = {  # millimetres at NOMINAL_DEPTH, standard deviations across the line of sight: from frame to frame; slow
+_ERRORS = {  # standard deviations across the line of sight at NOMINAL_DEPTH_METRES, in millimetres: white noise; drift
     "elbow": (0.8, 4.5),
     "wrist": (1.0, 5.0),
     "hand": (1.4, 6.0),
@@ -29,60 +29,60 @@ _ERRORS = {  # millimetres at NOMINAL_DEPTH, standard deviations across the line
     "foot": (2.0, 4.5),
 }
 _TRUNK_ERRORS = (0.4, 3.0)
-NOMINAL_DEPTH = 2.5
-"""Metres from the sensor at which errors have their stated size."""
+NOMINAL_DEPTH_METRES = 2.5
+"""Distance from the sensor at which errors have the stated size, in metres."""
 DEPTH_FACTOR = 1.6
-"""How much larger errors are along the line of sight."""
-DRIFT_TIME = 0.35
-"""Time constant, seconds, of the slow error."""
-SLUR = 0.004
-"""Seconds: a moving joint's error from frame to frame grows by its speed times this."""
+"""Ratio of errors along the line of sight to errors across it."""
+DRIFT_SECONDS = 0.35
+"""Time constant of the drift, in seconds."""
+MOTION_ERROR_SECONDS = 0.004
+"""Increase of white noise per speed of a joint, in seconds."""
 
-FAST = 1.5
-"""Metres a second from which the sensor begins to guess."""
-GUESSED_HIDDEN, GUESSED_FAST = 0.05, 0.15
-"""Chance in each frame that a joint before the torso, or a fast one, is guessed from then on for 3 to 8 frames."""
+FAST_METRES_PER_SECOND = 1.5
+"""Speed above which the sensor may guess a joint, in metres per second."""
+HIDDEN_GUESS_CHANCE, FAST_GUESS_CHANCE = 0.05, 0.15
+"""Probability per frame that a joint in front of the torso, or a fast joint, is guessed for 3 to 8 frames."""
 GUESS_FACTOR = 4.0
-"""How much larger a guess's error is."""
-STRAY, STRAY_DISTANCE = 0.001, 0.08
-"""Chance in each frame that a limb's joint strays for 1 or 2 frames; metres, standard deviation on each axis."""
-DROPPED = 0.0015
-"""Chance in each frame that a limb's joint is lost for 3 to 15 frames."""
-AWAY = 0.6
-"""Seconds for which the whole body is lost, where it is."""
+"""Ratio of the error of a guessed joint to that of a tracked one."""
+STRAY_CHANCE, STRAY_METRES = 0.001, 0.08
+"""Probability per frame that a joint of a limb is an outlier for 1 or 2 frames, and the standard deviation per axis."""
+DROP_CHANCE = 0.0015
+"""Probability per frame that a joint of a limb is lost for 3 to 15 frames."""
+ABSENCE_SECONDS = 0.6
+"""How long the whole body is lost, in seconds."""
 
 
 def with_kinect_noise(clip: SkeletonClip, seed: int, away: float | None = None) -> SkeletonClip:
-    """Return a clip as a Kinect would have recorded it.
+    """Return a clip with the noise of a Kinect v1.
 
-    - Clock: 30 Hz with jitter (`TICK_JITTER`); about one frame in a hundred is missing (`SKIPPED`).
+    - Clock: 30 Hz with jitter (`TICK_JITTER_SECONDS`); about one frame in a hundred is missing (`SKIPPED_SHARE`).
     - Error of each joint: white noise that grows with its speed, and a slow drift (white noise, low-passed twice). Both
       grow with the square of the distance, are larger in depth and largest at hands and feet.
-    - A hand or wrist before the torso and any fast joint is now and then guessed: confidence 0.5, four times the error.
-    - Single joints of the limbs stray for a frame or two, unannounced, or are lost for 3 to 15 frames.
+    - A hand or wrist in front of the torso, and any fast joint may be guessed: confidence 0.5, 4 times the error.
+    - Single joints of the limbs are outliers for a frame or two, with full confidence, or lost for 3 to 15 frames.
 
     The magnitudes were measured on real Kinect v1 clips (two of MSRC-12, 2,307 frames at 2.3-3.2 m, and one longer
     recording, 2,419 frames at 2.4-4.0 m) and keep to the middle of their range. Against a cubic fitted to 9 frames,
     joints slower than 0.15 m/s jitter by a robust σ of 0.2-0.3 mm (trunk), 0.4-1.3 mm (elbows, wrists), 0.6-1.8 mm
     (hands), 0.1-1.7 mm (knees, ankles) and 0.3-4.0 mm (feet, depth 1.5 to 1.7 times x); faster than 0.8 m/s, elbows,
     wrists and hands by 3-15 mm. Standing feet and ankles wander by 1.3-5.8 mm in half a second. Up to 3.4 % of a hand's
-    positions lie over 60 mm off that cubic. Intervals between frames spread by 3.2-3.8 ms, 0.3-1.2 % of them are longer
-    than 50 ms. Bone lengths vary by 6-13 % of their mean. The SDK's guesses are not marked in these logs; in two
+    positions are over 60 mm from that cubic. Intervals between frames spread by 3.2-3.8 ms; 0.3-1.2 % of them exceed
+    50 ms. Bone lengths vary by 6-13 % of their mean. The SDK's guesses are not marked in these logs; in two
     frontal Kinect v2 clips 0.4 % of the joints are.
 
     Parameters
     ----------
     clip : SkeletonClip
-        With every joint known, at `FRAME_RATE`.
+        All joints are tracked, at `FRAMES_PER_SECOND`.
     seed : int
         The same seed gives the same clip.
     away : float, optional
-        Second from which the whole body is lost for `AWAY` seconds.
+        Time from which the whole body is lost for `ABSENCE_SECONDS`, in seconds.
 
     Returns
     -------
     SkeletonClip
-        Of the same format and user; guesses are `INFERRED`, lost joints `LOST` and NaN.
+        It has the same format and user. Guessed joints are `INFERRED`, lost joints are `LOST` and NaN.
     """
     rng = np.random.default_rng(seed)
     times = _ticks(clip.times, rng)
@@ -91,14 +91,16 @@ def with_kinect_noise(clip: SkeletonClip, seed: int, away: float | None = None) 
     speed = np.linalg.norm(path(times, 1), axis=2)
     limbs = np.array([_kind(joint) in _ERRORS for joint in JOINTS])
 
-    guessed = _episodes(GUESSED_HIDDEN * _before_torso(true) + GUESSED_FAST * (speed > FAST), 3, 8, rng)
-    stray = _episodes(np.full(speed.shape, STRAY) * limbs, 1, 2, rng)
-    lost = _episodes(np.full(speed.shape, DROPPED) * limbs, 3, 15, rng)
+    guessed = _episodes(
+        HIDDEN_GUESS_CHANCE * _before_torso(true) + FAST_GUESS_CHANCE * (speed > FAST_METRES_PER_SECOND), 3, 8, rng
+    )
+    stray = _episodes(np.full(speed.shape, STRAY_CHANCE) * limbs, 1, 2, rng)
+    lost = _episodes(np.full(speed.shape, DROP_CHANCE) * limbs, 3, 15, rng)
     if away is not None:
-        lost[(times >= away) & (times < away + AWAY)] = True
+        lost[(times >= away) & (times < away + ABSENCE_SECONDS)] = True
 
     error = _error(true, speed, rng) * np.where(guessed, GUESS_FACTOR, 1.0)[..., None]
-    error += rng.normal(0.0, STRAY_DISTANCE, true.shape) * stray[..., None]
+    error += rng.normal(0.0, STRAY_METRES, true.shape) * stray[..., None]
     positions = np.where(lost[..., None], np.nan, true + error)
     confidence = np.where(lost, LOST, np.where(guessed, INFERRED, TRACKED)).astype(np.float32)
     return SkeletonClip(clip.format, clip.user, times, positions, confidence)
@@ -109,16 +111,16 @@ def _kind(joint: str) -> str:
 
 
 def _ticks(even: Array, rng: np.random.Generator) -> Array:
-    """Return the times at which a sensor with this clock delivers frames; the first one always."""
-    limit = 3 * TICK_JITTER  # far less than half an interval, so that the order stays
-    times = even + np.clip(rng.normal(0.0, TICK_JITTER, len(even)), -limit, limit)
-    arrives = rng.random(len(even)) >= SKIPPED
+    """Return the times of the frames that arrive; the first frame always does."""
+    limit = 3 * TICK_JITTER_SECONDS  # far less than half an interval, so that the order is kept
+    times = even + np.clip(rng.normal(0.0, TICK_JITTER_SECONDS, len(even)), -limit, limit)
+    arrives = rng.random(len(even)) >= SKIPPED_SHARE
     arrives[0] = True
     return np.clip(times[arrives], even[0], even[-1])
 
 
 def _episodes(chance: Array, shortest: int, longest: int, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Return when (T, 20) something is on that begins with this chance in a frame and lasts so many frames."""
+    """Return a mask (T, 20) of episodes of `shortest` to `longest` frames, which begin with a probability per frame."""
     frame = np.arange(len(chance))[:, None]
     begins = rng.random(chance.shape) < chance
     ends = frame + rng.integers(shortest, longest, chance.shape, endpoint=True)
@@ -143,11 +145,11 @@ def _before_torso(positions: Array) -> NDArray[np.bool_]:
 
 
 def _error(true: Array, speed: Array, rng: np.random.Generator) -> Array:
-    """Return the errors (T, 20, 3) of joints that the sensor sees."""
+    """Return the errors (T, 20, 3) of visible joints."""
     jitter, drift = np.array([_ERRORS.get(_kind(joint), _TRUNK_ERRORS) for joint in JOINTS]).T / 1000
-    white = rng.standard_normal(true.shape) * (jitter + SLUR * speed)[..., None]
-    keep = np.exp(-1 / (FRAME_RATE * DRIFT_TIME))
-    settle = round(10 * DRIFT_TIME * FRAME_RATE)
+    white = rng.standard_normal(true.shape) * (jitter + MOTION_ERROR_SECONDS * speed)[..., None]
+    keep = np.exp(-1 / (FRAMES_PER_SECOND * DRIFT_SECONDS))
+    settle = round(10 * DRIFT_SECONDS * FRAMES_PER_SECOND)
     steps = rng.standard_normal((settle + len(true), *true.shape[1:]))
     unit_variance = np.sqrt((1 - keep**2) ** 3 / (1 + keep**2))
     slow = np.zeros((2 + len(steps), *true.shape[1:]))
@@ -155,6 +157,6 @@ def _error(true: Array, speed: Array, rng: np.random.Generator) -> Array:
         slow[frame + 2] = 2 * keep * slow[frame + 1] - keep**2 * slow[frame] + unit_variance * step
     return (
         (white + slow[2 + settle :] * drift[:, None])
-        * (true[..., 2:] / NOMINAL_DEPTH) ** 2
+        * (true[..., 2:] / NOMINAL_DEPTH_METRES) ** 2
         * np.array([1.0, 1.0, DEPTH_FACTOR])
     )

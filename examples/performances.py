@@ -1,7 +1,7 @@
-"""Performances made by code: a performer before a Kinect acts each of the paper's poses (Section 4.1).
+"""Performances made by code: the poses of the paper (Section 4.1) in front of a Kinect.
 
-A performance is a score, a list of moves for each part of the body (`_SCORES`), in the units of `performer.REST`. It is
-played by a body of constant bones (`clean`) and then seen through a Kinect (`PERFORMANCES`).
+A performance is a list of moves for each part of the body (`_SCRIPTS`), in the units of `performer.REST`. `clean`
+returns the motion of a body with constant bones, and `PERFORMANCES` the same with the noise of a Kinect.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,28 +13,28 @@ import numpy as np
 from capture.clip import SkeletonClip
 from capture.skeleton import TRACKED
 
-from .kinect_noise import FRAME_RATE, with_kinect_noise
-from .performer import REST, Move, played, posed
+from .kinect_noise import FRAMES_PER_SECOND, with_kinect_noise
+from .performer import REST, Move, interpolated, posed
 
 USER = 1
 
 
 @dataclass(frozen=True)
-class _Score:
-    """A performance as it is written down.
+class _Script:
+    """The moves of a performance.
 
     Attributes
     ----------
     duration : float
         Seconds.
     moves : mapping
-        The moves of the parts of `REST` in the order of time; parts that are left out rest.
+        Moves of the parts of `REST` in order of time; omitted parts rest.
     distance : float
-        Metres from the sensor at which the performer begins.
+        Initial distance of the performer from the sensor, in metres.
     seed : int
-        Of the noise; one with which no joint is lost in the first 0.6 s, from which a puppet is calibrated.
+        Seed of the noise, with which no joint is lost in the first 0.6 s, because they calibrate the performer.
     away : float or None
-        Second at which the sensor loses the whole body for a while.
+        Time at which the sensor loses the whole body for a moment, in seconds.
     """
 
     duration: float
@@ -48,11 +48,11 @@ _HANG = REST["hand_left"]
 _STILL = (0.0, 0.0, 0.0)
 
 
-def _kung_fu() -> _Score:
+def _kung_fu() -> _Script:
     """Guard stance, a punch with either hand, a high front kick, a wide sweep of the arms, a bow."""
     guard_left, guard_right = (0.03, 0.14, 0.42), (-0.1, 0.08, 0.28)
     palms = (-0.135, -0.14, 0.3)
-    return _Score(
+    return _Script(
         duration=10.4,
         seed=3,
         moves={
@@ -156,10 +156,10 @@ def _kung_fu() -> _Score:
     )
 
 
-def _lean() -> _Score:
-    """Lean forward, to the right and to the left with small arms as of a dinosaur, and look about."""
+def _lean() -> _Script:
+    """Lean forwards, to the right and to the left with bent arms like a dinosaur, and look around."""
     paw, paw_up = (0.02, -0.27, 0.24), (0.03, -0.16, 0.3)
-    return _Score(
+    return _Script(
         duration=8.4,
         seed=5,
         moves={
@@ -212,10 +212,10 @@ def _lean() -> _Score:
     )
 
 
-def _bow() -> _Score:
+def _bow() -> _Script:
     """Lower the left hand (a Pegasus' head) to the knee and raise it, swish the right (its tail), paw with the feet."""
     head_up = (-0.02, 0.0, 0.47)
-    return _Score(
+    return _Script(
         duration=10.2,
         seed=7,
         moves={
@@ -283,7 +283,7 @@ def _bow() -> _Score:
     )
 
 
-def _bark() -> _Score:
+def _bark() -> _Script:
     """Bark three times, wag the right foot, bark three times: the hands are the jaws, head and trunk jerk along."""
     barks = (1.7, 2.15, 2.6, 4.9, 5.35, 5.8)
 
@@ -292,7 +292,7 @@ def _bark() -> _Score:
 
     crouch, lower, upper = (0.0, -0.12, 0.0), (-0.13, -0.3, 0.38), (-0.13, -0.22, 0.4)
     wags = [(3.45 + 0.2 * k, 3.65 + 0.2 * k, (0.2 if k % 2 == 0 else 0.0, 0.1, -0.05)) for k in range(5)]
-    return _Score(
+    return _Script(
         duration=8.2,
         seed=8,
         moves={
@@ -322,7 +322,7 @@ def _bark() -> _Score:
     )
 
 
-def _walk() -> _Score:
+def _walk() -> _Script:
     """Walk three steps towards the sensor, wave with the right hand, step aside and back again."""
     swing = [(0.95, 1.5, -1), (1.5, 2.1, 1), (2.1, 2.7, -1)]
 
@@ -333,7 +333,7 @@ def _walk() -> _Score:
         middle = (before + after) / 2
         return [(start, start + 0.3, (0.0, 0.11, middle)), (start + 0.3, start + 0.6, (0.0, 0.0, after))]
 
-    return _Score(
+    return _Script(
         duration=9.2,
         distance=3.25,
         seed=9,
@@ -398,7 +398,7 @@ def _walk() -> _Score:
     )
 
 
-_SCORES: dict[str, Callable[[], _Score]] = {
+_SCRIPTS: dict[str, Callable[[], _Script]] = {
     "kung_fu": _kung_fu,
     "lean": _lean,
     "bow": _bow,
@@ -408,7 +408,7 @@ _SCORES: dict[str, Callable[[], _Score]] = {
 
 
 def clean(name: str) -> SkeletonClip:
-    """Return a performance as it was done, before the sensor saw it.
+    """Return a performance without noise.
 
     Bone lengths (`capture.body.TYPICAL_BONE_METRES`) are constant, standing feet do not move and all motion is C².
 
@@ -420,19 +420,19 @@ def clean(name: str) -> SkeletonClip:
     Returns
     -------
     SkeletonClip
-        Of user 1, 30 frames a second from second 0, every joint tracked.
+        User 1 at 30 frames per second from time 0, with all joints tracked.
     """
-    score = _SCORES[name]()
-    times = np.arange(round(score.duration * FRAME_RATE) + 1) / FRAME_RATE
-    parts = {part: played(score.moves.get(part, ()), rest, times) for part, rest in REST.items()}
-    positions = posed(parts, score.distance)
+    script = _SCRIPTS[name]()
+    times = np.arange(round(script.duration * FRAMES_PER_SECOND) + 1) / FRAMES_PER_SECOND
+    parts = {part: interpolated(script.moves.get(part, ()), rest, times) for part, rest in REST.items()}
+    positions = posed(parts, script.distance)
     return SkeletonClip("demo", USER, times, positions, np.full(positions.shape[:2], TRACKED, dtype=np.float32))
 
 
 def _recorded(name: str) -> SkeletonClip:
-    score = _SCORES[name]()
-    return with_kinect_noise(clean(name), score.seed, score.away)
+    script = _SCRIPTS[name]()
+    return with_kinect_noise(clean(name), script.seed, script.away)
 
 
-PERFORMANCES: dict[str, Callable[[], SkeletonClip]] = {name: partial(_recorded, name) for name in _SCORES}
-"""The performances as a Kinect recorded them, each made when it is called for, by the same name as in `clean`."""
+PERFORMANCES: dict[str, Callable[[], SkeletonClip]] = {name: partial(_recorded, name) for name in _SCRIPTS}
+"""Functions that return the performances with the noise of a Kinect, by name."""

@@ -1,7 +1,7 @@
-"""The body of a performer made by code: constant bones, posed by a few parts that a score moves.
+"""The body of a simulated performer: bones of constant length, posed by the moves of a few parts.
 
-The bones are those of `capture.body.TYPICAL_BONE_METRES`. A part's values are metres as (out, up, forward), *out* away
-from the middle of the body on either side, or degrees as (forward, right, turn): bending forward, leaning to the
+The bones are those of `capture.body.TYPICAL_BONE_METRES`. A part's values are metres as (out, up, forward), with *out*
+away from the middle of the body on either side, or degrees as (forward, right, turn): bending forwards, leaning to the
 performer's right, turning to the right.
 """
 
@@ -17,28 +17,28 @@ from capture.skeleton import JOINTS
 
 Array = NDArray[np.float64]
 Move = tuple[float, float, tuple[float, ...]]
-"""From which second to which second a part moves, and where to. Between its moves it holds still."""
+"""Start and end of a move in seconds, and its target. Between its moves a part is still."""
 
 SIDES = {"left": -1.0, "right": 1.0}
-"""Which way is *out* along the sensor's x axis."""
+"""Sign of *out* along the sensor's x axis."""
 
 FLOOR = -1.0
-"""Height of the floor below a sensor on a table, metres."""
+"""Height of the floor relative to a sensor on a table, in metres."""
 ANKLE_REST = (0.115, 0.09, 0.0)
-"""(out, up, forward) of a standing ankle from the point on the floor between the feet."""
+"""Position (out, up, forward) of a standing ankle relative to the point on the floor between the feet."""
 HIPS_REST = 1.0
-"""Height of `hip_center` above the floor: the knees not quite straight, so that the weight can be shifted."""
+"""Height of `hip_center` above the floor, with slightly bent knees, so that the weight can be shifted."""
 
 SHOULDER = (0.82, -0.57, -0.03)
 HIP = (0.74, -0.67, 0.0)
 FOOT = (0.15, -0.68, 0.72)
-"""Directions, (out, up, forward), of the bones to the shoulders, the hips and the feet, as a Kinect places them."""
+"""Directions (out, up, forward) of the bones to the shoulders, the hips and the feet, as of a Kinect."""
 NECK = (0.0, 0.99, 0.1)
 """Direction of the bone from between the shoulders to the head."""
 ELBOW = (0.3, -0.8, -0.45)
-"""To which side an elbow bends, as seen from the chest."""
+"""Direction in which an elbow bends, relative to the chest."""
 KNEE_HINGE = (1.0, 0.0, 0.15)
-"""Axis of a knee that points a little outward, as seen from the pelvis."""
+"""Axis of a knee that points slightly outwards, relative to the pelvis."""
 
 REST: dict[str, tuple[float, ...]] = {
     "hips": (0.0, 0.0, 0.0),
@@ -52,18 +52,18 @@ REST: dict[str, tuple[float, ...]] = {
     "foot_left": (0.0, 0.0, 0.0),
     "foot_right": (0.0, 0.0, 0.0),
 }
-"""The parts that a score moves, and the neutral pose in which every performance begins and ends.
+"""The parts of the body, and the neutral pose in which every performance begins and ends.
 
-hips : metres (right, up, forward) from where the hips stand at rest.
+hips : metres (right, up, forward) from the position of the hips at rest.
 pelvis, trunk, head : degrees (forward, right, turn), the trunk on the pelvis and the head on the trunk.
-hand_… : metres (out, up, forward) from its own shoulder, turning with the trunk.
-ankle_… : metres (out, up, forward) from where it stands at rest.
+hand_… : metres (out, up, forward) from the shoulder, relative to the trunk.
+ankle_… : metres (out, up, forward) from its position at rest.
 foot_… : degrees (forward, right, turn); forward is toes down.
 """
 
 
-def played(moves: Sequence[Move], rest: tuple[float, ...], times: Array) -> Array:
-    """Play the moves of one part: C², exactly still between moves, with no stop where one move meets the next.
+def interpolated(moves: Sequence[Move], rest: tuple[float, ...], times: Array) -> Array:
+    """Interpolate the moves of one part: C², still between moves, without a stop between adjacent moves.
 
     Quintic Hermite pieces from key to key, with the slopes of Fritsch and Butland's monotone interpolation (PCHIP) and
     no acceleration at the keys.
@@ -71,9 +71,9 @@ def played(moves: Sequence[Move], rest: tuple[float, ...], times: Array) -> Arra
     Parameters
     ----------
     moves : sequence of Move
-        In the order of time. One that would begin before its predecessor's end begins there.
+        In order of time. A move begins no earlier than the end of its predecessor.
     rest : tuple of 3 floats
-        Where the part is until its first move; its entry in `REST`.
+        Value of the part until its first move: its entry in `REST`.
     times : (T,) float64
         Seconds, increasing, from 0 or later to the end of the last move or later.
 
@@ -90,7 +90,7 @@ def played(moves: Sequence[Move], rest: tuple[float, ...], times: Array) -> Arra
     keys.append((float(times[-1]) + 1.0, keys[-1][1]))
     at = np.array([time for time, _ in keys])
     values = np.array([value for _, value in keys])
-    # The slopes of a monotone interpolation keep a move from overshooting its end.
+    # the slopes of a monotone interpolation prevent overshooting
     slopes = PchipInterpolator(at, values)(at, 1)
     return BPoly.from_derivatives(at, np.stack([values, slopes, np.zeros_like(values)], axis=1))(times)
 
@@ -106,7 +106,7 @@ def _bone(direction: tuple[float, ...], joint: str) -> Array:
 
 
 def _bent(root: Array, end: Array, upper: float, lower: float, toward: Array) -> Array:
-    """Return the joint (T, 3) between two bones from root to end, bent to the side that `toward` points to."""
+    """Return the joint (T, 3) between two bones from root to end, which bends in the direction `toward`."""
     along = end - root
     distance = np.linalg.norm(along, axis=1, keepdims=True)
     if np.any(distance >= upper + lower):
@@ -119,34 +119,34 @@ def _bent(root: Array, end: Array, upper: float, lower: float, toward: Array) ->
     return root + forward * along + np.sqrt(upper**2 - forward**2) * aside
 
 
-def _within_reach(wish: Array, length: float) -> Array:
-    """Draw hand positions (T, 3) from the shoulder smoothly in, so that the elbow never locks."""
-    distance = np.linalg.norm(wish, axis=1, keepdims=True)
-    return wish / (1 + (distance / length) ** 20) ** (1 / 20)
+def _within_reach(target: Array, length: float) -> Array:
+    """Limit hand positions (T, 3) relative to the shoulder smoothly, so that the elbow stays bent."""
+    distance = np.linalg.norm(target, axis=1, keepdims=True)
+    return target / (1 + (distance / length) ** 20) ** (1 / 20)
 
 
 def posed(parts: Mapping[str, Array], distance: float) -> Array:
-    """Pose the whole body of a performer who stands before the sensor, facing it.
+    """Return the joints of a performer who faces the sensor.
 
-    Hips, trunk and head follow from root to tip. Hands and ankles are placed; elbows and knees lie where two bones of
-    known length meet between them and shoulders and hips, the forearm and the hand counting as one bone.
+    Hips, trunk and head are computed from root to tip. Hands and ankles have given positions. Elbows and knees are at
+    the place where two bones of known length meet; forearm and hand count as one bone.
 
     Parameters
     ----------
     parts : mapping
         For each part of `REST` its values (T, 3) float64, in the units given there.
     distance : float
-        Metres from the sensor to where the feet stand at rest.
+        Distance from the sensor to the feet at rest, in metres.
 
     Returns
     -------
     (T, 20, 3) float64
-        Joints in the sensor frame (see `capture.skeleton`), metres. A hand beyond the arm's reach is drawn in.
+        Joints in sensor coordinates (see `capture.skeleton`), in metres. Hands stay within the reach of the arms.
 
     Raises
     ------
     ValueError
-        If an ankle is out of the leg's reach.
+        An ankle is out of reach of its leg.
     """
     spot = np.array([0.0, FLOOR, distance])
     ahead = np.array([1.0, 1.0, -1.0])
@@ -164,8 +164,8 @@ def posed(parts: Mapping[str, Array], distance: float) -> Array:
 
         shoulder = joints["shoulder_center"] + chest.apply(_bone(SHOULDER, "shoulder") * out)
         forearm = typical_bone_length("wrist") + typical_bone_length("hand")
-        wish = _within_reach(parts[f"hand_{side}"], typical_bone_length("elbow") + forearm)
-        hand = shoulder + chest.apply(wish * out)
+        target = _within_reach(parts[f"hand_{side}"], typical_bone_length("elbow") + forearm)
+        hand = shoulder + chest.apply(target * out)
         elbow = _bent(shoulder, hand, typical_bone_length("elbow"), forearm, chest.apply(np.array(ELBOW) * out))
         joints |= {f"shoulder_{side}": shoulder, f"elbow_{side}": elbow, f"hand_{side}": hand}
         joints[f"wrist_{side}"] = elbow + (hand - elbow) * (typical_bone_length("wrist") / forearm)

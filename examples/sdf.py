@@ -1,9 +1,9 @@
 """Solid shapes as signed distances: negative inside, zero on the surface, positive outside.
 
 A `Shape` is a function of points and a box that encloses its surface. Distances of the exact primitives are Euclidean;
-those of `ellipsoid`, `stretch` and smooth combinations are close to Euclidean near the surface, which is all that
-meshing needs. Blends are the quadratic polynomial smooth minimum: the surfaces of two shapes closer than `blend` flow
-into one another, anything further apart is left exactly as it is.
+those of `ellipsoid`, `stretch` and smooth combinations are close to Euclidean near the surface, which suffices for
+meshing. Blends are the quadratic polynomial smooth minimum: the surfaces of two shapes blend where they are closer than
+`blend`, and are exact elsewhere.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,13 +34,13 @@ class Shape:
     high: Array
 
     def within(self, points: Array, reach: Array) -> NDArray[np.intp]:
-        """Return indices of points in the box or less than `reach` (n,) away: the solid is further from the others."""
+        """Return the indices of points in the box or less than `reach` (n,) away; all others are farther away."""
         return np.flatnonzero(_nearer(points, self.low, self.high, reach))
 
 
 @compiled
 def _nearer(points: Array, low: Array, high: Array, reach: Array) -> NDArray[np.bool_]:
-    """Which points are in a box or less than `reach` away from it."""
+    """Return which points are in a box or less than `reach` away from it."""
     result = np.empty(len(points), np.bool_)
     for i in range(len(points)):
         square = 0.0
@@ -176,7 +176,7 @@ def blade(
 
 
 def union(shapes: Sequence[Shape], blend: float = 0.0) -> Shape:
-    """All of several shapes, blended in the order in which they stand."""
+    """Return the union of shapes, blended in order."""
 
     def distance(p: Array) -> Array:
         total = shapes[0].distance(p)
@@ -190,12 +190,12 @@ def union(shapes: Sequence[Shape], blend: float = 0.0) -> Shape:
 
 
 def subtract(shape: Shape, tool: Shape, blend: float = 0.0) -> Shape:
-    """Return what is left of a shape once the tool is cut away."""
+    """Return a shape without the tool."""
     return Shape(lambda p: -smooth_minimum(-shape.distance(p), tool.distance(p), blend), shape.low, shape.high)
 
 
 def intersect(shape: Shape, other: Shape, blend: float = 0.0) -> Shape:
-    """Return what two shapes have in common."""
+    """Return the intersection of two shapes."""
 
     def distance(p: Array) -> Array:
         return -smooth_minimum(-shape.distance(p), -other.distance(p), blend)
@@ -227,14 +227,14 @@ def tube(points: ArrayLike, samples: int = 4) -> Shape:
 
 
 def half_space(point: ArrayLike, normal: ArrayLike, size: float = 100.0) -> Shape:
-    """Everything behind a plane, as far as `size` from its point."""
+    """Half-space behind a plane, up to `size` from its point."""
     c, n = np.asarray(point, float), np.asarray(normal, float)
     n = n / np.linalg.norm(n)
     return Shape(lambda p: (p - c) @ n, c - size, c + size)
 
 
 def mirror(shape: Shape) -> Shape:
-    """Return the shape at its character's left (x > 0) and its image at the right."""
+    """Return the shape on the character's left (x > 0) and its mirror image on the right."""
 
     def distance(p: Array) -> Array:
         return shape.distance(np.column_stack([np.abs(p[:, 0]), p[:, 1:]]))
@@ -244,7 +244,7 @@ def mirror(shape: Shape) -> Shape:
 
 
 def stretch(shape: Shape, factors: ArrayLike, center: ArrayLike) -> Shape:
-    """Return the shape scaled by a factor an axis about a centre; distances are scaled by the smallest factor."""
+    """Return the shape scaled by one factor per axis about a centre; distances are scaled by the smallest factor."""
     f, c = np.asarray(factors, float), np.asarray(center, float)
     return Shape(lambda p: shape.distance((p - c) / f + c) * f.min(), (shape.low - c) * f + c, (shape.high - c) * f + c)
 
@@ -261,5 +261,5 @@ def move(
 
 
 def displace(shape: Shape, height: Callable[[Array], Array], amplitude: float) -> Shape:
-    """Return the shape with its surface raised by height(points), at most `amplitude` either way."""
+    """Return the shape with its surface raised by height(points), whose absolute value is at most `amplitude`."""
     return Shape(lambda p: shape.distance(p) - height(p), shape.low - amplitude, shape.high + amplitude)

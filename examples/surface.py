@@ -1,8 +1,8 @@
-"""From a signed distance to a closed triangle mesh with a wanted number of vertices and well-shaped triangles.
+"""Closed triangle meshes of signed distances, with a given number of vertices and well-shaped triangles.
 
-Cells near the surface are found coarse to fine and marched; the surplus of vertices is collapsed, shortest edges first,
-which removes the slivers of marching cubes first. Rounds of edge flips towards valence 6 and tangential smoothing
-follow (the isotropic remeshing of Botsch and Kobbelt 2004 without its splits), each ending on the surface again.
+Marching cubes in the cells near the surface, which are found from coarse to fine, make too many vertices. The shortest
+edges are collapsed first, which removes slivers. Rounds of edge flips towards valence 6 and tangential smoothing follow
+(isotropic remeshing of Botsch and Kobbelt 2004 without splits); each round projects the vertices onto the surface.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,20 +18,20 @@ from .sdf import Array
 Faces = NDArray[np.int64]
 Distance = Callable[[Array], Array]
 
-SURPLUS = 1.5
-"""Vertices marched for each one wanted."""
-ROUNDS = 6
-"""Of flipping and smoothing."""
-SLACK = 2.0
-"""How much a distance may overestimate, warps included, before a cell that the surface crosses could be missed."""
+VERTEX_SURPLUS = 1.5
+"""Ratio of the vertices of marching cubes to those of the result."""
+REMESHING_ROUNDS = 6
+"""Number of rounds of flipping and smoothing."""
+DISTANCE_SLACK = 2.0
+"""Largest factor by which distances, warps included, may overestimate without missing a cell that is crossed."""
 
 
 @dataclass(frozen=True)
 class Focus:
-    """A region that deserves smaller triangles: `zoom` times as fine at its centre, like the rest beyond two radii.
+    """A region with smaller triangles: `zoom` times as fine at its centre, and as elsewhere beyond two radii.
 
-    Meshing happens in a space where the region is swollen; `apply` leads from there to the character's space. Near the
-    centre it divides by `zoom`, and the Gaussian lets it fade.
+    The mesh is made in a space in which the region is enlarged; `apply` maps its points to the character's space. Near
+    the centre it divides by `zoom`, and a Gaussian reduces the effect with the distance.
     """
 
     center: tuple[float, float, float]
@@ -39,7 +39,7 @@ class Focus:
     zoom: float
 
     def apply(self, points: Array) -> Array:
-        """Points (n, 3) of the swollen space in the character's space."""
+        """Return points (n, 3) of the enlarged space in the character's space."""
         local = points - np.array(self.center)
         shrink = (1.0 - 1.0 / self.zoom) * np.exp(-np.einsum("ij,ij->i", local, local) / (2.0 * self.radius**2))
         return points - shrink[:, None] * local
@@ -59,9 +59,9 @@ def mesh(distance: Distance, low: Array, high: Array, vertices: int, foci: Seque
     low, high : (3,) float64
         A box that encloses the surface.
     vertices : int
-        How many vertices the mesh shall have; met exactly where collapsing succeeds.
+        Number of vertices of the mesh; met exactly if all collapses succeed.
     foci : sequence of Focus
-        Where triangles shall be smaller.
+        Regions with smaller triangles.
 
     Returns
     -------
@@ -75,28 +75,28 @@ def mesh(distance: Distance, low: Array, high: Array, vertices: int, foci: Seque
             points = focus.apply(points)
         return points
 
-    def swollen(points: Array) -> Array:
+    def enlarged(points: Array) -> Array:
         return distance(warp(points))
 
     swell = sum(focus.swell() for focus in foci)
     low, extent = low - swell, float((high - low).max()) + 2 * swell
-    v, f = _march(swollen, low, extent, extent / 64)
+    v, f = _march(enlarged, low, extent, extent / 64)
     area = float(igl.doublearea(v, f).sum()) / 2
-    # Marching a plane gives |n_x| + |n_y| + |n_z| vertices a cell face: 3/2 on average over all directions.
-    v, f = _march(swollen, low, extent, float(np.sqrt(1.5 * area / (SURPLUS * vertices))))
-    genus_faces = len(f) - 2 * len(v)  # −2 χ, which collapsing keeps
+    # marching a plane makes |n_x| + |n_y| + |n_z| vertices per cell face: 3/2 on average over all directions
+    v, f = _march(enlarged, low, extent, float(np.sqrt(1.5 * area / (VERTEX_SURPLUS * vertices))))
+    genus_faces = len(f) - 2 * len(v)  # −2 χ, which edge collapses preserve
     v, f, _, _ = igl.decimate(np.asfortranarray(v), np.asfortranarray(f.astype(np.int32)), 2 * vertices + genus_faces)
     f = np.ascontiguousarray(f)
     edge = float(igl.avg_edge_length(v, f))
-    for _ in range(ROUNDS):
+    for _ in range(REMESHING_ROUNDS):
         for _ in range(3):
             f = _flip(v, f)
-        v = _project(swollen, _smooth(v, f, 3), f, edge / 2)
-    return warp(_project(swollen, v, f, edge / 2)), f
+        v = _project(enlarged, _smooth(v, f, 3), f, edge / 2)
+    return warp(_project(enlarged, v, f, edge / 2)), f
 
 
 def _march(distance: Distance, low: Array, extent: float, step: float) -> tuple[Array, Faces]:
-    """Marching cubes on the cells of size `step` that the surface may cross."""
+    """Run marching cubes on the cells of size `step` that the surface may cross."""
     margin = 2 * step
     depth = int(np.ceil(np.log2((extent + 2 * margin) / step)))
     origin = low - margin
@@ -104,7 +104,7 @@ def _march(distance: Distance, low: Array, extent: float, step: float) -> tuple[
     cells = np.stack(np.meshgrid(*[np.arange(2**start)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     for level in range(start, depth + 1):
         size = step * 2 ** (depth - level)
-        crossed = np.abs(distance(origin + (cells + 0.5) * size)) < SLACK * np.sqrt(0.75) * size
+        crossed = np.abs(distance(origin + (cells + 0.5) * size)) < DISTANCE_SLACK * np.sqrt(0.75) * size
         cells = cells[crossed]
         if level < depth:
             children = np.stack(np.meshgrid(*[np.arange(2)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -112,14 +112,14 @@ def _march(distance: Distance, low: Array, extent: float, step: float) -> tuple[
     corners, index, _ = igl.unique_sparse_voxel_corners(origin, step, depth, cells)
     positions = origin + corners * step
     v, f, _ = igl.marching_cubes(distance(positions), positions, index, 0.0)
-    component = igl.facet_components(f)[1]  # of them, all but the largest are pockets closed inside the solid
+    component = igl.facet_components(f)[1]  # all but the largest are closed cavities inside the solid
     f = f[component == np.bincount(component).argmax(), ::-1]
     used, f = np.unique(f, return_inverse=True)
     return v[used], f.reshape(-1, 3)
 
 
 def _flip(v: Array, f: Faces) -> Faces:
-    """Flip edges, no two in touch, where that brings the valences around a near-flat pair of triangles closer to 6."""
+    """Flip edges, none adjacent, if that brings the valences around two almost coplanar triangles closer to 6."""
     f = f.copy()
     ends = f[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     key = ends.min(axis=1) * len(v) + ends.max(axis=1)
@@ -159,7 +159,7 @@ def _normals(v: Array, a: Faces, b: Faces, c: Faces) -> Array:
 
 
 def _quality(v: Array, a: Faces, b: Faces, c: Faces) -> Array:
-    """Area over the sum of squared edges (n,), the same for all sizes."""
+    """Return the ratio of area to the sum of squared edges (n,), which does not depend on size."""
     ab, bc, ca = v[b] - v[a], v[c] - v[b], v[a] - v[c]
     squares = sum(np.einsum("ij,ij->i", e, e) for e in (ab, bc, ca))
     return np.linalg.norm(np.cross(ab, ca), axis=1) / np.maximum(squares, 1e-300)
@@ -178,7 +178,7 @@ def _smooth(v: Array, f: Faces, rounds: int) -> Array:
 
 
 def _project(distance: Distance, v: Array, f: Faces, reach: float) -> Array:
-    """One secant step along the normals to the zero level, no longer than `reach`."""
+    """Move vertices along their normals by one secant step to the zero level, at most `reach`."""
     normal = igl.per_vertex_normals(v, f)
     width = 0.1 * reach
     value = distance(v)

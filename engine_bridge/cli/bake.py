@@ -24,7 +24,7 @@ from engine_bridge.cli.progress import progress
 @click.option(
     "--tolerance",
     type=Finite(0, 1, min_open=True),
-    help="Largest error of a vertex, as a fraction of the character's diagonal.",
+    help="Largest error of a vertex, as a fraction of the character's diagonal.  [default: 0.002]",
 )
 @options.as_json
 def bake(

@@ -12,7 +12,7 @@ from engine_bridge.cli.progress import progress
 @click.command()
 @click.argument("characters", nargs=-1, metavar="[CHARACTER]...")
 @click.option("-o", "--output", default="out", show_default=True, type=FILE, help="Folder for all files.")
-@click.option("--live", is_flag=True, help="Stream the characters in a loop, as puppetline serve does.")
+@click.option("--live", is_flag=True, help="Stream the characters in a loop instead of converting them.")
 def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
     """Animate example characters.
 

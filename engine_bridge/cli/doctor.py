@@ -10,7 +10,9 @@ from engine_bridge.cli.options import FILE
 
 @click.command()
 @click.option("--source", "sources", multiple=True, metavar="URI", help="Source that must work here. Can be repeated.")
-@click.option("--takes", type=FILE, metavar="FOLDER", help="Folder that takes must fit into.  [default: takes]")
+@click.option(
+    "--takes", type=FILE, metavar="FOLDER", help="Folder for takes, which must be writable.  [default: takes]"
+)
 @options.as_json
 def doctor(sources: tuple[str, ...], takes: Path | None, as_json: bool) -> None:
     """Report what works on this machine.

@@ -18,7 +18,7 @@ from engine_bridge.cli.options import FILE, Finite
     help="What to receive: controls, morphs, vertices, vertices16, joints, handles or performer. Can be repeated.  "
     "[default: controls]",
 )
-@click.option("--seconds", type=Finite(0, min_open=True), help="Duration.  [default: until Ctrl-C]")
+@click.option("--seconds", type=Finite(0, min_open=True), help="Duration in seconds.  [default: until Ctrl-C]")
 @click.option("--token-file", type=FILE, help="The token that the service requires.")
 @options.as_json
 def listen(
@@ -31,7 +31,7 @@ def listen(
 ) -> None:
     """Measure what a client of the service at ADDRESS receives.
 
-    It reports rates, latency and gaps.
+    It reports rates, latency and gaps. The default ADDRESS is 127.0.0.1:7400.
     """
     from dataclasses import asdict
 

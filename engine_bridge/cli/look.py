@@ -25,7 +25,7 @@ STATUS_PERIOD_SECONDS = 0.2
 @click.option(
     "--seconds",
     type=Finite(0, min_open=True),
-    help="Duration.  [default: 3 from the first data; with --live until Ctrl-C]",
+    help="Duration in seconds.  [default: 3 from the first data; with --live until Ctrl-C]",
 )
 @options.as_json
 def look(source: str, output: Path | None, live: bool, seconds: float | None, as_json: bool) -> None:

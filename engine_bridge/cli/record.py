@@ -12,7 +12,9 @@ from engine_bridge.cli.options import Finite
 @click.command()
 @options.source
 @options.output("The take to write.")
-@click.option("--seconds", type=Finite(0, min_open=True), help="Duration of the take.  [default: until Ctrl-C]")
+@click.option(
+    "--seconds", type=Finite(0, min_open=True), help="Duration of the take in seconds.  [default: until Ctrl-C]"
+)
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @options.as_json
 def record(source: str, output: Path, seconds: float | None, force: bool, as_json: bool) -> None:

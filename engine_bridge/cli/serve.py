@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--config", type=FILE, metavar="SERVICE.toml", help="Service file; replaces the options it has keys for.")
+@click.option("--config", type=FILE, metavar="SERVICE.toml", help="Service file, instead of options.")
 @click.option("--puppet", "puppets", multiple=True, type=FILE, help="Puppet file of a character. Can be repeated.")
 @click.option(
     "--source",
@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     help="Port of the stream; the control socket uses the next port.  [default: 7400]",
 )
 @click.option("--token-file", type=FILE, help="Token that clients must send; puppetline token FILE writes one.")
-@click.option("--osc", "targets", multiple=True, metavar="HOST:PORT", help="Also send OSC there. Can be repeated.")
+@click.option(
+    "--osc", "targets", multiple=True, metavar="HOST:PORT", help="Also send OSC to this address. Can be repeated."
+)
 @click.option("--osc-rate", type=Finite(1, 1000), help="Frames per second for each OSC receiver.  [default: 30]")
 @click.option("--takes", type=FILE, metavar="FOLDER", help="Folder that takes are recorded to.  [default: takes]")
 @click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Port for Prometheus, on loopback only.")

@@ -1,4 +1,4 @@
-"""The five characters that Puppetline shows, sized in vertices like those of the paper's Table 1."""
+"""The five example characters, with as many vertices as those of the paper's Table 1."""
 
 from collections.abc import Callable
 
@@ -14,4 +14,4 @@ CHARACTERS: dict[str, Callable[[], Character]] = {
     "dog": dog.build,
     "human": human.build,
 }
-"""Name to the function that makes it; the same bytes each time."""
+"""Functions that make the characters, by name; each returns the same bytes every time."""

@@ -23,7 +23,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, cast
+from .character import Character, mesh_figure
 
 STEEL = (0.33, 0.37, 0.43)
 BRIGHT = (0.60, 0.64, 0.70)
@@ -41,7 +41,7 @@ HIP, KNEE, ANKLE = np.array([0.125, 0.98, 0.0]), np.array([0.165, 0.55, 0.02]), 
 def frustum(
     a: ArrayLike, b: ArrayLike, radius_a: float, radius_b: float, depth: float = 1.0, edge: float = 0.006
 ) -> Shape:
-    """Cone cut flat at a and b, its edges rounded, its depth scaled."""
+    """Return a cone that is cut flat at a and b, with rounded edges and a scaled depth."""
     start, end = np.asarray(a, float), np.asarray(b, float)
     axis, growth = end - start, radius_b - radius_a
     more = 1.0 if abs(growth) < min(radius_a, radius_b) else 0.9 * min(radius_a, radius_b) / abs(growth)
@@ -127,7 +127,7 @@ def _cuirass() -> list[Part]:
 
 
 def _pauldrons() -> list[Part]:
-    """Three lames that overlap downwards, the uppermost with a gilded rim."""
+    """Make three lames that overlap downwards, the uppermost with a gilded rim."""
     down = (ELBOW - SHOULDER) / np.linalg.norm(ELBOW - SHOULDER)
     parts = []
     for i, (offset, width, height) in enumerate([(0.115, 0.098, 0.052), (0.070, 0.112, 0.066), (0.012, 0.128, 0.092)]):
@@ -287,7 +287,7 @@ def _helmet() -> list[Part]:
 
 
 def _plume() -> list[Part]:
-    """Falls back from the crown, its tip to the left."""
+    """Make a plume that falls back from the crown, with its tip to the left."""
 
     def barbs(p: Array) -> Array:
         return 0.005 * np.sin(120.0 * (p[:, 1] - 0.8 * p[:, 2]))
@@ -307,7 +307,7 @@ def _plume() -> list[Part]:
 
 
 def _worn(points: Array, colors: Array) -> Array:
-    """Steel that is darker below, as if it mirrored the ground."""
+    """Darken the lower side of steel, as if it reflected the ground."""
     weight = np.clip((0.9 - points[:, 1]) / 1.2, 0.0, 0.45)
     return colors + weight[:, None] * (np.array(SHADOW) * colors / 0.45 - colors)
 
@@ -330,4 +330,4 @@ def build() -> Character:
         Focus((0.75, 0.92, 0.11), 0.12, 1.4),
         Focus((-0.75, 0.92, 0.11), 0.12, 1.4),
     ]
-    return cast("biped", Figure(steps), 60_000, foci)
+    return mesh_figure("biped", Figure(steps), 60_000, foci)

@@ -1,4 +1,4 @@
-"""What a character is, and how a figure becomes one."""
+"""Characters, and their meshes made from figures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from ..surface import Focus, mesh
 
 @dataclass(frozen=True)
 class Character:
-    """A coloured closed surface: metres, y up, its face towards +z, its right side at −x, its feet at y = 0.
+    """A coloured closed surface in metres: y up, facing +z, its right side at −x, its feet at y = 0.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ class Character:
     colors: NDArray[np.float32]
 
 
-def cast(name: str, figure: Figure, vertices: int, foci: Sequence[Focus] = ()) -> Character:
-    """Mesh a figure with the wanted number of vertices and colour them."""
+def mesh_figure(name: str, figure: Figure, vertices: int, foci: Sequence[Focus] = ()) -> Character:
+    """Return the mesh of a figure with a given number of coloured vertices."""
     v, f = mesh(figure.distance, *figure.bounds(), vertices, foci)
     return Character(name, v, f, _smooth_colors(figure, v, f).astype(np.float32))
 
 
 def _smooth_colors(figure: Figure, v: NDArray[np.float64], f: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Colours (n, 3), half the vertex's own and half those of the triangles around it, for smooth boundaries."""
+    """Return colours (n, 3): the mean of the vertex's and the surrounding triangles' colours, for smooth boundaries."""
     around = figure.colors(v[f].mean(axis=1))
     count = np.bincount(f.ravel(), minlength=len(v))
     mean = np.stack([np.bincount(f.ravel(), np.repeat(c, 3), len(v)) / count for c in around.T], axis=1)

@@ -5,7 +5,7 @@ import numpy as np
 from ..figure import Figure, Part, Pattern, both
 from ..sdf import Array, curve, ellipsoid, half_space, round_cone, sphere, stretch, tube, turn
 from ..surface import Focus
-from .character import Character, cast
+from .character import Character, mesh_figure
 
 SKIN = (0.10, 0.34, 0.16)
 DARK = (0.03, 0.15, 0.10)
@@ -19,7 +19,7 @@ EYE = (0.90, 0.62, 0.05)
 BLACK = (0.005, 0.005, 0.005)
 WHITE = (1.0, 1.0, 1.0)
 
-# Rows (x, y, z, radius) from the tip of the tail, which curls to the left, to the back of the head.
+# rows (x, y, z, radius) from the tip of the tail, which curls to the left, to the back of the head
 SPINE = [
     (0.42, 1.12, -2.22, 0.03),
     (0.34, 1.05, -1.95, 0.06),
@@ -35,14 +35,14 @@ SPINE = [
 
 
 def _along_spine(points: Array) -> tuple[Array, Array]:
-    """Nearest station (n, 4) of the spine as seen from the side, and height (n,) above it in its radii."""
+    """Return the nearest row (n, 4) of the spine as seen from the side, and the height (n,) above it in its radii."""
     spine = curve(SPINE, 8)
     nearest = spine[np.argmin(np.linalg.norm(points[:, None, 1:] - spine[None, :, 1:3], axis=2), axis=1)]
     return nearest, (points[:, 1] - nearest[:, 1]) / nearest[:, 3]
 
 
 def _belly(points: Array, colors: Array) -> Array:
-    """Pale below, from the lower jaw to the tip of the tail; where the neck rises, the pale side is the front."""
+    """Colour the underside pale, from the lower jaw to the tip of the tail, and the front of the neck."""
     nearest, height = _along_spine(points)
     front = (points[:, 2] - nearest[:, 2]) / nearest[:, 3] * np.clip(nearest[:, 2] - 0.2, 0.0, 0.8)
     pale = np.clip((front - height - 0.3) / 0.25, 0.0, 1.0)
@@ -50,7 +50,7 @@ def _belly(points: Array, colors: Array) -> Array:
 
 
 def _bands(points: Array, colors: Array) -> Array:
-    """Darker bands across the back."""
+    """Colour darker bands across the back."""
     _, height = _along_spine(points)
     wave = np.clip(3.0 * np.sin(11.0 * (points[:, 2] - 0.25 * points[:, 1])), 0.0, 1.0)
     dark = 0.9 * wave * np.clip((height + 0.1) / 0.35, 0.0, 1.0)
@@ -58,7 +58,7 @@ def _bands(points: Array, colors: Array) -> Array:
 
 
 def _ridge() -> list[Part]:
-    """Plates along the spine, tallest over the back."""
+    """Make plates along the spine, the tallest over the back."""
     stations = curve(SPINE, 12)
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(stations[:, :3], axis=0), axis=1))])
     parts = []
@@ -165,4 +165,4 @@ def build() -> Character:
         *_face(),
         Part(half_space((0, 0, 0), (0, 1, 0)), DARK, 0.01, "carve"),
     ]
-    return cast("dinosaur", Figure(steps), 14_000, [Focus((0, 2.3, 1.45), 0.5, 2.0)])
+    return mesh_figure("dinosaur", Figure(steps), 14_000, [Focus((0, 2.3, 1.45), 0.5, 2.0)])

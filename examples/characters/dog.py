@@ -1,11 +1,11 @@
-"""A young dog with a collar, 0.6 m at the withers, waiting for something to happen."""
+"""A young dog with a collar, 0.6 m at the withers."""
 
 import numpy as np
 
 from ..figure import Figure, Part, Pattern, both
 from ..sdf import Array, ellipsoid, half_space, round_cone, sphere, stretch, torus, tube, turn
 from ..surface import Focus
-from .character import Character, cast
+from .character import Character, mesh_figure
 
 COAT = (0.48, 0.21, 0.065)
 DARK = (0.10, 0.04, 0.016)
@@ -60,7 +60,7 @@ def _legs() -> list[Part]:
 
 
 def _tail() -> Part:
-    """Carried high, its tip to the left."""
+    """Make a raised tail with its tip to the left."""
     return Part(
         tube(
             [
@@ -98,7 +98,7 @@ def _head() -> list[Part]:
 
 
 def _face() -> list[Part]:
-    """Everything that makes it look at you."""
+    """Make eyes, nose and mouth."""
     tongue = tube(
         [(0, 0.707, 0.345, 0.026), (0, 0.704, 0.50, 0.027), (0.004, 0.688, 0.585, 0.026), (0.006, 0.650, 0.600, 0.024)]
     )
@@ -124,7 +124,7 @@ def _face() -> list[Part]:
 
 
 def _ears() -> Part:
-    """Flat, hanging a little away from the cheeks."""
+    """Make flat ears that hang slightly away from the cheeks."""
     flap = tube(
         [
             (0.060, 0.862, 0.375, 0.030),
@@ -138,7 +138,7 @@ def _ears() -> Part:
 
 
 def _coat(points: Array, colors: Array) -> Array:
-    """White chest, belly, blaze, socks and tail tip; a dark saddle."""
+    """Colour chest, belly, blaze, socks and tail tip white, and a dark saddle."""
     x, y, z = points.T
 
     def toward(color: tuple[float, float, float], weight: Array) -> None:
@@ -180,4 +180,4 @@ def build() -> Character:
         Part(ellipsoid((0, 0.588, 0.382), (0.020, 0.022, 0.013), lean), TAG, 0.004),
         Part(half_space((0, 0, 0), (0, 1, 0)), DARK, 0.004, "carve"),
     ]
-    return cast("dog", Figure(steps), 18_114, [Focus((0, 0.77, 0.48), 0.14, 1.8)])
+    return mesh_figure("dog", Figure(steps), 18_114, [Focus((0, 0.77, 0.48), 0.14, 1.8)])

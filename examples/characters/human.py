@@ -22,7 +22,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, cast
+from .character import Character, mesh_figure
 
 SKIN = (0.62, 0.31, 0.18)
 LIP = (0.52, 0.17, 0.13)
@@ -38,7 +38,7 @@ IRIS = (0.10, 0.045, 0.012)
 BLACK = (0.008, 0.008, 0.008)
 
 SCALE = 0.912
-"""Brings the body, drawn around a larger head than life, to 1.75 m."""
+"""Factor that scales the body, which has an oversized head, to 1.75 m."""
 
 
 def _flat(shape: Shape, depth: float) -> Shape:
@@ -124,7 +124,7 @@ def _arms() -> list[Part]:
 
 
 def _hands() -> list[Part]:
-    """Four fingers side by side, one groove between each two, and a thumb."""
+    """Make four fingers with grooves between them, and a thumb."""
     wrist = np.array([0.468, 0.915, 0.05])
     along = np.array([0.52, -0.80, 0.29])
     along /= np.linalg.norm(along)
@@ -188,7 +188,7 @@ def _face() -> list[Part]:
 
 
 def _hair() -> list[Part]:
-    """Swept back from a parting on the left, with strands."""
+    """Make hair that is swept back from a parting on the left, with strands."""
 
     def strands(p: Array) -> Array:
         return 0.0022 * np.sin(150.0 * (p[:, 0] + 0.5 * p[:, 1] * np.sign(p[:, 0] - 0.03)) + 25.0 * p[:, 2])
@@ -216,7 +216,7 @@ def _hair() -> list[Part]:
 
 
 def _cloth(points: Array, colors: Array) -> Array:
-    """Sew a band across the chest and trim to the sleeves."""
+    """Colour a band across the chest, and the trim of the sleeves."""
     x, y, _ = points.T / SCALE
     sleeve = (np.abs(x) - 0.17) * 0.62 - (y - 1.372) * 0.78  # metres down the sleeve
     band = (np.abs(y - 1.245) < 0.028) & (np.abs(x) < 0.20)
@@ -250,4 +250,4 @@ def build() -> Character:
         Focus((0.475, 0.77, 0.07), 0.08, 1.7),
         Focus((-0.475, 0.77, 0.07), 0.08, 1.7),
     ]
-    return cast("human", Figure(steps), 15_154, foci)
+    return mesh_figure("human", Figure(steps), 15_154, foci)

@@ -23,7 +23,7 @@ from ..sdf import (
     union,
 )
 from ..surface import Focus
-from .character import Character, cast
+from .character import Character, mesh_figure
 
 COAT = (0.80, 0.77, 0.72)
 SHADE = (0.42, 0.38, 0.38)
@@ -101,7 +101,7 @@ def _legs() -> list[Part]:
 
 
 def _skull() -> list[tuple[Shape, float]]:
-    """Shapes of the head without its ears, and how each blends with what came before."""
+    """Return the shapes of the head without its ears, each with its blend."""
     face = tube(
         [
             (0, 2.80, 1.36, 0.165),
@@ -149,13 +149,13 @@ def _face() -> list[Part]:
 
 
 def _bridle() -> list[Part]:
-    """Straps that lie on the head all around, bit rings, and the reins."""
+    """Make the straps around the head, the bit rings and the reins."""
 
     def padded(shape: Shape) -> Shape:
         return displace(shape, lambda p: np.full(len(p), 0.016), 0.016)
 
     head, neck = padded(union([shape for shape, _ in _skull()], 0.05)), padded(_neck())
-    straps = [  # what each lies on, y and z of its middle, half its length and its angle, in the plane x = 0
+    straps = [  # shape below, y and z of the middle, half the length and the angle, in the plane x = 0
         (head, 2.66, 1.53, 0.33, 50.0),
         (head, 2.53, 1.645, 0.30, -42.0),
         (head, 2.90, 1.49, 0.20, -35.0),
@@ -178,7 +178,7 @@ def _bridle() -> list[Part]:
 
 
 def _mane() -> list[Part]:
-    """Locks that fall from the crest to alternate sides, a forelock and the tail."""
+    """Make locks that fall from the crest to alternate sides, a forelock and the tail."""
     crest = curve(NECK, 12)
     parts = []
     for i, s in enumerate(np.linspace(6, len(crest) - 1, 11)):
@@ -239,7 +239,7 @@ def _mane() -> list[Part]:
     return parts
 
 
-# The wing's arm from its root at the shoulder to the fingertip.
+# the arm of the wing from the shoulder to the fingertip
 ARM = [
     (0.24, 1.88, 0.36, 0.15),
     (0.48, 2.26, 0.36, 0.12),
@@ -250,7 +250,7 @@ ARM = [
 
 
 def _wing() -> list[Part]:
-    """Long feathers fan out from the arm, straight back at its root and upwards at its tip; short ones cover them."""
+    """Make long feathers that point back at the arm's root and up at its tip, covered by short ones."""
     arm = curve(ARM, 16)
     outwards = np.array([0.58, 0.81, 0.0])
     normal = np.array([-0.81, 0.58, 0.0])
@@ -272,7 +272,7 @@ def _wing() -> list[Part]:
 
 
 def _plumage(points: Array, colors: Array) -> Array:
-    """Blue towards the tips of the long feathers."""
+    """Colour the tips of the long feathers blue."""
     arm = curve(ARM, 8)[:, :3]
     folded = np.column_stack([np.abs(points[:, 0]), points[:, 1:]])
     far = np.min([np.linalg.norm(folded - station, axis=1) for station in arm], axis=0)
@@ -282,7 +282,7 @@ def _plumage(points: Array, colors: Array) -> Array:
 
 
 def _dapple(points: Array, colors: Array) -> Array:
-    """Legs darken towards the ground."""
+    """Darken the legs towards the ground."""
     weight = np.clip((0.85 - points[:, 1]) / 0.8, 0.0, 0.7)
     return colors + weight[:, None] * (np.array(SHADE) - colors)
 
@@ -304,4 +304,4 @@ def build() -> Character:
         *_bridle(),
         Part(half_space((0, 0, 0), (0, 1, 0)), HOOF, 0.01, "carve"),
     ]
-    return cast("pegasus", Figure(steps), 32_046, [Focus((0, 2.58, 1.60), 0.38, 1.8)])
+    return mesh_figure("pegasus", Figure(steps), 32_046, [Focus((0, 2.58, 1.60), 0.38, 1.8)])

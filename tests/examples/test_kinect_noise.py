@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 from puppetline.examples.kinect_noise import (
-    AWAY,
+    ABSENCE_SECONDS,
     DEPTH_FACTOR,
-    FAST,
-    FRAME_RATE,
+    FAST_METRES_PER_SECOND,
+    FRAMES_PER_SECOND,
     GUESS_FACTOR,
-    NOMINAL_DEPTH,
-    TICK_JITTER,
+    NOMINAL_DEPTH_METRES,
+    TICK_JITTER_SECONDS,
     with_kinect_noise,
 )
 from puppetline.examples.performer import REST, posed
@@ -22,11 +22,11 @@ LIMBS = [
 TRUNK = [j for j in range(len(JOINTS)) if j not in LIMBS]
 
 
-def standing(frames, distance=NOMINAL_DEPTH):
-    """The performer doing nothing for long."""
+def standing(frames, distance=NOMINAL_DEPTH_METRES):
+    """Return a clip of a performer who stands still."""
     pose = posed({part: np.array([rest]) for part, rest in REST.items()}, distance)
     confidence = np.ones((frames, len(JOINTS)), dtype=np.float32)
-    return SkeletonClip("test", 1, np.arange(frames) / FRAME_RATE, np.repeat(pose, frames, axis=0), confidence)
+    return SkeletonClip("test", 1, np.arange(frames) / FRAMES_PER_SECOND, np.repeat(pose, frames, axis=0), confidence)
 
 
 def errors(noisy, true):
@@ -49,8 +49,8 @@ def test_the_clock_runs_at_30_hertz_with_jitter_and_loses_a_frame_in_a_hundred()
     clip = standing(3000)
     times = with_kinect_noise(clip, 1).times
     assert 0.005 < 1 - len(times) / 3000 < 0.02
-    ticks = np.round(times * FRAME_RATE)
-    assert np.std(times - ticks / FRAME_RATE) == pytest.approx(TICK_JITTER, rel=0.05)
+    ticks = np.round(times * FRAMES_PER_SECOND)
+    assert np.std(times - ticks / FRAMES_PER_SECOND) == pytest.approx(TICK_JITTER_SECONDS, rel=0.05)
     assert np.all(np.diff(ticks) >= 1)
     assert np.diff(ticks).max() in (2, 3)
 
@@ -70,7 +70,7 @@ def test_errors_of_a_standing_performer_have_the_documented_size():
         "foot_right": 4.9,
     }
     for joint, size in expected.items():
-        depth = (clip.positions[0, JOINT_INDEX[joint], 2] / NOMINAL_DEPTH) ** 2
+        depth = (clip.positions[0, JOINT_INDEX[joint], 2] / NOMINAL_DEPTH_METRES) ** 2
         assert spread[JOINT_INDEX[joint]] == pytest.approx(size * depth, rel=0.15), joint
 
 
@@ -122,7 +122,7 @@ def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors()
     assert set(np.flatnonzero(guessed.any(axis=0))) == {JOINT_INDEX["hand_left"], JOINT_INDEX["foot_right"]}
     speed = np.abs(2.0 * np.cos(10.0 * noisy.times))
     begins = np.flatnonzero(np.diff(guessed[:, JOINT_INDEX["foot_right"]].astype(int)) == 1) + 1
-    assert np.all(speed[begins] > FAST - 0.01)
+    assert np.all(speed[begins] > FAST_METRES_PER_SECOND - 0.01)
 
     hand = guessed[:, JOINT_INDEX["hand_left"]]
     off = np.linalg.norm(errors(noisy, clip)[:, JOINT_INDEX["hand_left"]], axis=1)
@@ -133,7 +133,7 @@ def test_hands_before_the_torso_and_fast_joints_are_guessed_with_larger_errors()
 def test_the_whole_body_is_lost_for_a_while_where_it_is_away_and_nothing_else_changes():
     clip = standing(300)
     here, away = with_kinect_noise(clip, 1), with_kinect_noise(clip, 1, away=4.0)
-    gone = (here.times >= 4.0) & (here.times < 4.0 + AWAY)
+    gone = (here.times >= 4.0) & (here.times < 4.0 + ABSENCE_SECONDS)
     np.testing.assert_array_equal(away.times, here.times)
     np.testing.assert_array_equal(away.confidence, np.where(gone[:, None], LOST, here.confidence))
     np.testing.assert_array_equal(away.positions, np.where(gone[:, None, None], np.nan, here.positions))

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from puppetline.examples.kinect_noise import AWAY
+from puppetline.examples.kinect_noise import ABSENCE_SECONDS
 from puppetline.examples.performances import PERFORMANCES, clean
 from puppetline.examples.performer import REST, posed
 
@@ -210,7 +210,7 @@ def test_the_sensor_loses_the_whole_body_once_in_the_walk():
     clip = PERFORMANCES["walk"]()
     seen = clip.times[(clip.confidence > LOST).any(axis=1)]
     gaps = np.diff(seen)
-    assert gaps.max() == pytest.approx(AWAY, abs=0.08)
+    assert gaps.max() == pytest.approx(ABSENCE_SECONDS, abs=0.08)
     assert np.count_nonzero(gaps > 0.25) == 1
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from puppetline.examples.performer import ANKLE_REST, FLOOR, REST, SIDES, played, posed
+from puppetline.examples.performer import ANKLE_REST, FLOOR, REST, SIDES, interpolated, posed
 
 from capture.body import typical_bone_length
 from capture.skeleton import JOINT_INDEX, OPPOSITE, PARENTS
@@ -24,12 +24,12 @@ SWAY = {  # how far each part may go from rest with the ankles in reach: metres,
 
 
 def parts(frames, **changed):
-    """Every part at rest but for those that are given."""
+    """Return all parts at rest except the given ones."""
     return {part: np.tile(changed.get(part, rest), (frames, 1)) for part, rest in REST.items()}
 
 
 def swaying(frames, seed=1):
-    """Each part somewhere about its place at rest; the hips only downwards, for the knees are nearly straight."""
+    """Return each part near its rest value, the hips only below it because the knees are nearly straight."""
     rng = np.random.default_rng(seed)
     poses = {part: rest + rng.uniform(-SWAY[part], SWAY[part], (frames, 3)) for part, rest in REST.items()}
     poses["hips"][:, 1] -= 0.12
@@ -37,7 +37,7 @@ def swaying(frames, seed=1):
 
 
 def mirrored(poses):
-    """The same with left and right exchanged: out stays out, but the hips' right and all turns change sides."""
+    """Return the mirrored parts: out stays out, but the hips' right and all turns change sign."""
     swap = {"left": "right", "right": "left"}
     named = {
         "_".join([part.split("_")[0], *(swap[s] for s in part.split("_")[1:])]): path for part, path in poses.items()
@@ -59,26 +59,26 @@ def paths(positions):
 
 
 def test_a_part_without_moves_rests():
-    np.testing.assert_allclose(played([], START, TIMES), np.tile(START, (len(TIMES), 1)), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(interpolated([], START, TIMES), np.tile(START, (len(TIMES), 1)), rtol=0, atol=1e-15)
 
 
-def test_a_move_ends_where_and_when_it_says_and_holds_still_until_the_next():
-    values = played(MOVES, START, TIMES)
+def test_a_move_ends_at_its_target_and_time_and_the_part_is_still_until_the_next():
+    values = interpolated(MOVES, START, TIMES)
     for begin, end, expected in ((0.0, 1.0, START), (2.0, 2.5, MOVES[1][2]), (3.0, 4.0, MOVES[2][2])):
         during = values[within(begin, end)]
         np.testing.assert_allclose(during, np.tile(expected, (len(during), 1)), rtol=0, atol=1e-14)
-    np.testing.assert_allclose(played(MOVES, START, np.array([1.5, 5.0])), [MOVES[0][2], MOVES[2][2]], atol=1e-14)
+    np.testing.assert_allclose(interpolated(MOVES, START, np.array([1.5, 5.0])), [MOVES[0][2], MOVES[2][2]], atol=1e-14)
 
 
 def test_a_lone_move_is_the_smoothest_step():
     s = np.linspace(0.0, 1.0, 51)
-    values = played([(1.0, 1.5, (2.0, 0.0, 0.0))], (0.0, 0.0, 0.0), 1.0 + 0.5 * s)
+    values = interpolated([(1.0, 1.5, (2.0, 0.0, 0.0))], (0.0, 0.0, 0.0), 1.0 + 0.5 * s)
     np.testing.assert_allclose(values[:, 0], 2.0 * (10 * s**3 - 15 * s**4 + 6 * s**5), rtol=0, atol=1e-14)
 
 
 def test_there_is_no_stop_where_a_move_goes_on_and_one_where_it_turns():
     step = 1e-4
-    before, after, _ = played(MOVES, START, np.array([1.5 - step, 1.5 + step, 4.0]))
+    before, after, _ = interpolated(MOVES, START, np.array([1.5 - step, 1.5 + step, 4.0]))
     speed = (after - before) / (2 * step)
     assert speed[0] == pytest.approx(2 / (1 / 2 + 1 / 4), rel=1e-4)  # harmonic mean of 2 and 4 a second
     assert speed[2] == pytest.approx(0.0, abs=1e-3)
@@ -87,14 +87,14 @@ def test_there_is_no_stop_where_a_move_goes_on_and_one_where_it_turns():
 def test_moves_have_no_jump_in_value_speed_or_acceleration():
     step = 1e-4
     for key in (1.0, 1.5, 2.0, 2.5, 3.0):
-        values = played(MOVES, START, np.array([*(key + step * np.arange(-3, 4)), 4.0]))[:-1]
+        values = interpolated(MOVES, START, np.array([*(key + step * np.arange(-3, 4)), 4.0]))[:-1]
         acceleration = np.diff(values, 2, axis=0) / step**2
         assert np.abs(np.diff(values, axis=0)).max() < 10.0 * step
         assert np.abs(acceleration).max() < 0.5  # none at a key, up to 69 in between
 
 
 def test_a_move_does_not_leave_the_range_between_its_ends():
-    values = played(MOVES, START, TIMES)
+    values = interpolated(MOVES, START, TIMES)
     for (start, end, target), origin in zip(MOVES, [START, MOVES[0][2], MOVES[1][2]], strict=True):
         during = values[within(start, end)]
         assert np.all(during >= np.minimum(origin, target) - 1e-12)
@@ -104,7 +104,7 @@ def test_a_move_does_not_leave_the_range_between_its_ends():
 def test_a_move_that_would_begin_too_early_begins_where_the_one_before_ends():
     early = [(1.0, 1.5, (1.0, 0.0, 0.0)), (1.2, 2.0, (3.0, 0.0, 0.0))]
     late = [early[0], (1.5, *early[1][1:])]
-    np.testing.assert_array_equal(played(early, START, TIMES), played(late, START, TIMES))
+    np.testing.assert_array_equal(interpolated(early, START, TIMES), interpolated(late, START, TIMES))
 
 
 # --- posing ---------------------------------------------------------------------------------------------------------

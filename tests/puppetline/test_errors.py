@@ -18,7 +18,7 @@ FAMILY = [SkeletonLogError, MeshError, PuppetError, SourceError, ServiceError, O
 
 
 @pytest.mark.parametrize("kind", [PuppetlineError, *FAMILY])
-def test_the_message_says_where_what_was_found_what_was_expected_and_what_to_do(kind):
+def test_the_message_states_place_found_expected_and_fix(kind):
     error = kind(at("take.csv", line=7), found="19 numbers", expected="61 numbers", fix="Record it again.")
     assert str(error) == "take.csv, line 7: found 19 numbers; expected 61 numbers. Record it again."
     assert (error.where, error.found, error.expected) == ("take.csv, line 7", "19 numbers", "61 numbers")

@@ -13,7 +13,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_file_is_read_whole_or_an_error_of_the_family_says_why_not(tmp_path):
+def test_a_file_is_read_whole_or_an_error_states_the_reason(tmp_path):
     (tmp_path / "a.obj").write_bytes(b"v 0\r\n\0")
     assert read_whole(tmp_path / "a.obj", "a mesh", MeshError) == b"v 0\r\n\0"
     for path, why in ((tmp_path / "none.obj", "No such file or directory"), (tmp_path, "Is a directory")):
@@ -33,7 +33,7 @@ def test_a_result_replaces_the_old_file_only_when_the_block_has_ended(tmp_path):
 
 
 @pytest.mark.parametrize("fault", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_a_fault_in_the_block_leaves_the_old_file_and_nothing_else(tmp_path, fault):
+def test_an_exception_in_the_block_leaves_only_the_old_file(tmp_path, fault):
     path = tmp_path / "out.glb"
     path.write_text("old")
 
@@ -85,7 +85,7 @@ def test_a_good_place_is_left_as_it_was(tmp_path):
     assert (path.read_text(), names(tmp_path)) == ("old", ["out.glb"])
 
 
-def test_each_bad_place_says_what_to_do(tmp_path):
+def test_each_bad_path_states_a_fix(tmp_path):
     file = tmp_path / "file"
     file.write_text("")
     folder = tmp_path / "no" / "such"

@@ -6,6 +6,7 @@ from importlib.metadata import version
 import pytest
 
 import puppetline
+from engine_bridge.cli.main import COMMANDS
 
 
 def test_the_module_is_the_command():
@@ -44,7 +45,9 @@ def test_an_interrupt_in_what_a_module_executes_ends_in_the_same_way(tmp_path):
 HEAVY = {"numpy", "scipy", "igl", "numba", "pydantic", "PIL", "rich", "importlib.metadata"}
 
 
-@pytest.mark.parametrize("command", [[], ["demo"], ["new"], ["convert"], ["inspect"], ["bench"]])
+@pytest.mark.parametrize(
+    "command", [[], *([name] for name in COMMANDS)], ids=lambda command: " ".join(command) or "all"
+)
 def test_help_is_there_before_anything_heavy_is_imported(command):
     script = (
         "import sys\n"
@@ -67,7 +70,7 @@ def test_the_version_is_that_of_the_installed_package():
 
 
 @pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
-def test_matrix_products_take_one_thread_unless_the_user_says_otherwise(monkeypatch, given, threads):
+def test_matrix_products_take_one_thread_unless_the_user_sets_another_number(monkeypatch, given, threads):
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
     if given is not None:
         monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)

@@ -26,7 +26,7 @@ def seen(frame, pose, clock=0.0):
 
 @pytest.fixture
 def recordings(tmp_path):
-    """What two sensors recorded of a walk, the second with a clock that is 20 ms ahead."""
+    """Recordings of a walk by two sensors, the second with a clock that is 20 ms ahead."""
     for name, pose, clock in (("left", HERE, 0.0), ("right", POSE, 0.02)):
         with Recorder(tmp_path / f"{name}.log") as recorder:
             for frame in clean("walk").frames():
@@ -68,7 +68,7 @@ def test_align_finds_the_pose_and_the_file_plays_the_recordings_as_one(run, reco
     np.testing.assert_allclose(clip.positions, walk.positions[: len(clip.times)], atol=0.01)
 
 
-def test_the_words_say_where_it_stands_and_how_well_it_fits(run, recordings):
+def test_the_text_states_the_pose_and_the_residual(run, recordings):
     text = run("align", "left.log", "right.log", "-o", "two.toml", "--source", "osc:1", "--source", "osc:2").output
     assert "right.log: at (2.40, 0.30, 1.90) m, tilt 4.0°, turn -75.0°, roll 2.0°, clock +20.0 ms" in text
     assert "joints 0.0 cm apart (mean) in 9.2 s; left and right differ in 0 % of the frames" in text
@@ -85,7 +85,7 @@ def test_the_words_say_where_it_stands_and_how_well_it_fits(run, recordings):
         (["left.log", "other.log", "-o", "two.toml"], 1, "left.log and other.log: found"),
     ],
 )
-def test_what_cannot_be_aligned_is_told_and_no_file_is_written(run, recordings, arguments, code, message):
+def test_recordings_that_cannot_be_aligned_are_errors_and_no_file_is_written(run, recordings, arguments, code, message):
     with Recorder(recordings / "other.log") as recorder:
         for frame in clean("lean").frames():
             recorder.write(frame)
@@ -96,7 +96,7 @@ def test_what_cannot_be_aligned_is_told_and_no_file_is_written(run, recordings, 
 
 @pytest.mark.slow
 def test_a_service_plays_a_performer_whom_each_sensor_sees_one_side_of(serve, blob_puppet, sender_pair, tmp_path):
-    """And goes on with the rest when one of them falls silent."""
+    """It continues with the other sensor when one of them is silent."""
     file = tmp_path / "two.toml"
     first, second = sender_pair
     position, rotation = POSE.position.tolist(), list(POSE.degrees)

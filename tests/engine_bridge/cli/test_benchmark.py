@@ -17,12 +17,12 @@ from engine_bridge.performance.rig import cache_folder
 from puppetline.errors import PuppetError
 
 UNKNOWN_ELSEWHERE = {"precompute_peak_mb", "character_mb", "peak_mb"}
-"""What only Linux tells in full."""
+"""Values that only Linux reports."""
 
 
 @pytest.fixture(scope="module")
 def measured(blob_file):
-    """What the command prints as JSON about the figure, measured in short."""
+    """JSON output of the command for a small mesh and few frames."""
     with pytest.MonkeyPatch.context() as patch:
         for name, short in (
             ("TIMED_FRAMES", benchmark_process.BLOCK_FRAMES),
@@ -89,7 +89,7 @@ def test_memory_is_what_is_held_now_and_the_peak_what_was_held_once():
     assert benchmark_process.peak_mb() > with_it - 2
 
 
-def test_a_mistake_of_the_user_comes_out_of_the_process_as_it_went_in(tmp_path):
+def test_an_error_of_the_process_is_raised_unchanged(tmp_path):
     with pytest.raises(PuppetError) as direct:
         benchmark_process.load_rig(tmp_path / CHARACTER)
     with pytest.raises(benchmark.PuppetlineError) as raised:
@@ -127,7 +127,7 @@ def test_the_text_is_of_the_same_report_and_names_every_figure(measured, blob_fi
 
 
 @pytest.mark.slow
-def test_the_default_character_has_as_many_vertices_as_the_goals_are_for(tmp_path, example_character, monkeypatch):
+def test_the_default_character_has_the_vertices_of_the_armadillo(tmp_path, example_character, monkeypatch):
     made = example_character(benchmark.EXAMPLE_CHARACTER)
     monkeypatch.setitem(CHARACTERS, benchmark.EXAMPLE_CHARACTER, lambda: made)
     assert benchmark.prepare(tmp_path, None, 30) == {"name": "biped.glb", "vertices": 43_243, "triangles": 86_482}

@@ -10,7 +10,7 @@ from engine_bridge.export.convert import Settings, convert
 from puppetline.errors import PuppetlineError
 
 
-def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet):
+def test_a_puppet_is_described_with_all_values_including_defaults(blob_puppet):
     facts = inspect(blob_puppet)
     assert facts["kind"] == "puppet"
     assert facts["character"] == "blob.glb"
@@ -25,7 +25,7 @@ def test_a_puppet_is_told_with_all_its_values_the_defaults_included(blob_puppet)
     assert json.loads(json.dumps(facts)) == facts
 
 
-def test_a_puppet_is_told_with_its_limbs(limbed_puppet):
+def test_a_puppet_is_described_with_its_limbs(limbed_puppet):
     limbs = inspect(limbed_puppet)["limbs"]
     assert list(limbs) == ["trunk", "head", "left arm", "right arm", "left leg", "right leg"]
     assert limbs["trunk"]["parent"] is None
@@ -38,7 +38,7 @@ def test_a_puppet_is_told_with_its_limbs(limbed_puppet):
     }
 
 
-def test_a_log_is_told_with_its_performers_rates_gaps_and_losses(record, dance, tmp_path):
+def test_a_recording_is_described_with_performers_rates_gaps_and_losses(record, dance, tmp_path):
     positions = dance(40)
     positions[:10, JOINT_INDEX["foot_left"]] = np.nan
     positions[20:25] = np.nan
@@ -55,7 +55,7 @@ def test_a_log_is_told_with_its_performers_rates_gaps_and_losses(record, dance, 
     assert json.loads(json.dumps(facts)) == facts
 
 
-def test_a_character_is_told_with_what_is_drawn_and_what_is_solved_for(blob, blob_file):
+def test_a_character_is_described_with_its_render_mesh_and_solver_mesh(blob, blob_file):
     facts = inspect(blob_file)
     assert facts["kind"] == "character"
     assert (facts["vertices"], facts["triangles"], facts["primitives"]) == (len(blob.vertices), len(blob.faces), 1)
@@ -67,7 +67,7 @@ def test_a_character_is_told_with_what_is_drawn_and_what_is_solved_for(blob, blo
     assert json.loads(json.dumps(facts)) == facts
 
 
-def test_a_surface_of_two_parts_with_a_doubled_triangle_is_told_as_such(blob, tmp_path):
+def test_parts_and_doubled_triangles_are_counted(blob, tmp_path):
     apart = np.concatenate([blob.vertices, blob.vertices + np.float32([10, 0, 0])]).astype(float)
     faces = np.concatenate([blob.faces, blob.faces + len(blob.vertices), blob.faces[:3]])
     igl.writeOFF(str(tmp_path / "two.off"), apart, faces)
@@ -83,7 +83,7 @@ def test_a_character_in_centimetres_on_its_back_is_noticed(blob, tmp_path):
     assert (stands["up"], stands["scale"]) == ("z", 0.01)
 
 
-def test_an_exported_file_is_told_with_its_animation(take, blob_puppet, tmp_path):
+def test_an_exported_file_is_described_with_its_animation(take, blob_puppet, tmp_path):
     _, summary = convert(take, blob_puppet, tmp_path / "out.glb", Settings())
     (animation,) = inspect(tmp_path / "out.glb")["animations"]
     assert animation == {
@@ -95,7 +95,7 @@ def test_an_exported_file_is_told_with_its_animation(take, blob_puppet, tmp_path
     }
 
 
-def test_what_is_nothing_known_is_refused(tmp_path):
+def test_folders_and_unknown_kinds_of_files_are_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("hello")
     with pytest.raises(PuppetlineError) as error:
         inspect(tmp_path / "none")
@@ -109,6 +109,6 @@ def test_what_is_nothing_known_is_refused(tmp_path):
     assert all(kind in error.value.expected for kind in ("puppet", "recording", ".glb", ".obj"))
 
 
-def test_a_character_is_known_whatever_its_file_is_called(blob_file, tmp_path):
+def test_a_character_is_recognised_whatever_its_file_name(blob_file, tmp_path):
     (tmp_path / "avatar.vrm").write_bytes(blob_file.read_bytes())
     assert inspect(tmp_path / "avatar.vrm") == inspect(blob_file)

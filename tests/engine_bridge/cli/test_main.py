@@ -16,28 +16,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from engine_bridge.cli.main import main
+from engine_bridge.cli.main import COMMANDS, FORMER_NAMES, main
 
 COMMAND = str(Path(sys.executable).with_name("puppetline"))
 ALSO = pytest.mark.slow
-"""A case that its module's own tests have as well."""
-COMMANDS = [
-    "demo",
-    "new",
-    "convert",
-    "inspect",
-    "bench",
-    "serve",
-    "record",
-    "look",
-    "listen",
-    "align",
-    "bake",
-    "shader-mesh",
-    "doctor",
-    "token",
-    "keys",
-]
+"""Mark of cases that the tests of a module cover as well."""
 
 if not Path(COMMAND).exists():
     pytest.skip("the command is not installed beside this Python", allow_module_level=True)
@@ -59,7 +42,7 @@ def stage(tmp_path, take, blob_file, write_puppet):
 
 @pytest.fixture(scope="module")
 def long_take(record, dance, tmp_path_factory):
-    """A log that takes its time."""
+    """A recording whose conversion takes some seconds."""
     return record(tmp_path_factory.mktemp("long") / "long.log", np.tile(dance(), (500, 1, 1)))
 
 
@@ -68,7 +51,7 @@ def names(folder):
 
 
 def assert_one_line(result, *parts):
-    """One line on standard error, nothing elsewhere, and no traceback in it."""
+    """Assert that a command printed one line on standard error and nothing else."""
     assert result.stdout == ""
     assert result.stderr.startswith("puppetline: ")
     assert (result.stderr.count("\n"), result.stderr[-1]) == (1, "\n")
@@ -84,9 +67,28 @@ def test_help_of_every_command_is_there(run, command):
     assert result.stdout.startswith(f"Usage: puppetline {' '.join(command)}".rstrip())
 
 
-def test_every_command_is_among_those_tested(run):
-    listed = run("--help").stdout.split("Commands:")[1].splitlines()
-    assert {line.split()[0] for line in listed if line.strip() and line[2] != " "} >= set(COMMANDS)
+def test_the_help_lists_every_command_and_no_former_name(run):
+    lines = run("--help").stdout.split("Commands:")[1].splitlines()
+    assert [line.split()[0] for line in lines if line.strip()] == sorted(COMMANDS)
+
+
+def test_a_former_name_is_the_same_command():
+    for former, name in FORMER_NAMES.items():
+        assert main.get_command(None, former) is main.get_command(None, name)
+
+
+def test_a_misspelled_command_gets_a_suggestion(run):
+    assert "No such command 'conver'. Did you mean 'convert'?" in run("conver").stderr
+
+
+def test_a_command_imports_no_other_command():
+    modules = [f"engine_bridge.cli.{name.replace('-', '_')}" for name in COMMANDS]
+    program = (
+        f"import sys; from engine_bridge.cli.main import main; main.get_command(None, 'inspect'); "
+        f"print([name for name in {modules} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['engine_bridge.cli.inspect']"
 
 
 @pytest.mark.parametrize(
@@ -225,7 +227,7 @@ def test_convert_writes_the_file_and_prints_results_only(stage, tmp_path):
     assert names(tmp_path) == before | {"out.glb", "out.png"}
 
 
-def test_convert_says_what_a_skin_and_a_vertex_cache_are_made_of(run, stage):
+def test_convert_prints_what_a_skin_and_a_vertex_cache_consist_of(run, stage):
     skin = run("convert", "take.log", "--puppet", stage.name, "-o", "skin.glb", "--as", "skin", "--bones", 5)
     assert "bones          5, largest error 0.0" in skin.stdout
     assert "root mean square 0.00" in skin.stdout
@@ -278,7 +280,7 @@ def test_new_makes_a_puppet_that_converts_right_away_and_is_not_overwritten(run,
     [["--handle", "paw=1,2"], *[pytest.param(["--map", text], marks=ALSO) for text in ("nose=head", "head=heat")]],
     ids=" ".join,
 )
-def test_new_with_a_mistake_is_one_line_and_writes_nothing(run, stage, tmp_path, option):
+def test_new_with_a_wrong_option_prints_one_line_and_writes_nothing(run, stage, tmp_path, option):
     before = names(tmp_path)
     result = run("new", "blob.glb", "-o", "made.toml", *option)
     assert result.returncode == 1

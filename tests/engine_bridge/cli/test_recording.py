@@ -34,7 +34,7 @@ def key(event):
 
 
 class Sender:
-    """A source that really waits for datagrams: each is a user's number, and 0 says that user 1 is lost."""
+    """A source of datagrams with user numbers, in which 0 means that user 1 is lost."""
 
     name = "test:"
     recorded = False
@@ -112,7 +112,7 @@ def test_what_is_recorded_replays_to_the_same_events_and_records_to_the_same_byt
     assert second.read_bytes() == first.read_bytes()
 
 
-def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path, sender):
+def test_all_events_of_a_live_source_are_recorded_as_they_arrive(tmp_path, sender):
     sender.send(1, 4, 0, 4, 99)
     summary = record(sender, tmp_path / "take")
     assert (summary.frames, summary.users, summary.ended) == (0, (), "source")  # the end came in the same breath
@@ -127,7 +127,7 @@ def test_a_live_source_wakes_it_and_everything_that_it_says_is_recorded(tmp_path
 
 
 class Failing:
-    """A live source that gives some events and then fails."""
+    """A live source that returns some events and then fails."""
 
     name, recorded = "openni:", False
 
@@ -147,7 +147,7 @@ class Failing:
 
 
 @pytest.mark.parametrize("came", [[], [Tick(0.0), Tick(1.0)], [Tick(0.0), Lost(1.0, 1), Tick(2.0)]])
-def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_path, came):
+def test_the_error_of_a_live_source_is_reported_and_earlier_events_are_kept(tmp_path, came):
     path = tmp_path / "take"
     summary = record(Failing(*came), path)
     assert summary.ended == "source"
@@ -156,7 +156,7 @@ def test_why_a_live_source_has_ended_is_told_and_what_came_before_is_kept(tmp_pa
     assert not path.exists() or list(events(path)) == came
 
 
-def test_the_end_of_fused_recordings_is_no_trouble(tmp_path):
+def test_the_end_of_fused_recordings_is_no_error(tmp_path):
     members = [Member(name, Pose(np.eye(3), np.zeros(3))) for name in ("one", "other")]
     times = [0.0, 0.05, 0.1]
     source = FusedSource(
@@ -184,7 +184,7 @@ def test_a_take_that_is_there_is_replaced_only_by_force(tmp_path, sender):
     assert [event.user for event in events(path)] == [5]
 
 
-def test_a_place_that_cannot_be_written_is_refused_before_anything_is_taken(tmp_path, sender):
+def test_an_unwritable_path_is_refused_before_any_event_is_received(tmp_path, sender):
     sender.send(5)
     with pytest.raises(OutputError):
         record(sender, tmp_path / "none" / "take", seconds=1)

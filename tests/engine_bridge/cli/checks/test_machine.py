@@ -74,7 +74,7 @@ def test_curve_is_optional(monkeypatch, has, detail, fix):
 
 
 @pytest.mark.parametrize("kind", ["tcp", "udp"])
-def test_a_port_that_is_taken_is_no_fault_and_is_told_with_who_has_it(monkeypatch, kind):
+def test_a_port_in_use_is_no_failure_and_its_owner_is_named(monkeypatch, kind):
     with socket.socket(type=socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))
         if kind == "tcp":
@@ -88,7 +88,7 @@ def test_a_port_that_is_taken_is_no_fault_and_is_told_with_who_has_it(monkeypatc
     assert free.detail == "free (stream)"
 
 
-def test_a_machine_without_loopback_is_a_fault(monkeypatch):
+def test_a_machine_without_loopback_is_a_failure(monkeypatch):
     class Socket(socket.socket):
         def bind(self, _address):
             raise OSError(errno.EADDRNOTAVAIL, "Cannot assign requested address")
@@ -112,7 +112,7 @@ def test_a_folder_without_permission_has_a_fix(tmp_path):
 
 
 @pytest.mark.parametrize(("asked", "ok"), [(False, None), (True, False)])
-def test_a_folder_that_cannot_be_written_to_is_a_fault_if_it_was_asked_for(tmp_path, monkeypatch, asked, ok):
+def test_an_unwritable_folder_is_a_failure_if_the_user_asked_for_it(tmp_path, monkeypatch, asked, ok):
     def refuse(dir):  # noqa: A002 - tempfile's own name
         raise PermissionError(13, "Permission denied")
 
@@ -131,20 +131,20 @@ def test_the_folder_of_takes_is_asked_for_by_its_name(tmp_path, monkeypatch):
     assert named(examine(tmp_path), "takes").ok is False
 
 
-def test_little_room_is_told_and_no_fault(tmp_path, monkeypatch):
+def test_low_disk_space_is_reported_and_no_failure(tmp_path, monkeypatch):
     monkeypatch.setattr(machine, "LOW_DISK_BYTES", 1e18)
     finding = machine._folder("takes", tmp_path)
     assert (finding.ok, finding.fix) == (True, "Free space on that disk.")
 
 
-def test_a_coarse_clock_is_told_and_no_fault(monkeypatch):
+def test_a_coarse_clock_is_reported_and_no_failure(monkeypatch):
     monkeypatch.setattr(machine.time, "get_clock_info", lambda _name: SimpleNamespace(resolution=0.015625))
     finding = machine._clock()
     assert finding.ok is True
     assert finding.detail.startswith("monotonic to 15625000 ns, too coarse to measure latencies, ")
 
 
-def test_a_machine_without_a_network_is_no_fault(monkeypatch):
+def test_a_machine_without_a_network_is_no_failure(monkeypatch):
     def no_network(_seconds):
         raise OSError("Network is unreachable")
 
@@ -157,7 +157,7 @@ def test_a_machine_without_a_network_is_no_fault(monkeypatch):
     )
 
 
-def test_sources_that_are_asked_for_are_opened_once_and_those_that_fail_are_faults(monkeypatch):
+def test_given_sources_are_opened_once_and_fail_if_they_cannot_be_opened(monkeypatch):
     monkeypatch.setattr(machine, "FIRST_DATA_SECONDS", 1.0)
     with socket.socket(type=socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))

@@ -18,7 +18,7 @@ from puppetline.errors import SourceError
 
 @pytest.fixture
 def usb(tmp_path, monkeypatch):
-    """Plug devices into USB, as the kernel shows it; their files are there and this user may not open them."""
+    """Simulate USB devices in sysfs, with device files that this user may not open."""
     monkeypatch.setattr(sensors, "_USB", tmp_path / "usb")
     monkeypatch.setattr(sensors, "_NODES", tmp_path / "nodes")
     (tmp_path / "usb" / "1-0:1.0").mkdir(parents=True)  # an interface has no ids
@@ -45,12 +45,12 @@ def found(findings, name):
 
 
 def without(monkeypatch, *paths):
-    """Have this user not be allowed to open files, which root always is."""
+    """Remove the permission to open files, which root always has."""
     allowed = os.access
     monkeypatch.setattr(os, "access", lambda path, mode: path not in paths and allowed(path, mode))
 
 
-def test_depth_sensors_are_known_by_their_numbers_and_told_with_what_reads_them(usb):
+def test_depth_sensors_are_recognised_by_usb_ids_and_listed_with_their_sources(usb):
     nodes = usb("1d6b:0002", "045e:02ae", "045e:097d", "1d27:0601")  # the first is a hub
     assert list(sensors._depth_sensors([*sensors._plugged()])) == [
         Finding("Kinect v1 (Xbox 360)", True, f"{nodes}/001, for freenect:"),
@@ -78,7 +78,7 @@ def test_a_sensor_that_may_not_be_opened_is_a_finding_with_its_udev_rules(usb, m
     )
 
 
-def test_without_sensors_and_cameras_it_says_so_and_is_content(usb, tmp_path, monkeypatch):
+def test_missing_sensors_and_cameras_are_no_failure(usb, tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
     assert list(sensors._depth_sensors([*sensors._plugged()])) == [
         Finding("depth sensors", None, "no known model on USB")
@@ -86,7 +86,7 @@ def test_without_sensors_and_cameras_it_says_so_and_is_content(usb, tmp_path, mo
     assert list(sensors._cameras()) == [Finding("cameras", None, "no /dev/video*")]
 
 
-def test_a_camera_that_may_not_be_opened_is_no_fault_as_nobody_may_have_asked_for_it(tmp_path, monkeypatch):
+def test_a_camera_without_permission_is_no_failure(tmp_path, monkeypatch):
     monkeypatch.setattr(sensors, "_CAMERAS", tmp_path)
     monkeypatch.setattr(sensors, "_VIDEO", tmp_path / "names")
     for number in range(2):
@@ -116,7 +116,7 @@ def test_a_library_that_is_not_there_is_amiss_only_where_a_sensor_needs_it(usb, 
     assert found(sensors.examine(), "libfreenect") == Finding("libfreenect", False, detail, fix)
 
 
-def test_a_library_that_is_installed_and_does_not_load_is_a_fault_though_nothing_needs_it(usb, tmp_path, monkeypatch):
+def test_an_optional_library_that_does_not_load_is_a_failure(usb, tmp_path, monkeypatch):
     broken = tmp_path / "libfreenect.so.0.5"
     broken.write_bytes(b"no library")
     monkeypatch.setattr(freenect, "LIBRARIES", (str(broken),))
@@ -135,9 +135,7 @@ def test_a_library_that_is_installed_and_does_not_load_is_a_fault_though_nothing
         (lambda _module: ImportError("libGL.so.1: cannot open shared object file"), False),
     ],
 )
-def test_python_libraries_that_are_not_installed_and_that_do_not_load_are_told_apart(
-    monkeypatch, module, load, error, ok
-):
+def test_python_libraries_that_are_missing_and_that_do_not_load_are_distinguished(monkeypatch, module, load, error, ok):
     reason = error(module)
 
     class Finder:
@@ -178,7 +176,7 @@ def test_mediapipe_is_needed_for_an_openni2_sensor_only_where_nite2_is_not(usb, 
     assert found(sensors.examine(), "MediaPipe").ok is ok
 
 
-def test_a_machine_without_usb_is_no_fault(monkeypatch):
+def test_a_machine_without_usb_is_no_failure(monkeypatch):
     library = SimpleNamespace(freenect_init=lambda _context, _usb: -1)
     monkeypatch.setattr(freenect, "_load", lambda _where: library)
     assert found(sensors.examine(), "libfreenect") == Finding(

@@ -214,20 +214,47 @@ def mono() -> tuple[str, str]:
     return str(compiler), str(program)
 
 
+class Node:
+    """Runs scripts of tests/peers, which keep what they have loaded; a new process starts after `MAX_SCRIPTS`."""
+
+    MAX_SCRIPTS = 50
+    """Maximum number of scripts that a process runs: it keeps their memory."""
+
+    def __init__(self, program: str) -> None:
+        self._program, self._count = program, 0
+        self._process: subprocess.Popen[str] | None = None
+
+    def run(self, script: str, *arguments: str | Path) -> str:
+        """Run a script with arguments and return what it prints."""
+        if self._process is None or self._count == self.MAX_SCRIPTS:
+            self.close()
+            command = [self._program, PEERS / "resident.mjs"]
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._count += 1
+        print(json.dumps({"script": script, "arguments": [*map(str, arguments)]}), file=self._process.stdin, flush=True)
+        answer = json.loads(self._process.stdout.readline())
+        if answer["error"] is not None:
+            pytest.fail(f"{script} {' '.join(map(str, arguments))}:\n{answer['error']}")
+        return answer["output"]
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.communicate()
+        self._process, self._count = None, 0
+
+
 @pytest.fixture(scope="session")
-def node() -> Callable[..., str]:
+def node() -> Iterator[Callable[..., str]]:
     """Run a script of tests/peers with arguments and return what it prints."""
     program = shutil.which("node")
     if program is None or not (PEERS / "node_modules").is_dir():
         missing("node", "node or tests/peers/node_modules is not here (make peers)")
-
-    def run(script: str, *arguments: str | Path) -> str:
-        result = subprocess.run([str(program), PEERS / script, *arguments], capture_output=True, text=True, check=False)
-        if result.returncode:
-            pytest.fail(f"{script} {' '.join(map(str, arguments))}:\n{result.stderr}")
-        return result.stdout
-
-    return run
+    running = Node(str(program))
+    yield running.run
+    running.close()
 
 
 @pytest.fixture(scope="session")

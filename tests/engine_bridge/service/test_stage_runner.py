@@ -17,7 +17,7 @@ from puppetline.errors import ServiceError, SourceError
 
 @pytest.fixture
 def run(clock):
-    """Take in as the service does, but put the clock forward where that waits; return the frames."""
+    """Process events as the service does, but advance the clock instead of waiting; return the frames."""
 
     def run(runner, seconds=None, until=lambda: False):
         frames = []
@@ -28,7 +28,7 @@ def run(clock):
                 break
             number = runner.source.fileno()
             if number is None or not select([number], [], [], 0)[0]:
-                clock.reach(min(runner.due(), end))
+                clock.advance_to(min(runner.due(), end))
             frames += runner.take_in()
         return frames
 

@@ -71,6 +71,7 @@ class MetricsServer:
 
 class _Server(ThreadingWSGIServer):
     block_on_close = False  # a client that sends nothing must not delay the end
+    request_queue_size = 4 * MAX_CLIENTS  # if the queue is full, a client retries only after a second or more
 
     def __init__(self, *arguments: Any) -> None:
         self._free = threading.BoundedSemaphore(MAX_CLIENTS)

@@ -1,9 +1,9 @@
-"""A program that has loaded Puppetline once, and forks a process for each command that is to be run.
+"""A program that loads Puppetline once, and then forks a process for each command.
 
-Loading takes longer than most commands that tests run. A command is a process all the same, with its own arguments,
-environment, folder, standard streams, signals and exit code. The only argument is the file descriptor of a socket. A
-request on it is JSON with four file descriptors: the command's standard streams, and a pipe, to which its process id
-and later its exit code are written, a line each.
+Loading takes longer than most commands of tests. Each command is still a process with its own arguments, environment,
+folder, standard streams, signals and exit code. The only argument is the file descriptor of a socket. A request on it
+is JSON with four file descriptors: the command's standard streams, and a pipe that receives the command's process id
+and later its exit code, one per line.
 """
 
 import atexit
@@ -24,7 +24,7 @@ from numba.core.dispatcher import Dispatcher
 
 from puppetline.__main__ import run
 
-LOADED = (
+MODULES = (
     "engine_bridge.cli.alignment",
     "engine_bridge.cli.inspection",
     "engine_bridge.cli.main",
@@ -46,24 +46,24 @@ LOADED = (
 
 
 def compiled_functions() -> list[Dispatcher]:
-    """Return all functions that Numba compiles and keeps for other processes."""
+    """Return all functions that Numba compiles and stores for other processes."""
     functions = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
     return [function for function in functions if isinstance(function._cache, FunctionCache)]
 
 
 def load_compiled(functions: list[Dispatcher]) -> None:
-    """Load what other processes have compiled so far; that takes longer than to run it."""
+    """Load the code that other processes have compiled so far; loading takes longer than running it."""
     for function in functions:
         for signature, *_ in function._cache._cache_file._load_index():
             function.compile(signature)
 
 
 def main(requests: socket.socket) -> None:
-    """Answer requests until there are no more; return in each forked process, which then is to run its command."""
+    """Answer requests until the socket is closed; return in each forked process, which then runs its command."""
     functions = compiled_functions()
     while True:
         load_compiled(functions)
-        gc.freeze()  # or the end of each command would look at all of it, and copy it for that
+        gc.freeze()  # or garbage collection in a command would touch all of it, and so copy it
         message, descriptors, _, _ = socket.recv_fds(requests, 2**20, 4)
         with contextlib.suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
@@ -80,7 +80,7 @@ def main(requests: socket.socket) -> None:
 
 
 def _is_command(descriptors: list[int]) -> bool:
-    """Fork a process for the command, where this returns True; wait here for its end, and tell its exit code."""
+    """Fork a process for the command, in which this returns True; in this one, report its exit code and exit."""
     *streams, told = descriptors
     command = os.fork()
     if command == 0:
@@ -96,13 +96,13 @@ def _is_command(descriptors: list[int]) -> bool:
 
 
 def _become(request: dict, descriptors: list[int]) -> None:
-    """Take on what a new process starts with."""
+    """Set up arguments, environment, folder, streams and signals as in a new process."""
     for number, descriptor in enumerate(descriptors[:3]):
         os.dup2(descriptor, number)
         os.close(descriptor)
     if request["terminal"]:
         os.setsid()
-        fcntl.ioctl(0, termios.TIOCSCTTY, 0)  # so that Ctrl-C reaches it
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)  # so that Ctrl-C sends a signal
     os.chdir(request["cwd"])
     os.environ.clear()
     os.environ.update(request["env"])
@@ -127,8 +127,8 @@ def _end(code: int) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the tests' own Ctrl-C; whoever asks goes away
-    for name in LOADED:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the tests, and they close the socket
+    for name in MODULES:
         importlib.import_module(name)
     main(socket.socket(fileno=int(sys.argv[1])))
     try:

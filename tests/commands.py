@@ -1,4 +1,4 @@
-"""Commands as a user runs them: processes, but without the seconds in which Python loads what they use."""
+"""Runs commands as processes, without the seconds in which Python loads their libraries."""
 
 import json
 import os
@@ -16,7 +16,7 @@ SERVER = Path(__file__).with_name("command_server.py")
 
 
 class Process:
-    """A running command, with what tests use of `subprocess.Popen`."""
+    """A running command, with the part of `subprocess.Popen` that tests use."""
 
     def __init__(self, pid, life, stdout, stderr):
         self.pid, self.returncode, self.stdout, self.stderr = pid, None, stdout, stderr
@@ -25,11 +25,11 @@ class Process:
 
     def _wait(self):
         with self._life:
-            self.returncode = int(self._life.readline() or -signal.SIGKILL)  # nothing where the server was killed
+            self.returncode = int(self._life.readline() or -signal.SIGKILL)  # empty if the server was killed
         self._ended.set()
 
     def poll(self):
-        """Return the exit code, or None as long as there is none."""
+        """Return the exit code; None while the command runs."""
         return self.returncode
 
     def wait(self, timeout=TIMEOUT_SECONDS):
@@ -39,16 +39,16 @@ class Process:
         return self.returncode
 
     def send_signal(self, number):
-        """Send a signal, unless it has ended."""
+        """Send a signal, unless the command has ended."""
         if self.returncode is None:
             os.kill(self.pid, number)
 
     def terminate(self):
-        """Ask it to end."""
+        """Send SIGTERM."""
         self.send_signal(signal.SIGTERM)
 
     def kill(self):
-        """End it at once."""
+        """Send SIGKILL."""
         self.send_signal(signal.SIGKILL)
 
     def __enter__(self):
@@ -62,7 +62,7 @@ class Process:
 
 
 class Commands:
-    """Starts commands; `command_server.py` says how."""
+    """Starts commands in processes that `command_server.py` forks."""
 
     def __init__(self):
         self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -82,13 +82,13 @@ class Commands:
         ----------
         *arguments : str or path
         stdin, stdout, stderr : int, optional
-            A file descriptor, or ``subprocess.PIPE`` for the last two; nothing where none is given.
+            A file descriptor, or ``subprocess.PIPE`` for the last two; the null device by default.
         text : bool
-            Whether the ends of pipes are files of text.
+            Whether pipes are opened as text files.
         cwd, env
             As for `subprocess.Popen`.
         terminal : bool
-            Whether its standard input becomes the terminal that it is controlled by.
+            Whether the standard input becomes the controlling terminal.
         """
         with Path(os.devnull).open("r+b") as nothing:
             ours, theirs = [], []
@@ -113,16 +113,16 @@ class Commands:
         return Process(int(life.readline()), life, *ours)
 
     def run(self, *arguments, **more):
-        """Run a command to its end; return a `subprocess.CompletedProcess` with what it has written."""
+        """Run a command to its end; return a `subprocess.CompletedProcess` with its output."""
         with self.start(*arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more) as process:
-            said = []
-            reading = threading.Thread(target=lambda: said.append(process.stderr.read()))
+            errors = []
+            reading = threading.Thread(target=lambda: errors.append(process.stderr.read()))
             reading.start()
             output = process.stdout.read()
             reading.join()
-            return subprocess.CompletedProcess(arguments, process.wait(), output, *said)
+            return subprocess.CompletedProcess(arguments, process.wait(), output, *errors)
 
     def close(self):
-        """Let the server end."""
+        """End the server."""
         self._requests.close()
         self._server.wait(TIMEOUT_SECONDS)

@@ -1,4 +1,4 @@
-"""Where tests find the data and programs that are not part of the project."""
+"""Data and programs that are not part of the project, and the order in which tests run."""
 
 import hashlib
 import importlib
@@ -24,8 +24,8 @@ ROOT = Path(__file__).parent.parent
 PEERS = ROOT / "tests" / "peers"
 
 
-def _compile_anew_where_something_changed() -> None:
-    """Keep compiled loops in a folder named by their sources: Numba looks at a function's own file alone."""
+def _separate_compiled_code() -> None:
+    """Keep compiled code in a folder named by all its sources: Numba checks only the file of a function itself."""
     rooms = ("puppetline", "capture", "solver", "engine_bridge")
     sources = sorted(path for room in rooms for path in (ROOT / room).rglob("*.py"))
     compiled = [text for path in sources if b"compiled" in (text := path.read_bytes())]
@@ -36,11 +36,11 @@ def _compile_anew_where_something_changed() -> None:
     os.environ.setdefault("NUMBA_CACHE_DIR", str(own))
 
 
-_compile_anew_where_something_changed()
+_separate_compiled_code()
 
 OPTIONAL = {"assimp", "blender", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
-"""What is known to be there, such as ``data,node``: a test that would be skipped for want of it fails instead."""
+"""Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 
 if REQUIRED - OPTIONAL:
     raise pytest.UsageError(
@@ -61,7 +61,7 @@ INDEPENDENT = ("tests/capture", "tests/examples", "tests/test_")
 """Tests that do not use the solver; other workers run them while its loops are compiled."""
 
 SKIPPED = "puppetline/skipped"
-"""Where the ids of the tests that a run has skipped are kept for the next run, in pytest's cache."""
+"""Key in pytest's cache of the ids of the tests that the last run has skipped."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -75,7 +75,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 class Skipped:
-    """Remembers which tests and files are skipped."""
+    """Stores which tests and files are skipped."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
@@ -131,15 +131,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def missing(what: str, reason: str) -> None:
-    """Skip the test, or fail it where `what`, one of `OPTIONAL`, may not be missing."""
+    """Skip the test; fail it if `what`, one of `OPTIONAL`, is in `REQUIRED`."""
     if what in REQUIRED:
-        pytest.fail(f"{reason}, and PUPPETLINE_TEST_REQUIRE forbids to go without {what}", pytrace=False)
+        pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
     pytest.skip(reason)
 
 
 @pytest.fixture(scope="session")
 def commands() -> Iterator[Commands]:
-    """Start commands as a user does, without loading Python and its libraries for each of them."""
+    """Start commands as processes, without loading Python and its libraries for each of them."""
     started = Commands()
     yield started
     started.close()
@@ -147,10 +147,10 @@ def commands() -> Iterator[Commands]:
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """Folder of real logs and meshes, which cannot be shipped with the project."""
+    """Return the folder of real logs and meshes, which are not part of the project."""
     folder = os.environ.get("PUPPETLINE_TEST_DATA")
     if not folder or not Path(folder).is_dir():
-        missing("data", "real recordings and meshes are not here (PUPPETLINE_TEST_DATA names their folder)")
+        missing("data", "no real recordings and meshes (set PUPPETLINE_TEST_DATA to their folder)")
     return Path(str(folder))
 
 
@@ -161,14 +161,14 @@ def real_logs(real_data: Path) -> Path:
 
 @pytest.fixture(scope="session")
 def camera() -> None:
-    """Skip where OpenCV and MediaPipe are not installed."""
+    """Skip the test if OpenCV and MediaPipe are not installed."""
     if not importlib.util.find_spec("mediapipe"):
-        missing("camera", "OpenCV and MediaPipe are not here (make test-camera)")
+        missing("camera", "OpenCV and MediaPipe are not installed (make test-camera)")
 
 
 @pytest.fixture(scope="session")
 def rendered_body() -> ModuleType:
-    """The module benchmarks/rendered_body.py: pictures of a performer whose joints are known."""
+    """Return the module benchmarks/rendered_body.py, which renders a performer whose joints are known."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(ROOT)
         return importlib.import_module("benchmarks.rendered_body")
@@ -176,31 +176,31 @@ def rendered_body() -> ModuleType:
 
 @pytest.fixture(scope="session")
 def players() -> ModuleType:
-    """The module benchmarks/players.py: programs that play a .glb."""
+    """Return the module benchmarks/players.py, which plays a .glb in other programs."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(ROOT)
         return importlib.import_module("benchmarks.players")
 
 
-NEEDED = {
-    "Blender": ("blender", "bpy is not here (make peers)"),
-    "three.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
-    "Babylon.js": ("node", "node or tests/peers/node_modules is not here (make peers)"),
-    "Godot": ("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)"),
-    "assimp": ("assimp", "assimp 5.1 or 5.2 is not here (Debian 12: libassimp5)"),
+PLAYER_REQUIREMENTS = {
+    "Blender": ("blender", "bpy is not installed (make peers)"),
+    "three.js": ("node", "node or tests/peers/node_modules is not installed (make peers)"),
+    "Babylon.js": ("node", "node or tests/peers/node_modules is not installed (make peers)"),
+    "Godot": ("godot", "Godot 4.3 or newer is not installed (put `godot` on PATH, or set GODOT to its path)"),
+    "assimp": ("assimp", "assimp 5.1 or 5.2 is not installed (Debian 12: libassimp5)"),
 }
-"""What each program's tests need, and why they are skipped without it."""
+"""The part of `OPTIONAL` that each program's tests require, and why they are skipped without it."""
 
 
 @pytest.fixture(scope="session")
 def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Callable[..., Any]]:
-    """Return what lets a program play a .glb's first animation at n evenly spaced times, start and end included."""
+    """Return a function that plays a .glb's first animation in a program at n evenly spaced times, ends included."""
     commands, folder = players.commands(), tmp_path_factory.mktemp("shown")
 
     def of(program: str) -> Callable[..., Any]:
         command = commands[program]
         if command is None:
-            missing(*NEEDED[program])
+            missing(*PLAYER_REQUIREMENTS[program])
         return lambda path, n, *more: players.play(command, path, n, folder / "shown", *more)
 
     return of
@@ -208,59 +208,86 @@ def player(players: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Cal
 
 @pytest.fixture(scope="session")
 def mono() -> tuple[str, str]:
-    """Paths of Mono's compiler and of Mono."""
+    """Return the paths of Mono's compiler and of Mono."""
     compiler, program = shutil.which("mcs"), shutil.which("mono")
     if compiler is None or program is None:
-        missing("mono", "mcs and mono are not here (Debian: mono-mcs and mono-runtime)")
+        missing("mono", "mcs and mono are not installed (Debian: mono-mcs and mono-runtime)")
     return str(compiler), str(program)
 
 
+class Node:
+    """Runs scripts of tests/peers, which keep what they have loaded; a new process starts after `MAX_SCRIPTS`."""
+
+    MAX_SCRIPTS = 50
+    """Maximum number of scripts that a process runs: it keeps their memory."""
+
+    def __init__(self, program: str) -> None:
+        self._program, self._count = program, 0
+        self._process: subprocess.Popen[str] | None = None
+
+    def run(self, script: str, *arguments: str | Path) -> str:
+        """Run a script with arguments and return what it prints."""
+        if self._process is None or self._count == self.MAX_SCRIPTS:
+            self.close()
+            command = [self._program, PEERS / "resident.mjs"]
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._count += 1
+        print(json.dumps({"script": script, "arguments": [*map(str, arguments)]}), file=self._process.stdin, flush=True)
+        answer = json.loads(self._process.stdout.readline())
+        if answer["error"] is not None:
+            pytest.fail(f"{script} {' '.join(map(str, arguments))}:\n{answer['error']}")
+        return answer["output"]
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is not None:
+            self._process.communicate()
+        self._process, self._count = None, 0
+
+
 @pytest.fixture(scope="session")
-def node() -> Callable[..., str]:
+def node() -> Iterator[Callable[..., str]]:
     """Run a script of tests/peers with arguments and return what it prints."""
     program = shutil.which("node")
     if program is None or not (PEERS / "node_modules").is_dir():
-        missing("node", "node or tests/peers/node_modules is not here (make peers)")
-
-    def run(script: str, *arguments: str | Path) -> str:
-        result = subprocess.run([str(program), PEERS / script, *arguments], capture_output=True, text=True, check=False)
-        if result.returncode:
-            pytest.fail(f"{script} {' '.join(map(str, arguments))}:\n{result.stderr}")
-        return result.stdout
-
-    return run
+        missing("node", "node or tests/peers/node_modules is not installed (make peers)")
+    running = Node(str(program))
+    yield running.run
+    running.close()
 
 
 @pytest.fixture(scope="session")
 def godot() -> str:
-    """Path of Godot 4, from the environment variable GODOT or else from PATH."""
+    """Return the path of Godot 4: the environment variable GODOT, or the one on PATH."""
     program = shutil.which(os.environ.get("GODOT", "godot"))
     if program is None:
-        missing("godot", "Godot 4.3 or newer is not here (put `godot` on PATH, or its path into GODOT)")
+        missing("godot", "Godot 4.3 or newer is not installed (put `godot` on PATH, or set GODOT to its path)")
     return str(program)
 
 
 @pytest.fixture(scope="session")
 def multicast() -> None:
-    """Skip where this machine has no multicast on loopback."""
+    """Skip the test if this machine has no multicast on loopback."""
     from zeroconf import Zeroconf
 
     try:
         Zeroconf(["127.0.0.1"]).close()
     except OSError:
-        pytest.skip("no multicast on loopback here")
+        pytest.skip("no multicast on loopback")
 
 
 @pytest.fixture(scope="session")
 def of_all_workers(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """Folder of this run in which all workers find what one of them has made."""
+    """Return a folder that all workers of this run share."""
     own = tmp_path_factory.getbasetemp()
     return own if worker_id == "master" else own.parent
 
 
 @pytest.fixture(scope="session")
 def example_character(of_all_workers: Path) -> Callable[[str], Any]:
-    """Make an example character, which takes seconds, once in a run: whichever worker comes first leaves it for all."""
+    """Make an example character, which takes seconds; the first worker that needs it stores it for the others."""
     from puppetline.examples.characters import CHARACTERS
 
     folder = of_all_workers / "characters"
@@ -279,13 +306,13 @@ def example_character(of_all_workers: Path) -> Callable[[str], Any]:
 
 @pytest.fixture(scope="session")
 def validate(node: Callable[..., str]) -> Callable[[Path], dict[str, Any]]:
-    """Ask the Khronos validator for the errors, warnings, infos, hints (counts) and messages of a glTF file."""
+    """Return the Khronos validator's report on a glTF file: counts of errors, warnings, infos, hints; messages."""
     return lambda path: json.loads(node("validate.mjs", path))[str(path)]
 
 
 @pytest.fixture(scope="session")
 def assert_valid_gltf(validate: Callable[[Path], dict[str, Any]]) -> Callable[[Path], None]:
-    """Fail with the Khronos validator's messages if a glTF file has an error or a warning."""
+    """Fail with the Khronos validator's messages if it reports an error or a warning in a glTF file."""
 
     def check(path: Path) -> None:
         report = validate(path)
@@ -297,7 +324,7 @@ def assert_valid_gltf(validate: Callable[[Path], dict[str, Any]]) -> Callable[[P
 
 @dataclass(frozen=True)
 class PlayedMesh:
-    """One mesh of a scene as three.js deforms it: (n, V, 3) world positions and, where it has them, unit normals."""
+    """A mesh as three.js deforms it: (n, V, 3) world positions and unit normals; None if the mesh has no normals."""
 
     name: str
     positions: NDArray[np.float32]
@@ -306,7 +333,7 @@ class PlayedMesh:
 
 @dataclass(frozen=True)
 class Played:
-    """The (n,) seconds at which an animation was looked at, and the scene's meshes in scene order."""
+    """The (n,) times of an animation in seconds, and the meshes in the order of the scene."""
 
     times: NDArray[np.float64]
     meshes: list[PlayedMesh]

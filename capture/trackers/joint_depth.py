@@ -48,9 +48,7 @@ _MIN_WINDOW, _MAX_WINDOW = 2, 40  # the same, in pixels
 _SURFACE_METRES = 0.15  # depth range of one surface
 _MIN_SURFACE_SHARE = 0.25  # share of the window that a surface must fill
 _MAX_ESTIMATE_ERROR = 0.25  # metres between a joint and the tracker's estimate
-_MAX_BONE_ERROR = (
-    0.3  # difference between a joint's distance to its parent and the bone's length, relative to the latter
-)
+_MAX_BONE_ERROR = 0.3  # error of a joint's distance to its parent, relative to the bone's length
 _MAX_BONE_STRETCH = 1.4  # largest distance from the parent, relative to the bone's length
 _MIN_JOINT_COUNT = 5  # joints with depth that determine the scale of a body
 

@@ -83,18 +83,16 @@ class BodyPlacer:
         if not self._lengths.known:  # the first lengths are those of the tracker
             self._mean_lengths(posture, np.zeros(len(JOINTS), np.float32))
         known = np.zeros(len(JOINTS), bool)
-        lifted = (
-            None
-            if depth is None
-            else measure_depths(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
-        )
-        if lifted is not None:
-            metres, known, scale = lifted
+        measured = None
+        if depth is not None:
+            measured = measure_depths(depth, lens.focal, pixels, rays, depths, self._lengths.value, confidence)
+        if measured is not None:
+            metres, known, scale = measured
             self._scale.add(np.array([scale]), np.ones(1))
             depths = metres / self._scale.value
             confidence = np.where(known, confidence, np.minimum(confidence, np.float32(INFERRED)))
         lengths = self._mean_lengths(rays * depths[:, None], confidence)
-        if lifted is None:
+        if measured is None:
             depths += self._smoothed(time, distance) - distance
         placed = _fit_bones(rays, depths, lengths, known)
         return placed * (self._scale.value[0] if self._scale.known else self._by_height(placed)), confidence

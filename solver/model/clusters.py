@@ -147,14 +147,8 @@ def covariance_map(
     ----------
     L : (n, n) sparse float64
         Its off-diagonal entries are the cotangent weights.
-    rest : (n, 3) float64
-        Rest positions x.
-    ladder : (n, n_e) float64
-    weights : (n_e,) float64
-        Field weights.
-    isolines : int
-        n_iso; the model has m = n_e · n_iso isolines.
-    cluster : (n,) int32
+    rest, ladder, weights, isolines, cluster
+        As for `energy_matrices.products`.
 
     Returns
     -------

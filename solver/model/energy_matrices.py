@@ -65,8 +65,10 @@ def products(
     mass : (n,) float64
         Diagonal of M.
     rest : (n, 3) float64
+        Rest positions x.
     ladder : (n, n_e) float64
     weights : (n_e,) float64
+        Field weights.
     isolines : int
         n_iso; the model has m = n_e · n_iso isolines.
     cluster : (n,) int32

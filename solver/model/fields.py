@@ -147,11 +147,8 @@ def smoothed(
 
     Parameters
     ----------
-    L : (n, n) sparse
-        From `field_operator`.
-    mass : (n,) float64
-    vertices : (n, 3) float64
-        Positions for the elimination order; no result depends on them.
+    L, mass, vertices
+        As for `propagation_fields`.
     values : (n, k) float64
     length : float
         Length over which a step is spread, in the units of L.

@@ -118,12 +118,8 @@ class Arms:
 
         Parameters
         ----------
-        time : float
-            Seconds, increasing from call to call.
-        positions : (j, 3) float64
-            The performer's joints: metres, character axes.
-        confidence : (j,) float32
-            0 where a joint is lost.
+        time, positions, confidence
+            As for `limb_motion.LimbMotion.step`.
         motions : (b, 4, 3) float64
             Motions of the bones, mesh file's coordinates; written to.
         heading : float

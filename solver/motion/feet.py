@@ -158,14 +158,10 @@ class Feet:
 
         Parameters
         ----------
-        time : float
-            Seconds, increasing from call to call.
-        positions : (j, 3) float64
-            The performer's joints: metres, character axes (up +y).
-        confidence : (j,) float32
-            0 where a joint is lost.
+        time, positions, confidence
+            As for `limb_motion.LimbMotion.step`.
         motions : (b, 4, 3) float64
-            Motions of the bones without the root's translation, mesh file's coordinates; written to.
+            From `limb_motion.LimbMotion.step`; written to.
         root : (3,) float64
             Translation of the whole character, mesh file's coordinates; written to.
         """

@@ -105,7 +105,7 @@ class LimbMotion:
         positions : (j, 3) float64
             Metres, character axes. A joint without a valid position (`is_position`) is lost.
         confidence : (j,) float32
-            0 where a joint is lost.
+            0 for a lost joint.
         out : (b, 4, 3) float64, optional
             Written to, and returned.
         orientations : (j, 4) float64, optional

@@ -101,7 +101,7 @@ class Retargeter:
         positions : (j, 3) float64
             Metres, character axes.
         confidence : (j,) float32
-            0 where a joint is lost.
+            0 for a lost joint.
 
         Returns
         -------

@@ -1,6 +1,6 @@
-"""What damaged character files must go through or be refused on.
+"""Reading and writing of damaged character files, each of which is refused or remains the same.
 
-``PUPPETLINE_FUZZ=20`` damages twenty times as many files as otherwise, the same ones first.
+``PUPPETLINE_FUZZ=20`` multiplies the number of damaged files by twenty; the first ones stay the same.
 """
 
 import json
@@ -18,16 +18,16 @@ from engine_bridge.export.animation import Keyframes, animate
 from puppetline.errors import PuppetlineError
 
 from ..effort import EFFORT
-from .corpus import BESIDE, CORPUS
-from .damage import DAMAGES, of_kind
+from .corpus import CORPUS, SIDE_FILES
+from .damage import DAMAGE, damage_of
 
-STILL = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
+REST_TAKE = Keyframes("still", np.float32([0, 1]), np.zeros((2, 1), np.float32), np.zeros((2, 3), np.float32))
 
 
-def go_all_the_way(path):
-    """Read a file, look at it, weld it, animate it without moving it, write it, and read that again.
+def read_and_write(path):
+    """Read, inspect and weld a character, write it with an animation that does not move it, and read it again.
 
-    What was written must hold the same character.
+    Fail unless both are the same.
     """
     character = load_character(path)
     colors = character.colors
@@ -36,7 +36,7 @@ def go_all_the_way(path):
     json.dumps(inspect(path)).encode()
     still = [(np.zeros((1, *part.vertices.shape), np.float32), None) for part in character.parts]
     made = path.with_name("made.glb")
-    animate(character, STILL, still.__getitem__).save(made)
+    animate(character, REST_TAKE, still.__getitem__).save(made)
     try:
         again = load_character(made)
     except PuppetlineError as error:
@@ -48,11 +48,11 @@ def go_all_the_way(path):
 
 
 @contextmanager
-def no_hang(seconds=120):
-    """Turn a road without end into a failure."""
+def time_limit(seconds=120):
+    """Fail if the block takes too long."""
 
     def stop(number, frame):
-        raise TimeoutError(f"no end after {seconds} s")
+        raise TimeoutError(f"still running after {seconds} s")
 
     before = signal.signal(signal.SIGALRM, stop)
     signal.alarm(seconds)
@@ -64,28 +64,28 @@ def no_hang(seconds=120):
 
 
 @pytest.fixture(scope="session")
-def go():
-    return go_all_the_way
+def read_again():
+    return read_and_write
 
 
 @pytest.fixture(scope="session")
 def try_damaged():
-    """Damage a file in one way, the same each time, and take each on a road; count what came of it.
+    """Apply one kind of damage to a file and process the result; return the number of each outcome.
 
-    This is done `count` times, or with less effort until each outcome has come about `enough` times.
+    Repeat it `count` times or, with less effort, until each outcome has occurred `enough` times.
     """
 
-    def run(path, kind, count, enough, road=go_all_the_way):
+    def run(path, kind, count, enough, process=read_and_write):
         name, content, others = path.name, path.read_bytes(), list(CORPUS.values())
         outcomes = {"read": 0, "refused": 0}
         for number in range(math.ceil(count * max(1, EFFORT))):
             if number >= count * EFFORT and min(outcomes.values()) >= enough:
                 break
             rng = np.random.default_rng([zlib.crc32(f"{name} {kind}".encode()), number])
-            path.write_bytes(DAMAGES[kind](rng, content, others))
+            path.write_bytes(DAMAGE[kind](rng, content, others))
             try:
-                with no_hang():
-                    road(path)
+                with time_limit():
+                    process(path)
                 outcomes["read"] += 1
             except PuppetlineError:
                 outcomes["refused"] += 1
@@ -98,22 +98,22 @@ def try_damaged():
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with all that the files of the corpus name."""
-    for name, content in BESIDE.items():
+    """Return a folder with the files that files of the corpus refer to."""
+    for name, content in SIDE_FILES.items():
         (tmp_path / name).write_bytes(content)
     return tmp_path
 
 
 @pytest.fixture(params=CORPUS)
 def whole(request, folder):
-    """Each file of the corpus, undamaged."""
+    """Return each file of the corpus, undamaged."""
     (folder / request.param).write_bytes(CORPUS[request.param])
     return folder / request.param
 
 
-@pytest.fixture(params=[(name, kind) for name in CORPUS for kind in of_kind(name)], ids="-".join)
-def corpus_and_kind(request, folder):
-    """Each file of the corpus with each way to damage it."""
+@pytest.fixture(params=[(name, kind) for name in CORPUS for kind in damage_of(name)], ids="-".join)
+def file_and_damage(request, folder):
+    """Return each file of the corpus with each kind of damage that applies to it."""
     name, kind = request.param
     (folder / name).write_bytes(CORPUS[name])
     return folder / name, kind

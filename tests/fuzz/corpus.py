@@ -1,4 +1,4 @@
-"""Small character files that have, between them, all that is read, and what they are put together with."""
+"""Small character files that together contain everything that the readers support, and functions that build them."""
 
 import base64
 import io
@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-RAW = "\ue000"
-"""Begins a string that goes into JSON as it is, without quotes."""
+RAW_JSON = "\ue000"
+"""Prefix of a string that `text_of` writes without quotes."""
 
 
 @dataclass
 class Parts:
-    """A glTF file being put together: a description and its bytes."""
+    """A glTF file under construction: its description and its bytes."""
 
     gltf: dict[str, Any]
     binary: bytes = b""
@@ -52,7 +52,7 @@ class Parts:
 
 
 def pack(gltf, binary):
-    """Make a .glb of its description and its bytes."""
+    """Return the .glb of a description and its bytes."""
     text = text_of(gltf)
     text += b" " * (-len(text) % 4)
     binary += bytes(-len(binary) % 4)
@@ -61,19 +61,19 @@ def pack(gltf, binary):
 
 
 def unpack(content):
-    """Take a .glb into its description and its bytes."""
+    """Return the description and the bytes of a .glb."""
     size = int.from_bytes(content[12:16], "little")
     return json.loads(content[20 : 20 + size]), content[28 + size :]
 
 
 def text_of(gltf):
-    """Write JSON, and what stands behind `RAW` as it is."""
-    quoted = rf'"\\u{ord(RAW):x}((?:[^"\\]|\\.)*)"'
+    """Return JSON, in which strings that begin with `RAW_JSON` have no quotes."""
+    quoted = rf'"\\u{ord(RAW_JSON):x}((?:[^"\\]|\\.)*)"'
     return re.sub(quoted, lambda match: json.loads(f'"{match[1]}"'), json.dumps(gltf)).encode()
 
 
 def ball(rings=4, around=6):
-    """A sphere: (n, 3) float32 unit positions, (t, 3) uint16 triangles."""
+    """Return a sphere: (n, 3) float32 unit positions and (t, 3) uint16 triangles."""
     height = np.linspace(0, np.pi, rings + 2)[1:-1, None]
     turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
     side = np.stack(np.broadcast_arrays(np.sin(height) * np.cos(turn), np.cos(height), np.sin(height) * np.sin(turn)))
@@ -88,14 +88,14 @@ def ball(rings=4, around=6):
 
 
 def picture(kind="PNG"):
-    """A small picture's file."""
+    """Return the file of a small picture."""
     file = io.BytesIO()
     Image.fromarray((np.indices((8, 8)).sum(0) % 2 * 255).astype(np.uint8)).save(file, kind)
     return file.getvalue()
 
 
 def textured():
-    """Every attribute that a picture is made of, and a texture inside."""
+    """Return a .glb with all attributes that affect a picture, and a texture."""
     points, faces = ball()
     parts = Parts({"scene": 0, "scenes": [{"nodes": [0]}], "extensionsUsed": ["KHR_materials_unlit"]})
     attributes = {
@@ -117,7 +117,7 @@ def textured():
 
 
 def skinned():
-    """Two bones that bend a ball, a hat on one of them, and an animation of the bones."""
+    """Return a .glb with a ball that two bones bend, a hat on one of them, and an animation of the bones."""
     points, faces = ball()
     share = np.clip(points[:, 1], 0, 1)
     parts = Parts({"scene": 0, "scenes": [{"nodes": [0, 2]}]})
@@ -161,7 +161,7 @@ def skinned():
 
 
 def packed():
-    """Quantised and sparse arrays, a strip, a fan and points, and morph targets of its own that move."""
+    """Return a .glb with quantised and sparse arrays, a strip, a fan, points, and animated morph targets."""
     points, faces = ball()
     stored = np.zeros((len(points), 4), np.int16)
     stored[:, :3] = np.round(points * 32767)
@@ -203,7 +203,7 @@ def packed():
 
 
 def apart():
-    """A .gltf without indices, its bytes in data URIs and in files beside it (`BESIDE`)."""
+    """Return a .gltf without indices whose bytes are in data URIs and in `SIDE_FILES`."""
     points, faces = ball()
     corners = points[faces.ravel()]
     gltf, _ = unpack(textured())
@@ -214,7 +214,7 @@ def apart():
     ]
     gltf["buffers"] = [
         {"byteLength": corners.nbytes, "uri": "data:application/octet-stream;base64," + b64(corners.tobytes())},
-        {"byteLength": len(BESIDE["uv.bin"]), "uri": "uv.bin"},
+        {"byteLength": len(SIDE_FILES["uv.bin"]), "uri": "uv.bin"},
     ]
     gltf["bufferViews"] = [
         {"buffer": index, "byteLength": buffer["byteLength"]} for index, buffer in enumerate(gltf["buffers"])
@@ -228,12 +228,12 @@ def b64(content):
     return base64.b64encode(content).decode()
 
 
-BESIDE = {
+SIDE_FILES = {
     "uv.bin": np.ascontiguousarray(ball()[0][ball()[1].ravel()][:, :2]).tobytes(),
     "my skin.jpg": picture("JPEG"),
     "skin.mtl": b"newmtl skin\nKd 1 0.5 0\nd 0.5\nNs 20\nmap_Kd -s 1 1 1 my skin.jpg\nmap_Bump none.png\n",
 }
-"""Files that others name."""
+"""Files that files of the corpus refer to."""
 
 
 def obj():
@@ -292,4 +292,4 @@ CORPUS = {
     "binary.stl": stl(),
     "text.stl": text_stl(),
 }
-"""Small files that have, between them, all that is read."""
+"""The files by name."""

@@ -1,4 +1,4 @@
-"""Ways to damage a character file, each the same for the same random numbers."""
+"""Kinds of damage to character files; equal random numbers cause equal damage."""
 
 import json
 import re
@@ -6,40 +6,40 @@ from copy import deepcopy
 
 import numpy as np
 
-from .corpus import RAW, pack, text_of, unpack
+from .corpus import RAW_JSON, pack, text_of, unpack
 
-HOSTILE = (
+HOSTILE_VALUES = (
     *(-1, 0, 1, 2, 7, 255, 65536, 2**31, 2**32, 2**53, 2**62, 2**63, 2**64, 10**30, 10**400, -(2**63)),
     *(0.5, -0.0, 1e-320, 1e-30, 1e30, 1e39, 1e154, 1e300, -1e308),
     *(None, True, False, "", "text", "\ud800", "\0", "data:,", "..", ".", "https://a/b", "é" * 5000, "%00", "9" * 5000),
     *([], {}, [1], [[0]], [None], {"": 0}, [0] * 16, [1e300] * 16, [0] * 4, [1e-200] * 4, [1e-200] * 3, [0] * 4000),
-    *(RAW + text for text in ("NaN", "-Infinity", "1e999", "9" * 4000, '{"a":1,"a":[]}', "[" * 500 + "]" * 500)),
+    *(RAW_JSON + text for text in ("NaN", "-Infinity", "1e999", "9" * 4000, '{"a":1,"a":[]}', "[" * 500 + "]" * 500)),
 )
 
-LAYOUT = (
+LAYOUT_KEYS = (
     *("byteOffset", "byteLength", "byteStride", "count", "componentType", "type", "bufferView", "buffer", "normalized"),
     *("indices", "material", "mode", "mesh", "skin", "joints", "inverseBindMatrices", "input", "output", "sampler"),
     *("source", "index", "texCoord", "POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "JOINTS_0", "WEIGHTS_0"),
 )
-"""Names of values that say where arrays lie and what they are for."""
+"""Keys of values that say where arrays are and what they are for."""
 
-NEAR = (-4, -1, 1, 4, 1000, 2**31, 2**63)
-"""What is added to them."""
+OFFSETS = (-4, -1, 1, 4, 1000, 2**31, 2**63)
+"""Numbers that are added to these values."""
 
-FLOATS = np.array(
+HOSTILE_FLOATS = np.array(
     [np.nan, np.inf, -np.inf, 0, -0.0, 1e-45, 1e-38, 1e-30, 1e-20, 1e18, 1e30, 3e38, -3e38, 1, -1], np.float32
 )
 
-WORDS = (
+HOSTILE_WORDS = (
     b"nan -inf 1e999 1e30 1e-30 1e-320 -0 0 -1 1 3 4 2147483648 4294967296 9223372036854775808 1_0 0x10 1/2/3 1//1 //"
     b" -99/-99/-99 999999999999999999999 1.5 . - + / # \\ v f vt vn vertex face facet endfacet loop element property"
     b" list uchar char int uint float double end_header ascii binary_little_endian OFF STL solid usemtl mtllib map_Kd"
 ).split(b" ")
-"""What stands, or should not stand, in mesh files of text."""
+"""Valid and invalid words for mesh files in text form."""
 
 
-def bytes_damaged(rng, content, others=()):
-    """Flip, set, insert, delete or repeat bytes, or go on with the end of another file, which may be nothing."""
+def damage_bytes(rng, content, others=()):
+    """Flip, set, insert, delete or repeat bytes, or replace the end by that of another file, which may be empty."""
     content = bytearray(content)
     for _ in range(rng.geometric(0.6)):
         place = int(rng.integers(len(content) + 1))
@@ -57,7 +57,7 @@ def bytes_damaged(rng, content, others=()):
                 other = others[rng.integers(len(others))]
                 content[place:] = other[int(rng.integers(len(other) + 1)) :]
             case 5:
-                content[place & ~3 : (place & ~3) + 4] = FLOATS[rng.integers(len(FLOATS))].tobytes()
+                content[place & ~3 : (place & ~3) + 4] = HOSTILE_FLOATS[rng.integers(len(HOSTILE_FLOATS))].tobytes()
             case 6:
                 whole = int(rng.choice([0, 1, 3, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1])).to_bytes(4, "little")
                 content[place : place + 4] = whole
@@ -66,15 +66,15 @@ def bytes_damaged(rng, content, others=()):
     return bytes(content)
 
 
-def words_damaged(rng, content, others=()):
-    """Replace, repeat, drop or swap words of a text, or of a header before bytes."""
+def damage_words(rng, content, others=()):
+    """Replace, repeat, delete or swap words of a text, or of the header of a binary file."""
     text, header_end, rest = content.partition(b"end_header")
     words = re.split(rb"(\s+)", text)
     for _ in range(rng.geometric(0.6)):
         place = min(int(rng.integers(len(words) // 2 + 1)) * 2, len(words) - 1)
         match rng.integers(5):
             case 0 | 1:
-                words[place] = WORDS[rng.integers(len(WORDS))]
+                words[place] = HOSTILE_WORDS[rng.integers(len(HOSTILE_WORDS))]
             case 2:
                 words[place : place + 2] = words[place : place + 2] * int(rng.choice([2, 3, 300]))
             case 3:
@@ -87,15 +87,15 @@ def words_damaged(rng, content, others=()):
 
 
 def places(value, path=()):
-    """Every place in nested JSON: the container and the key in it."""
+    """Yield the container and the key of every value in nested JSON."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in list(items):
         yield value, key
         yield from places(item)
 
 
-def described_otherwise(rng, gltf):
-    """Replace, remove, repeat or copy values anywhere in a description."""
+def change_values(rng, gltf):
+    """Replace, delete, repeat or copy values anywhere in a description."""
     for _ in range(rng.geometric(0.6)):
         found = list(places(gltf))
         if not found:
@@ -110,15 +110,17 @@ def described_otherwise(rng, gltf):
             case 2:
                 inner[key] = deepcopy(other[elsewhere])
             case 3 | 4:
-                inner[key] = deepcopy(HOSTILE[rng.integers(len(HOSTILE))])
+                inner[key] = deepcopy(HOSTILE_VALUES[rng.integers(len(HOSTILE_VALUES))])
             case _:
-                alike = [value for value in HOSTILE if type(value) is type(inner[key])] or HOSTILE
+                alike = [value for value in HOSTILE_VALUES if type(value) is type(inner[key])] or HOSTILE_VALUES
                 inner[key] = deepcopy(alike[rng.integers(len(alike))])
 
 
-def laid_out_otherwise(rng, gltf):
-    """Change numbers that say where arrays lie, how long they are, what they hold and what they are for."""
-    found = [(inner, key) for inner, key in places(gltf) if key in LAYOUT and not isinstance(inner[key], list | dict)]
+def change_layout(rng, gltf):
+    """Change position, length, type or purpose of arrays."""
+    found = [
+        (inner, key) for inner, key in places(gltf) if key in LAYOUT_KEYS and not isinstance(inner[key], list | dict)
+    ]
     for _ in range(rng.geometric(0.6)):
         inner, key = found[rng.integers(len(found))]
         if key == "type":
@@ -126,7 +128,7 @@ def laid_out_otherwise(rng, gltf):
         elif key == "componentType":
             inner[key] = int(rng.integers(5119, 5128))
         elif rng.integers(2) and not isinstance(inner[key], str):
-            inner[key] = max(0, inner[key] + NEAR[rng.integers(len(NEAR))])
+            inner[key] = max(0, inner[key] + OFFSETS[rng.integers(len(OFFSETS))])
         else:
             inner[key] = int(rng.choice([0, 1, 2, 3, 4, 5, 6, 8, 252]))
     views = gltf.get("bufferViews", [])
@@ -134,8 +136,8 @@ def laid_out_otherwise(rng, gltf):
         views[rng.integers(len(views))]["byteStride"] = int(rng.choice([0, 1, 2, 4, 12, 16, 252, 2**40]))
 
 
-def gltf_damaged(change):
-    """Damage the description of a .glb or .gltf."""
+def damage_gltf(change):
+    """Return a function that changes the description of a .glb or .gltf."""
 
     def damaged(rng, content, others=()):
         is_binary = content[:4] == b"glTF"
@@ -146,35 +148,35 @@ def gltf_damaged(change):
     return damaged
 
 
-def arrays_damaged(rng, content, others=()):
-    """Damage only the bytes behind the description of a .glb, without changing their number."""
+def damage_arrays(rng, content, others=()):
+    """Change the bytes after the description of a .glb, but not their number."""
     gltf, binary = unpack(content)
     values = bytearray(binary)
     for _ in range(rng.geometric(0.6)):
         place = int(rng.integers(len(values) // 4)) * 4
         match rng.integers(3):
             case 0:
-                values[place : place + 4] = FLOATS[rng.integers(len(FLOATS))].tobytes()
+                values[place : place + 4] = HOSTILE_FLOATS[rng.integers(len(HOSTILE_FLOATS))].tobytes()
             case 1:
                 values[place : place + 4] = rng.bytes(4)
             case 2:
                 span = int(rng.choice([4, 12, 48, 400])) // 4
-                some = FLOATS[rng.integers(len(FLOATS), size=span)].tobytes()[: len(values) - place]
+                some = HOSTILE_FLOATS[rng.integers(len(HOSTILE_FLOATS), size=span)].tobytes()[: len(values) - place]
                 values[place : place + len(some)] = some
     return pack(gltf, bytes(values))
 
 
-DAMAGES = {
-    "bytes": bytes_damaged,
-    "words": words_damaged,
-    "values": gltf_damaged(described_otherwise),
-    "layout": gltf_damaged(laid_out_otherwise),
-    "arrays": arrays_damaged,
+DAMAGE = {
+    "bytes": damage_bytes,
+    "words": damage_words,
+    "values": damage_gltf(change_values),
+    "layout": damage_gltf(change_layout),
+    "arrays": damage_arrays,
 }
 
 
-def of_kind(name):
-    """The ways that make sense for a kind of file."""
+def damage_of(name):
+    """Return the kinds of damage that apply to a file."""
     ending = name.rpartition(".")[2].lower()
     return {
         "glb": ("bytes", "values", "layout", "arrays"),

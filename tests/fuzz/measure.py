@@ -1,7 +1,7 @@
-"""Read files, each in a process of its own that cannot have much memory, and write what that took.
+"""Reads each file in a process with limited memory, and prints what that took.
 
-The first argument is read for warming up. For each of the others there is a line of JSON: the kind of error or null,
-the peak of memory over what was there before in bytes, and seconds.
+The file of the first argument is only read to load libraries. For each of the others, the program prints a line of
+JSON: the kind of error or null, the peak of additional memory in bytes, and the seconds.
 """
 
 import json
@@ -14,11 +14,12 @@ from pathlib import Path
 
 from engine_bridge.character.character import load_character
 
-ROOM = 2**31
+EXTRA_MEMORY_BYTES = 2**31
+"""Maximum memory that reading a file may add, in bytes."""
 
 
 def read(path):
-    """Read a file as far as a picture of it needs, and return the error's kind, if any."""
+    """Read a file as far as a picture requires; return the kind of error, or None."""
     try:
         character = load_character(path)
         character.colors  # noqa: B018 - which reads the pictures
@@ -32,7 +33,7 @@ def main(good, *paths):
     warnings.simplefilter("ignore")
     read(Path(good))  # imports and compiles
     here = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (here + ROOM, here + ROOM))
+    resource.setrlimit(resource.RLIMIT_AS, (here + EXTRA_MEMORY_BYTES, here + EXTRA_MEMORY_BYTES))
     for path in paths:
         if os.fork() == 0:
             before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()

@@ -1,4 +1,4 @@
-"""Damaged character files: each is refused, or read and written as an animated .glb that holds the same again."""
+"""Damaged character files are refused, or they are read and written as an animated .glb with the same character."""
 
 import shutil
 
@@ -9,9 +9,9 @@ from engine_bridge.character.character import load_character
 from solver.model.reduced_model import ModelParameters, build
 
 from .corpus import CORPUS
-from .damage import of_kind
+from .damage import damage_of
 
-REAL = {
+REAL_FILES = {
     "gltf/nested.glb": 30,
     "gltf/cubevc.glb": 30,
     "gltf/khronos_Fox.glb": 8,
@@ -24,20 +24,20 @@ REAL = {
     "suzanne.obj": 8,
     "fuze/fuze.obj": 8,
 }
-"""Small files of other people, and how often each is damaged in each way."""
+"""Small files from elsewhere, and the number of attempts per kind of damage."""
 
 
-def test_each_undamaged_file_goes_all_the_way(whole, go):
-    assert len(go(whole).triangles) >= 48
+def test_undamaged_files_are_read_and_written(whole, read_again):
+    assert len(read_again(whole).triangles) >= 48
 
 
-def test_damaged_files_are_read_or_refused(corpus_and_kind, try_damaged):
-    path, kind = corpus_and_kind
+def test_damaged_files_are_read_or_refused(file_and_damage, try_damaged):
+    path, kind = file_and_damage
     outcomes = try_damaged(path, kind, 100, enough=3)
-    assert min(outcomes.values()) >= 3  # else the damage is too little or too much
+    assert min(outcomes.values()) >= 3  # otherwise there is too little damage or too much
 
 
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", REAL_FILES)
 def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged, name):
     original = real_data / "mesh" / name
     path = tmp_path / "own" / original.name
@@ -46,15 +46,15 @@ def test_damaged_real_files_are_read_or_refused(real_data, tmp_path, try_damaged
     else:
         path.parent.mkdir()
     whole = original.read_bytes()
-    for kind in of_kind(name):
+    for kind in damage_of(name):
         path.write_bytes(whole)
-        outcomes = try_damaged(path, kind, REAL[name], enough=0)
+        outcomes = try_damaged(path, kind, REAL_FILES[name], enough=0)
         assert sum(outcomes.values()) >= 1
 
 
 @pytest.mark.parametrize("name", ["textured.glb", "skinned.glb", "packed.glb", "binary.stl"])
-def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, try_damaged, name):
-    def road(path):
+def test_damaged_characters_have_a_finite_model_or_are_refused(folder, try_damaged, name):
+    def build_model(path):
         model = build(load_character(path).solver_mesh(), ModelParameters(fields=4, isolines=5))
         for array in (
             model.A,
@@ -69,5 +69,5 @@ def test_what_is_left_of_a_character_has_a_model_or_is_refused(folder, try_damag
             assert np.isfinite(array).all()
 
     (folder / name).write_bytes(CORPUS[name])
-    outcomes = try_damaged(folder / name, "arrays" if name.endswith(".glb") else "bytes", 25, 2, road)
+    outcomes = try_damaged(folder / name, "arrays" if name.endswith(".glb") else "bytes", 25, 2, build_model)
     assert min(outcomes.values()) >= 2

@@ -1,4 +1,4 @@
-"""Small files that claim, name or unfold to much: the answer takes no more memory and time than a good file's."""
+"""Small files that announce or expand to much data need no more memory and time than valid files."""
 
 import contextlib
 import json
@@ -16,18 +16,18 @@ import pytest
 from engine_bridge.character.readers import read_surface
 from puppetline.errors import MeshError
 
-from .corpus import CORPUS, RAW, pack, unpack
+from .corpus import CORPUS, RAW_JSON, pack, unpack
 
 MEASURE = Path(__file__).with_name("measure.py")
 
-MB = 2**20
-HUNDRED = 10**8
+MEGABYTE = 2**20
+HUNDRED_MILLION = 10**8
 
 needs_linux = pytest.mark.skipif(sys.platform != "linux", reason="limits and peaks of memory are asked of Linux")
 
 
 def png(width, height):
-    """A black picture in as few bytes as possible."""
+    """Return a black picture in as few bytes as possible."""
     rows = zlib.compress(bytes((width + 7) // 8 + 1) * height, 9)
     chunks = [(b"IHDR", struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b"")]
     return b"\x89PNG\r\n\x1a\n" + b"".join(
@@ -55,24 +55,24 @@ def counted(which, count):
 
 def zeros(gltf, binary):
     del gltf["accessors"][0]["bufferView"]
-    gltf["accessors"][0]["count"] = HUNDRED
+    gltf["accessors"][0]["count"] = HUNDRED_MILLION
     return binary
 
 
 def buffer(gltf, binary):
-    gltf["buffers"][0]["byteLength"] = HUNDRED
+    gltf["buffers"][0]["byteLength"] = HUNDRED_MILLION
     return binary
 
 
 def no_stride(gltf, binary):
     gltf["bufferViews"][0]["byteStride"] = 0
-    gltf["accessors"][0]["count"] = HUNDRED
+    gltf["accessors"][0]["count"] = HUNDRED_MILLION
     return binary
 
 
 def sparse(gltf, binary):
     gltf["accessors"][0]["sparse"] = {
-        "count": HUNDRED,
+        "count": HUNDRED_MILLION,
         "indices": {"bufferView": 0, "componentType": 5125},
         "values": {"bufferView": 0},
     }
@@ -130,9 +130,9 @@ def names_itself(kind):
     return change
 
 
-GLTF = {
-    "positions": ("textured.glb", counted("POSITION", HUNDRED)),
-    "indices": ("textured.glb", counted("indices", HUNDRED)),
+OVERSIZED = {
+    "positions": ("textured.glb", counted("POSITION", HUNDRED_MILLION)),
+    "indices": ("textured.glb", counted("indices", HUNDRED_MILLION)),
     "positions beyond 64 bits": ("textured.glb", counted("POSITION", 2**64)),
     "zeros": ("textured.glb", zeros),
     "buffer": ("textured.glb", buffer),
@@ -143,16 +143,16 @@ GLTF = {
     "joints": ("skinned.glb", more_joints_than_any),
     "faults": ("textured.glb", faults_without_end),
 }
-"""All of these are refused."""
+"""Files that announce too much data; all are refused."""
 
-UNFOLDED = {
+EXPANDING = {
     "one large picture": painted_with(30_000, 30_000, 1),
     "one long picture": painted_with(2**27, 1, 1),
     "many pictures": painted_with(1024, 1024, 1000),
     "bytes that are the file": names_itself("buffers"),
     "pictures that are the file": names_itself("images"),
 }
-"""All of these are read, as far as there is room."""
+"""Files that expand to much data; all are read up to a limit."""
 
 
 def announced(content, old, new):
@@ -161,7 +161,7 @@ def announced(content, old, new):
 
 
 def surfaces():
-    """Mesh files of a kilobyte or so that claim a gigabyte or so."""
+    """Return mesh files of about 1 kB that announce about 1 GB."""
     stl, obj, off = CORPUS["binary.stl"], CORPUS["a.obj"], CORPUS["a.off"]
     files = {"count.stl": stl[:80] + b"\xff" * 4 + stl[84:], "index.obj": obj + b"f 1 2 1000000000\n"}
     files["vertices.off"] = announced(off, b"26 48 0", b"1000000000 48 0")
@@ -179,13 +179,13 @@ def surfaces():
 
 
 def chunks(whole):
-    """A .glb that says that all of it, or its description, is as long as can be."""
+    """Yield a .glb that announces the maximum length, and one whose description does."""
     for place in (8, 12):
         yield whole[:place] + b"\xff" * 4 + whole[place + 4 :]
 
 
 def measured(good, paths):
-    """What `measure.py` says of files: the error's kind, peak in bytes and seconds of each."""
+    """Return the kind of error, the peak memory in bytes and the seconds of reading each file (`measure.py`)."""
     command = [sys.executable, MEASURE, good, *paths]
     environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
     lines = subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout.splitlines()
@@ -195,7 +195,7 @@ def measured(good, paths):
 
 @pytest.fixture
 def good(folder):
-    """Write a good .glb of at least as many bytes as asked for."""
+    """Write a valid .glb of a minimum size in bytes."""
     points, faces = igl.icosahedron()
     faces = faces.astype(np.uint32)
 
@@ -234,7 +234,7 @@ def changed(origin, change):
 
 @pytest.fixture
 def check(folder, good):
-    """Read files that all end alike, in no more than 5 times the memory and time of a good file of their size."""
+    """Check the outcome of reading files, in at most 5 times the memory and time of a valid file of the same size."""
 
     def run(contents, kind):
         for name, content in contents.items():
@@ -247,58 +247,58 @@ def check(folder, good):
         peak, second = dict(zip(goods, peaks, strict=True)), dict(zip(goods, seconds, strict=True))
         for (name, size), (found, more, took) in zip(sizes.items(), results[len(goods) :], strict=True):
             assert found == kind, name
-            assert more < 5 * (peak[size] + MB), f"{name}: {more / MB:.0f} MB"
+            assert more < 5 * (peak[size] + MEGABYTE), f"{name}: {more / MEGABYTE:.0f} MB"
             assert took < 5 * second[size], f"{name}: {took:.2f} s"
 
     return run
 
 
 @needs_linux
-def test_a_claim_is_refused_in_the_memory_and_time_of_a_good_file(check):
-    contents = {f"{name}.glb": changed(origin, change) for name, (origin, change) in GLTF.items()}
+def test_files_that_announce_too_much_are_refused_as_cheaply_as_valid_files_are_read(check):
+    contents = {f"{name}.glb": changed(origin, change) for name, (origin, change) in OVERSIZED.items()}
     contents |= {f"chunk {number}.glb": content for number, content in enumerate(chunks(CORPUS["textured.glb"]))}
     check(contents | surfaces(), "MeshError")
 
 
 @pytest.fixture(scope="module")
 def unfolded(tmp_path_factory):
-    """What `measure.py` says of each file of `UNFOLDED`."""
+    """Return the measurements of reading each file of `EXPANDING`."""
     good = tmp_path_factory.mktemp("good") / "textured.glb"
     good.write_bytes(CORPUS["textured.glb"])
-    paths = [tmp_path_factory.mktemp("unfolded") / "itself.glb" for _ in UNFOLDED]
-    for path, change in zip(paths, UNFOLDED.values(), strict=True):
+    paths = [tmp_path_factory.mktemp("unfolded") / "itself.glb" for _ in EXPANDING]
+    for path, change in zip(paths, EXPANDING.values(), strict=True):
         path.write_bytes(changed("textured.glb", change))
-    return dict(zip(UNFOLDED, measured(good, paths), strict=True))
+    return dict(zip(EXPANDING, measured(good, paths), strict=True))
 
 
 @needs_linux
-@pytest.mark.parametrize("name", UNFOLDED)
-def test_what_unfolds_is_read_within_bounds(unfolded, name):
+@pytest.mark.parametrize("name", EXPANDING)
+def test_files_that_expand_are_read_within_a_memory_limit(unfolded, name):
     found, more, _ = unfolded[name]
     assert found is None
-    assert more < 400 * MB
+    assert more < 400 * MEGABYTE
 
 
-def test_nesting_of_any_depth_is_written_again_or_refused(folder, go):
+def test_deeply_nested_extras_are_written_again_or_refused(folder, read_again):
     gltf, binary = unpack(CORPUS["textured.glb"])
     written = []
     for depth in (1, 100, 400, *range(500, 1100, 7), 100_000):
-        gltf["extras"] = RAW + "[" * depth + "]" * depth
+        gltf["extras"] = RAW_JSON + "[" * depth + "]" * depth
         (folder / "deep.glb").write_bytes(pack(gltf, binary))
         with contextlib.suppress(MeshError):
-            go(folder / "deep.glb")
+            read_again(folder / "deep.glb")
             written.append(depth)
     assert written[:3] == [1, 100, 400]
     assert written[-1] < 1100
 
 
-def test_materials_that_are_not_there_do_not_cost_a_look_through_the_folder_each(folder):
+def test_missing_pictures_are_found_without_listing_the_folder_for_each(folder):
     materials = b"".join(b"newmtl m%d\nmap_Kd no%d.png\n" % (number, number) for number in range(3000))
     (folder / "skin.mtl").write_bytes(materials)
     (folder / "a.obj").write_bytes(CORPUS["a.obj"])
     assert len(read_surface(folder / "a.obj").notes) >= 3000
 
 
-def test_a_line_that_names_no_library_for_long_is_read_once(folder):
+def test_a_long_line_of_missing_libraries_is_read_once(folder):
     (folder / "a.obj").write_bytes(b"mtllib " + b"a " * 100_000 + b"\n" + CORPUS["a.obj"])
     assert len(read_surface(folder / "a.obj").pieces) == 2

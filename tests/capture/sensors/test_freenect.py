@@ -96,6 +96,9 @@ def color_of(number):
     return np.dstack([columns * 255 // 639, rows * 255 // 479, np.full((480, 640), 40 * number)]).astype(np.uint8)
 
 
+SIX_IMAGES = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
+
+
 def test_depth_and_colour_arrive_unchanged_on_a_clock_that_does_not_overflow(read, write_dump):
     start = 2**32 - 2 * FRAME  # the sensor's clock overflows, and colour is half a frame later
     dump = write_dump(
@@ -154,7 +157,7 @@ def test_depth_without_colour_of_the_same_time_is_skipped(read, write_dump):
 
 
 def test_a_sensor_that_stops_delivers_none_and_can_be_closed(read, write_dump):
-    dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
+    dump = write_dump(SIX_IMAGES)
     process, seen = read(dump, 6, "still")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
     assert process.stdout == "closed None None\n"
@@ -179,7 +182,7 @@ def test_a_sensor_that_cannot_be_opened_is_an_error_and_nothing_stays_open(read,
 
 
 def test_an_unplugged_sensor_is_an_error_after_its_last_image(read, write_dump):
-    dump = write_dump([each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))])
+    dump = write_dump(SIX_IMAGES)
     process, seen = read(dump, 6, "unplugged")
     np.testing.assert_array_equal(seen["depths"], [depth_of(number) for number in range(4)])
     assert "found an unplugged Kinect (libfreenect: USB device disappeared" in process.stdout
@@ -187,8 +190,7 @@ def test_an_unplugged_sensor_is_an_error_after_its_last_image(read, write_dump):
 
 
 def test_a_source_delivers_performers_until_the_sensor_is_unplugged(run_with_kinect, write_dump):
-    pictures = [each for n in range(6) for each in ((depth_of(n), n * FRAME), (color_of(n), n * FRAME))]
-    dump = write_dump(pictures, interval=0.1)
+    dump = write_dump(SIX_IMAGES, interval=0.1)
     process = run_with_kinect(dump, FOLLOW, fault="unplugged")
     *frames, end = process.stdout.splitlines()
     assert end.startswith("SourceError an unplugged Kinect")

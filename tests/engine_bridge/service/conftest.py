@@ -1,4 +1,4 @@
-"""A small character on a stage of its own, and a performer for it."""
+"""Services and stages with a small character, senders of skeletons, and clients."""
 
 import json
 import os
@@ -50,7 +50,7 @@ def executor():
 
 @pytest.fixture
 def make_player(blob_rig, executor):
-    """Make a player for the small figure."""
+    """Make players of the small figure."""
 
     def make(name="dog", settings=PLAYER_SETTINGS, idle=None, rig=blob_rig):
         return CharacterPlayer(StreamedCharacter(name, rig, 1), settings, executor, idle)
@@ -60,7 +60,7 @@ def make_player(blob_rig, executor):
 
 @pytest.fixture
 def make_stage(make_player):
-    """Make a stage of some characters of the same figure."""
+    """Make stages with characters of the small figure."""
 
     def make(names=("dog",), player_settings=PLAYER_SETTINGS, settings=STAGE_SETTINGS, **more):
         return Stage("stage", [make_player(name, player_settings, **more) for name in names], settings)
@@ -70,13 +70,13 @@ def make_stage(make_player):
 
 @pytest.fixture(scope="session")
 def kung_fu():
-    """The frames of an example performance: somebody stands still for a second, then walks."""
+    """Return the frames of an example performance: a performer stands still for a second, then walks."""
     return tuple(PERFORMANCES["kung_fu"]().frames())
 
 
 @pytest.fixture(scope="session")
 def moved():
-    """Return a frame at another time, of another user, elsewhere."""
+    """Return a function that changes the time, the user or the position of a frame."""
 
     def move(frame, time=None, user=None, by=(0.0, 0.0, 0.0)):
         return SkeletonFrame(
@@ -103,7 +103,7 @@ OSCELETON = {
 
 
 class Clock:
-    """The monotonic clock of this process, which a test can put forward instead of waiting."""
+    """The monotonic clock of this process, which tests advance instead of waiting."""
 
     def __init__(self, patch):
         self._skipped = 0.0
@@ -111,9 +111,9 @@ class Clock:
         patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
         patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
 
-    def reach(self, moment):
-        """Put it forward to a moment, unless that has passed."""
-        self._skipped += max(0.0, moment - time.monotonic())
+    def advance_to(self, time_):
+        """Advance the clock to a time, unless that has passed."""
+        self._skipped += max(0.0, time_ - time.monotonic())
 
 
 @pytest.fixture
@@ -122,7 +122,7 @@ def clock(monkeypatch):
 
 
 class Sender:
-    """A program that sends skeletons as OSCeleton does with -xr and -r: a bundle a performer a frame, millimetres."""
+    """Sends skeletons as OSCeleton does with -xr and -r: one bundle per performer and frame, in millimetres."""
 
     def __init__(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -153,7 +153,7 @@ class Sender:
         self.raw(message.build().dgram)
 
     def play(self, frames, interval=1 / 60, user=1, until=lambda: False):
-        """Send frames one after another until there are no more or it is enough; return how many were sent."""
+        """Send frames at an interval, up to the last one or until a condition holds; return their number."""
         sent = 0
         for frame in frames:
             if until():
@@ -165,7 +165,7 @@ class Sender:
 
 
 class Client:
-    """Somebody who listens, with a real SUB socket."""
+    """A client with a SUB socket."""
 
     def __init__(self, endpoint, *topics, token=None):
         self.context = zmq.Context()
@@ -179,7 +179,7 @@ class Client:
         self.socket.connect(endpoint)
 
     def until(self, wanted, kind=None):
-        """Receive until a message of a kind satisfies a condition; return all of that kind, that one last."""
+        """Receive until a message of a kind satisfies a condition; return all messages of that kind."""
         give_up = time.monotonic() + TIMEOUT_SECONDS
         received = []
         while True:
@@ -191,7 +191,7 @@ class Client:
                     return received
 
     def pending(self):
-        """Return what has come already."""
+        """Return the messages that have arrived."""
         received = []
         while self.socket.poll(0):
             received.append(decode(self.socket.recv()))
@@ -203,7 +203,7 @@ class Client:
 
 
 class Served:
-    """The real command, as a process."""
+    """The command `puppetline serve` in a process."""
 
     def __init__(self, commands, *arguments, env=None):
         told = ("--log-format", "json", *arguments)
@@ -226,7 +226,7 @@ class Served:
             self.log.append(line)
 
     def logged(self, event):
-        """Wait for an event in the log; None if the process ends without it."""
+        """Wait for an event in the log; return None if the process ends without it."""
         give_up = time.monotonic() + TIMEOUT_SECONDS
         while time.monotonic() < give_up:
             ended = self.process.poll() is not None
@@ -257,7 +257,7 @@ class Served:
         return reply["result"] if reply["ok"] else reply["error"]
 
     def stop(self, number=signal.SIGTERM):
-        """End it and return its exit code."""
+        """Send a signal and return the exit code."""
         self.process.send_signal(number)
         return self.ended()
 
@@ -279,7 +279,7 @@ def sender():
 
 @pytest.fixture
 def serve(tmp_path, own_cache, commands):
-    """Start `puppetline serve` on free ports with a state of its own; whatever still runs at the end is killed."""
+    """Start `puppetline serve` on free ports with its own state; kill those that still run at the end."""
     started = []
 
     def start(*arguments, env=None):
@@ -298,7 +298,7 @@ def serve(tmp_path, own_cache, commands):
 
 @pytest.fixture
 def listen():
-    """Connect somebody who listens to an endpoint that the test knows."""
+    """Connect a client to an endpoint."""
     connected = []
 
     def connect(endpoint, *topics):
@@ -312,7 +312,7 @@ def listen():
 
 @pytest.fixture
 def free_port():
-    """Find a TCP port that is free, as is the next one, of those that the system gives to nobody by itself."""
+    """Find a free TCP port followed by another one, outside the range from which the system chooses."""
 
     def find():
         while True:
@@ -327,7 +327,7 @@ def free_port():
 
 @pytest.fixture
 def status():
-    """A status with something in every field."""
+    """Return a status with a value in every field."""
     return Status(
         service=ServiceStatus(version="1.2.3", uptime=3725.5, pid=7, memory=123_000_000, cpu=0.25),
         stages=[
@@ -362,6 +362,6 @@ def status():
 
 @pytest.fixture
 def silent(status):
-    """A status without performers, characters and outputs."""
+    """Return a status without performers, characters and outputs."""
     stage = replace(status.stages[0], latency_ms=LatencyStatus(), users=[], refused={}, recording=None)
     return replace(status, stages=[stage], characters=[], outputs=[])

@@ -1,4 +1,4 @@
-"""The mapping from joints to handles is edited while a character plays."""
+"""Editing the mapping from joints to handles while a performer drives the character."""
 
 import itertools
 import threading
@@ -20,7 +20,7 @@ EASE = PlayerSettings().ease
 
 
 def play(stage, events):
-    """Step through events, calibrations begun as a line does it for a recording; return the frames."""
+    """Process events, and begin calibrations as `StageRunner` does for a recording; return the frames."""
     frames = []
     for event in events:
         for player in stage.players:
@@ -42,13 +42,13 @@ def largest_step(frames, diagonal):
 
 
 def crossed(puppet):
-    """The same puppet, but its left hand follows head and spine, the other way and never forwards; another root."""
+    """Return the puppet with a left hand that follows head and spine in reverse, not along z, and with another root."""
     index = [handle.name for handle in puppet.handle].index("left hand")
     other = with_handle(puppet, index, ("head", "spine"), "xy", -0.5)
     return other.model_copy(update={"root": RootTable(joint="spine", axes="x")})
 
 
-def test_the_performer_plays_on_and_the_character_eases_over_to_the_new_mapping(make_stage, kung_fu, blob_rig):
+def test_the_character_eases_to_the_new_mapping_while_the_performer_continues(make_stage, kung_fu, blob_rig):
     stage = make_stage(player_settings=PlayerSettings(tilt=0.0, height=0.0))
     [player] = stage.players
     puppet, edited_at = crossed(blob_rig.puppet), kung_fu[150].time
@@ -89,7 +89,7 @@ def test_the_last_of_many_edits_counts(make_stage, kung_fu, blob_rig):
         np.testing.assert_array_equal(one.R, other.R)
 
 
-def test_who_comes_after_an_edit_is_calibrated_for_it(make_stage, kung_fu, blob_rig):
+def test_performers_who_arrive_after_an_edit_are_calibrated_for_it(make_stage, kung_fu, blob_rig):
     edited, new = make_stage(), make_stage(rig=type(blob_rig)(**vars(blob_rig) | {"puppet": crossed(blob_rig.puppet)}))
     edited.players[0].remap(crossed(blob_rig.puppet), 0.0)
     assert edited.players[0].settled
@@ -109,7 +109,7 @@ def test_mirroring_after_an_edit_keeps_it(make_stage, kung_fu, blob_rig):
     np.testing.assert_array_equal(ends[0].targets, ends[1].targets)
 
 
-def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stage, take, blob_rig):
+def test_the_idle_motion_follows_the_new_mapping_without_a_jump(make_stage, take, blob_rig):
     stage, unedited = make_stage(idle=take), make_stage(idle=take)
     [player] = stage.players
     before = play(stage, ticks(0.0, 1.0))
@@ -136,7 +136,7 @@ def test_what_it_does_by_itself_follows_the_new_mapping_without_a_jump(make_stag
     assert np.ptp(went, axis=0)[2] < 1e-9 < np.ptp([frame.targets[head] - frame.root for frame in before], axis=0)[2]
 
 
-def test_quick_edits_are_worked_out_and_eased_over_to_once(make_stage, take, blob_rig):
+def test_quick_edits_are_computed_and_eased_once(make_stage, take, blob_rig):
     stages = make_stage(idle=take), make_stage(idle=take)
     puppet = crossed(blob_rig.puppet)
     for stage in stages:
@@ -158,7 +158,7 @@ def test_quick_edits_are_worked_out_and_eased_over_to_once(make_stage, take, blo
         np.testing.assert_array_equal(one.targets, other.targets)
 
 
-def test_a_scene_tells_the_new_joints_and_is_the_same_otherwise(blob_rig):
+def test_the_scene_has_the_new_joints_and_is_the_same_otherwise(blob_rig):
     character = StreamedCharacter("dog", blob_rig, 7)
     character.prepare()
     edited = character.remapped(crossed(blob_rig.puppet))
@@ -175,7 +175,7 @@ def test_a_scene_tells_the_new_joints_and_is_the_same_otherwise(blob_rig):
 
 @pytest.fixture
 def dog(blob_puppet):
-    """A puppet file of the test's own."""
+    """Return a puppet file for one test."""
     path = blob_puppet.with_name("dog.toml")
     path.write_text("# my dog\n" + blob_puppet.read_text())
     return path
@@ -183,7 +183,7 @@ def dog(blob_puppet):
 
 @contextmanager
 def performing(service, sender, kung_fu):
-    """Have somebody perform for the service who never stops, and is calibrated."""
+    """Send a performer to the service until the end of the block, and wait for the calibration."""
     stop = threading.Event()
     performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
     performer.start()
@@ -206,7 +206,7 @@ def row(puppet, name):
 
 
 def reach(service, handle, count):
-    """Return how far a handle goes within so many frames, (3,), without the root."""
+    """Return the extent (3,) of a handle's motion over a number of frames, without the root."""
     client = service.client("dog/handles")
     [first] = client.until(lambda _: True, "handles")
     frames = client.until(lambda message: message.header.sequence > first.header.sequence + count, "handles")
@@ -215,7 +215,7 @@ def reach(service, handle, count):
 
 
 @pytest.mark.slow
-def test_a_mapping_is_edited_live_saved_and_found_again(serve, dog, sender, kung_fu):
+def test_a_mapping_is_edited_saved_and_loaded_again(serve, dog, sender, kung_fu):
     service = start(serve, dog, sender)
     text = dog.read_text()
     puppet = service.ask("puppet", character="dog")
@@ -255,7 +255,7 @@ def test_a_mapping_is_edited_live_saved_and_found_again(serve, dog, sender, kung
 
 
 @pytest.mark.slow
-def test_reverting_and_reloading_go_back_to_the_file(serve, dog, sender):
+def test_reverting_and_reloading_restore_the_mapping_of_the_file(serve, dog, sender):
     service = start(serve, dog, sender)
     was = service.ask("puppet", character="dog")
     service.ask("set_handle", character="dog", handle="head", joints=None)
@@ -278,7 +278,7 @@ def test_reverting_and_reloading_go_back_to_the_file(serve, dog, sender):
 
 
 @pytest.mark.slow
-def test_a_file_that_somebody_else_has_changed_is_left_alone(serve, dog, sender):
+def test_a_file_that_was_changed_elsewhere_is_not_overwritten(serve, dog, sender):
     service = start(serve, dog, sender)
     service.ask("set_handle", character="dog", handle="head", gain=3)
     mine = dog.read_text() + "\n# and a remark of mine\n"
@@ -294,7 +294,7 @@ def test_a_file_that_somebody_else_has_changed_is_left_alone(serve, dog, sender)
 
 
 @pytest.mark.slow
-def test_what_makes_no_mapping_changes_nothing(serve, dog, sender):
+def test_invalid_edits_change_nothing(serve, dog, sender):
     service = start(serve, dog, sender)
     was = service.ask("puppet", character="dog")
     for do, arguments, wrong in (
@@ -310,7 +310,7 @@ def test_what_makes_no_mapping_changes_nothing(serve, dog, sender):
 
 
 @pytest.mark.slow
-def test_a_take_is_of_one_mapping_and_plays_again_to_the_same_controls(serve, dog, sender, kung_fu, tmp_path):
+def test_a_take_has_one_mapping_and_replays_the_same_controls(serve, dog, sender, kung_fu, tmp_path):
     service = start(serve, dog, sender)
     with performing(service, sender, kung_fu):
         live = service.client("dog/controls")
@@ -342,7 +342,7 @@ def test_a_take_is_of_one_mapping_and_plays_again_to_the_same_controls(serve, do
 
 
 @pytest.mark.slow
-def test_a_take_that_plays_can_be_remapped(serve, dog, sender, kung_fu, tmp_path):
+def test_the_mapping_of_a_replayed_take_can_be_edited(serve, dog, sender, kung_fu, tmp_path):
     service = start(serve, dog, sender)
     with performing(service, sender, kung_fu):
         service.ask("record_start", name="take")
@@ -358,7 +358,7 @@ def test_a_take_that_plays_can_be_remapped(serve, dog, sender, kung_fu, tmp_path
 
 
 @pytest.mark.slow
-def test_an_idle_performance_is_worked_out_anew_beside_the_stream(serve, dog, sender, take, tmp_path):
+def test_the_idle_motion_is_computed_again_while_the_stream_continues(serve, dog, sender, take, tmp_path):
     config = tmp_path / "stage.toml"
     config.write_text(
         f'takes = "{tmp_path / "takes"}"\nannounce = false\n[network]\nport = 0\n[[stage]]\nsource = "{sender.uri}"\n'

@@ -1,4 +1,4 @@
-"""The real command as a process, real skeletons by UDP, real clients."""
+"""`puppetline serve` as a process, with skeletons over UDP and ZeroMQ clients."""
 
 import itertools
 import json
@@ -32,7 +32,7 @@ SERVE = ("serve", "--port", "0", "--no-announce")
 
 @pytest.fixture
 def playing(serve, blob_puppet, sender, kung_fu):
-    """A service with one character, and a performer who never stops."""
+    """Start a service with one character, and a performer who moves until the end of the test."""
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
     stop = threading.Event()
     performer = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
@@ -46,7 +46,7 @@ def performing(message):
     return message.header.state == 2
 
 
-def test_a_late_subscriber_gets_the_scene_at_once_and_then_controls_that_move_it(playing, blob_rig):
+def test_a_late_subscriber_receives_the_scene_and_then_controls_that_move_it(playing, blob_rig):
     playing.client("blob/controls").until(performing)
     late = playing.client("blob/scene", "blob/controls")
     [scene] = late.until(lambda _: True, "scene")
@@ -62,7 +62,7 @@ def test_a_late_subscriber_gets_the_scene_at_once_and_then_controls_that_move_it
     assert 1e-3 < moved / blob_rig.mesh.diagonal < 1.5
 
 
-def test_every_kind_of_frame_comes_to_whoever_wants_it(playing, blob_rig):
+def test_every_kind_of_frame_is_sent_to_its_subscribers(playing, blob_rig):
     kinds = ("controls", "vertices", "vertices16", "joints", "handles")
     client = playing.client(*(f"blob/{kind}" for kind in kinds))
     at_one_moment = {}
@@ -114,7 +114,7 @@ def test_a_stalled_service_goes_on_with_the_newest_frame(playing, sender):
     client.pending()
     playing.process.send_signal(signal.SIGCONT)
     woken = client.until(lambda message: performing(message) and message.header.sequence % 30 == 0, "controls")
-    # what came in meanwhile was overtaken: no frame is older than the moment it was shown by more than a turn takes
+    # older frames were dropped: no frame was published much later than it was received
     assert all(message.header.published - message.header.received < 0.5e9 for message in woken)
     give_up = time.monotonic() + 10
     while playing.ask("describe")["status"]["stages"][0]["dropped"] < 20:
@@ -143,7 +143,7 @@ def test_reloading_keeps_clients_and_performers(playing, blob_puppet):
     assert playing.ask("reload") == {"characters": ["blob"]}
 
 
-def test_a_silent_source_leaves_the_character_to_itself_and_its_return_moves_it_again(
+def test_a_character_returns_to_rest_when_its_source_is_silent_and_moves_again_with_it(
     serve, blob_puppet, sender, kung_fu
 ):
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
@@ -157,15 +157,15 @@ def test_a_silent_source_leaves_the_character_to_itself_and_its_return_moves_it_
     assert states[states.index(1) :][:2] == [1, 2]
 
 
-def test_a_killed_service_is_back_for_the_same_clients_and_performer(
+def test_clients_and_performer_continue_after_a_killed_service_is_restarted(
     serve, blob_puppet, sender, kung_fu, tmp_path, free_port
 ):
     arguments = ("--puppet", blob_puppet, "--source", sender.uri, "--port", free_port())
     service = serve(*arguments)
     client = service.client("blob/controls")
-    sender.play(kung_fu[:60] + kung_fu[:60], interval=1 / 30)  # still for long enough, whatever comes between
+    sender.play(kung_fu[:60] + kung_fu[:60], interval=1 / 30)  # still for a second, even if frames are lost
     seen = client.until(performing)
-    for _ in range(200):  # until the calibration is kept
+    for _ in range(200):  # until the calibration is stored
         if (tmp_path / "state" / "puppetline" / "performers.json").exists():
             break
         sender.play(kung_fu[-8:], interval=1 / 30)
@@ -173,7 +173,9 @@ def test_a_killed_service_is_back_for_the_same_clients_and_performer(
     service.process.wait()
     last = max(message.header.sequence for message in [*seen, *client.pending()])
     serve(*arguments)
-    moving = kung_fu[100:]  # never still for a second: only what was kept can make this one perform
+    moving = kung_fu[
+        100:
+    ]  # never still for a second: only a stored calibration lets this performer drive the character
     stop = threading.Event()
     performer = threading.Thread(
         target=sender.play, args=(itertools.cycle(moving),), kwargs={"interval": 1 / 30, "until": stop.is_set}
@@ -189,7 +191,7 @@ def test_a_killed_service_is_back_for_the_same_clients_and_performer(
     assert frames[-1].header.state == 2
 
 
-def test_garbage_is_counted_and_costs_nothing(playing, sender):
+def test_garbage_is_counted_and_frames_continue(playing, sender):
     client = playing.client("blob/controls")
     client.until(performing)
     for datagram in (b"", b"\0", b"#bundle\0" + bytes(12), bytes(65000), b"/joint\0\0,sifff\0\0", b"{}" * 500):
@@ -202,7 +204,7 @@ def test_garbage_is_counted_and_costs_nothing(playing, sender):
     assert playing.ask("describe")["status"]["stages"][0]["faults"] == 0
 
 
-def test_two_people_play_two_characters(serve, blob_puppet, sender, kung_fu, tmp_path):
+def test_two_performers_drive_two_characters(serve, blob_puppet, sender, kung_fu, tmp_path):
     other = blob_puppet.with_name("cat.toml")
     other.write_text(blob_puppet.read_text())
     service = serve("--puppet", blob_puppet, "--puppet", other, "--source", sender.uri, "--calibrate", "at_once")
@@ -215,7 +217,7 @@ def test_two_people_play_two_characters(serve, blob_puppet, sender, kung_fu, tmp
     assert users == {("blob/controls", 4), ("cat/controls", 8)}
 
 
-def test_osc_goes_out_at_no_more_than_its_rate(serve, blob_puppet, sender, kung_fu):
+def test_osc_is_sent_at_no_more_than_its_rate(serve, blob_puppet, sender, kung_fu):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.bind(("127.0.0.1", 0))
         receiver.settimeout(0.5)
@@ -239,7 +241,7 @@ def test_osc_goes_out_at_no_more_than_its_rate(serve, blob_puppet, sender, kung_
         assert OscMessage(first).address.startswith("/puppetline/blob/")
 
 
-def test_it_refuses_to_be_reached_from_outside_without_credentials(serve, blob_puppet, sender):
+def test_an_address_that_other_machines_reach_requires_credentials(serve, blob_puppet, sender):
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--host", "0.0.0.0")
     assert service.process.wait() == 1
     service._read.join()
@@ -247,7 +249,7 @@ def test_it_refuses_to_be_reached_from_outside_without_credentials(serve, blob_p
     assert "no credentials" in line
 
 
-def test_with_a_token_only_who_knows_it_comes_in(serve, blob_puppet, sender, kung_fu, tmp_path):
+def test_only_clients_with_the_token_receive_anything(serve, blob_puppet, sender, kung_fu, tmp_path):
     token = b"correct-horse-battery-staple"
     file = tmp_path / "token"
     file.write_bytes(token)
@@ -257,12 +259,12 @@ def test_with_a_token_only_who_knows_it_comes_in(serve, blob_puppet, sender, kun
     service.control = service.control.replace("0.0.0.0", "127.0.0.1")
     strangers = [service.client("blob/controls"), service.client("blob/controls", token=b"wrong-horse-battery-staple")]
     service.client("blob/controls", token=token).until(lambda _: True)
-    time.sleep(0.5)  # in which anybody who is let in would have got fifteen frames
+    time.sleep(0.5)  # time for fifteen frames, if these clients were accepted
     assert [stranger.pending() for stranger in strangers] == [[], []]
     assert service.ask("ping", token=token) == "pong"
 
 
-def test_it_ends_cleanly_at_once_and_leaves_a_whole_take(playing, tmp_path):
+def test_it_ends_cleanly_and_leaves_a_whole_take(playing, tmp_path):
     client = playing.client("blob/controls")
     client.until(performing)
     playing.ask("record_start", name="last")
@@ -272,7 +274,7 @@ def test_it_ends_cleanly_at_once_and_leaves_a_whole_take(playing, tmp_path):
     assert not [line for line in playing.log if "Traceback" in line]
 
 
-def test_the_watchdog_hears_of_frames_and_of_nothing_else(serve, blob_puppet, tmp_path):
+def test_the_watchdog_is_notified_of_frames(serve, blob_puppet, tmp_path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
         path = tmp_path / "notify"
         systemd.bind(str(path))
@@ -296,7 +298,7 @@ def test_the_watchdog_hears_of_frames_and_of_nothing_else(serve, blob_puppet, tm
         assert rest[-1] == "STOPPING=1"
 
 
-def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
+def test_a_reload_ends_a_take_and_every_reload_request_is_answered(playing, tmp_path):
     playing.client("blob/controls").until(performing)
     playing.ask("record_start", name="short")
     answers = []
@@ -312,7 +314,7 @@ def test_a_reload_ends_a_take_and_takes_back_no_request(playing, tmp_path):
 
 
 @pytest.mark.parametrize("loaded", ["engine_bridge.service.signals", "numpy", "zmq", "engine_bridge.service.service"])
-def test_a_stop_while_it_starts_is_a_stop(blob_puppet, sender, loaded):
+def test_a_stop_during_the_start_ends_it_cleanly(blob_puppet, sender, loaded):
     command = [sys.executable, "-m", "puppetline", *SERVE, "--puppet", blob_puppet, "--source", sender.uri]
     told = os.environ | {"PYTHONPROFILEIMPORTTIME": "1"}  # each module on standard error, as soon as it is loaded
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=told)
@@ -324,7 +326,7 @@ def test_a_stop_while_it_starts_is_a_stop(blob_puppet, sender, loaded):
     assert "internal error" not in said
 
 
-def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet, commands):
+def test_a_log_that_is_not_read_delays_nothing(listen, blob_puppet, commands):
     command = [*SERVE, "--puppet", blob_puppet, "--source", "demo:walk?loop", "--log-format", "json"]
     process = commands.start(*command, stderr=subprocess.PIPE)
     try:
@@ -341,7 +343,7 @@ def test_a_log_that_nobody_reads_holds_nothing_up(listen, blob_puppet, commands)
         process.stderr.close()
 
 
-def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(blob_puppet, commands, free_port):
+def test_the_status_is_in_the_terminal_at_prometheus_and_in_the_announcement(blob_puppet, commands, free_port):
     metrics = free_port()
     command = [
         *SERVE[:-1],
@@ -370,7 +372,7 @@ def test_it_says_how_it_is_to_people_to_prometheus_and_to_whoever_looks_for_it(b
         process.stdout.close()
 
 
-def test_the_status_says_how_tall_the_performer_is_and_how_the_sensor_stands(serve, blob_puppet, tmp_path, kung_fu):
+def test_the_status_has_the_performers_height_and_the_sensors_position(serve, blob_puppet, tmp_path, kung_fu):
     stands = {"tilt": 12.0, "height": 1.3, "roll": -2.0}
     with Recorder(tmp_path / "take.log") as recorder:
         recorder.write(Cue(kung_fu[0].time, "level", stands))

@@ -12,26 +12,26 @@ from engine_bridge.service.signals import Signals
 HAS_HANGUP = hasattr(signal, "SIGHUP")
 
 
-def come(number):
+def send(number):
     os.kill(os.getpid(), number)
 
 
-def test_the_end_is_noted_where_somebody_waits_for_it_and_wakes_them():
+def test_a_stop_is_noted_and_makes_the_descriptor_readable_while_the_program_waits():
     with Signals() as signals:
         signals.waiting = True
         assert not signals.stop
-        come(signal.SIGTERM)
+        send(signal.SIGTERM)
         assert signals.stop
         assert select.select([signals], [], [], 10)[0]
-        come(signal.SIGINT)  # and once more does no harm
+        send(signal.SIGINT)  # a second one does nothing
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_the_end_interrupts_whatever_is_being_done_before(number):
+def test_a_stop_during_the_start_raises_keyboard_interrupt_once(number):
     with Signals() as signals:
         with pytest.raises(KeyboardInterrupt):
-            come(number)
-        come(number)  # not what is done about it
+            send(number)
+        send(number)  # does not interrupt the cleaning up
         assert signals.stop
 
 
@@ -42,12 +42,12 @@ def test_an_interrupt_that_a_callback_discards_is_raised_again_and_not_printed(c
     @ctypes.CFUNCTYPE(None)
     def callback():
         called.append(True)
-        come(signal.SIGINT)
+        send(signal.SIGINT)
 
     with Signals() as signals:
         callback()
         assert called
-        with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - in whatever is being done then
+        with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - the interrupt falls between two statements
             for _ in range(6000):
                 time.sleep(0.01)
         assert signals.stop
@@ -61,17 +61,17 @@ def test_other_errors_in_callbacks_are_still_printed(capsys, monkeypatch):
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(not HAS_HANGUP, reason="there is no SIGHUP here")
-def test_a_reload_is_asked_for_once_however_often_it_comes():
+@pytest.mark.skipif(not HAS_HANGUP, reason="no SIGHUP on this system")
+def test_several_reload_signals_are_one_reload():
     with Signals() as signals:
         for _ in range(3):
-            come(signal.SIGHUP)
+            send(signal.SIGHUP)
         assert signals.take_reload()
         assert not signals.take_reload()
         assert not select.select([signals], [], [], 0)[0]
 
 
-def test_everything_is_as_before_afterwards():
+def test_handlers_and_hooks_are_restored():
     def state():
         return signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT), sys.unraisablehook
 

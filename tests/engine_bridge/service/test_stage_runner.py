@@ -17,7 +17,7 @@ from puppetline.errors import ServiceError, SourceError
 
 @pytest.fixture
 def run(clock):
-    """Take in as the service does, but put the clock forward where that waits; return the frames."""
+    """Process events as the service does, but advance the clock instead of waiting; return the frames."""
 
     def run(runner, seconds=None, until=lambda: False):
         frames = []
@@ -28,7 +28,7 @@ def run(clock):
                 break
             number = runner.source.fileno()
             if number is None or not select([number], [], [], 0)[0]:
-                clock.reach(min(runner.due(), end))
+                clock.advance_to(min(runner.due(), end))
             frames += runner.take_in()
         return frames
 
@@ -43,7 +43,7 @@ def short(tmp_path, kung_fu):
     return "replay:short.log"
 
 
-def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(run, short, make_stage, tmp_path, kung_fu):
+def test_the_clock_continues_after_the_end_of_a_recording(run, short, make_stage, tmp_path, kung_fu):
     runner = StageRunner(short, make_stage(), tmp_path)
     run(runner, until=lambda: isinstance(runner.source.inner, SilentSource))
     assert runner.skeletons == 10
@@ -54,7 +54,7 @@ def test_a_recording_that_has_ended_leaves_silence_and_its_clock_goes_on(run, sh
     runner.close()
 
 
-def test_a_source_that_fails_is_opened_again(run, make_stage, tmp_path, sender, kung_fu):
+def test_a_source_that_fails_is_reopened(run, make_stage, tmp_path, sender, kung_fu):
     runner = StageRunner(sender.uri, make_stage(), tmp_path)
 
     def fail():
@@ -69,7 +69,7 @@ def test_a_source_that_fails_is_opened_again(run, make_stage, tmp_path, sender, 
     runner.close()
 
 
-def test_a_source_that_stays_away_is_waited_for(run, make_stage, tmp_path, sender):
+def test_a_source_that_cannot_be_opened_is_retried_and_the_character_continues(run, make_stage, tmp_path, sender):
     runner = StageRunner(sender.uri, make_stage(), tmp_path)
     runner.source.inner.close()
     runner.source.inner.receive = lambda: (_ for _ in ()).throw(SourceError("osc", found="x", expected="y", fix="z"))
@@ -83,7 +83,7 @@ def test_a_source_that_stays_away_is_waited_for(run, make_stage, tmp_path, sende
     runner.close()
 
 
-def test_trouble_is_told_once_and_its_end_when_something_comes(run, make_stage, tmp_path, sender, kung_fu, caplog):
+def test_a_failure_is_logged_once_and_its_end_with_the_first_event(run, make_stage, tmp_path, sender, kung_fu, caplog):
     caplog.set_level("INFO")
     runner = StageRunner(sender.uri, make_stage(), tmp_path)
     trouble = SourceError("osc", found="x", expected="y", fix="z")
@@ -98,7 +98,7 @@ def test_trouble_is_told_once_and_its_end_when_something_comes(run, make_stage, 
     runner.close()
 
 
-def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting(run, make_stage, tmp_path, sender):
+def test_a_source_that_raises_any_error_is_reopened_and_its_counts_continue(run, make_stage, tmp_path, sender):
     runner = StageRunner(sender.uri, make_stage(), tmp_path)
     sender.raw(b"garbage!")
     run(runner, until=lambda: sum(runner.source.counts.refused.values()) == 1)
@@ -114,7 +114,7 @@ def test_a_source_that_fails_in_its_own_way_is_opened_again_and_goes_on_counting
     runner.close()
 
 
-def test_what_a_take_holds_is_in_order_whatever_the_source_gives(run, make_stage, tmp_path, sender, kung_fu, moved):
+def test_events_of_a_take_are_in_order_even_if_the_sources_are_not(run, make_stage, tmp_path, sender, kung_fu, moved):
     runner = StageRunner(sender.uri, make_stage(player_settings=PlayerSettings(calibrate="at_once")), tmp_path)
     runner.start_recording(tmp_path / "take.log")
     start = time.monotonic()
@@ -127,7 +127,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(run, make_stage
     runner.source.inner.receive = receive
     live = []
     for k, frame in enumerate(kung_fu[:60]):
-        given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # parts of bodies come as they may
+        given += [moved(frame, time=start + k / 30), Tick(start + k / 30 - 0.01)]  # out of order
         live += runner.take_in()
         if k % 20 == 10:
             live += runner.cue("mirror", character="dog", on=k == 10)  # now, which is before the frames that follow
@@ -143,7 +143,7 @@ def test_what_a_take_holds_is_in_order_whatever_the_source_gives(run, make_stage
 
 
 def recorded_from_the_middle(run, make_stage, tmp_path, kung_fu):
-    """Record a take, from before the performer is calibrated on, and return the calibration."""
+    """Record a take that begins before the performer is calibrated, and return the calibration."""
     with Recorder(tmp_path / "log") as recorder:
         for frame in kung_fu[:90]:
             recorder.write(frame)
@@ -156,7 +156,7 @@ def recorded_from_the_middle(run, make_stage, tmp_path, kung_fu):
     return player.calibration
 
 
-def test_a_take_uses_the_calibration_that_was_used_though_its_still_second_began_before(
+def test_a_take_uses_its_calibration_although_the_second_without_motion_began_before_it(
     run, make_stage, tmp_path, kung_fu
 ):
     calibration = recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
@@ -168,20 +168,20 @@ def test_a_take_uses_the_calibration_that_was_used_though_its_still_second_began
     runner.close()
 
 
-def test_as_soon_as_somebody_has_a_say_a_take_is_like_any_other_recording(run, make_stage, tmp_path, kung_fu):
+def test_after_a_command_a_take_plays_like_any_other_recording(run, make_stage, tmp_path, kung_fu):
     recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
     runner = StageRunner("replay:take.log?loop", make_stage(), tmp_path)
     [player] = runner.stage.players
     run(runner, until=lambda: runner.skeletons >= 5)
     runner.cue("mirror", on=True)
     run(runner, until=lambda: runner.skeletons >= 60)
-    assert player.calibration is None  # and nobody stood still for a second since
+    assert player.calibration is None  # no performer stood still for a second since
     run(runner, until=lambda: runner.skeletons >= 80)  # the second pass
     assert player.mirror
     runner.close()
 
 
-def test_a_take_plays_on_when_its_characters_are_loaded_again(run, make_stage, make_player, tmp_path, kung_fu):
+def test_a_take_continues_after_its_characters_are_loaded_again(run, make_stage, make_player, tmp_path, kung_fu):
     recorded_from_the_middle(run, make_stage, tmp_path, kung_fu)
     runner = StageRunner("replay:take.log", make_stage(), tmp_path)
     run(runner, until=lambda: runner.skeletons >= 60)
@@ -203,7 +203,7 @@ def test_a_take_with_a_damaged_beginning_plays_like_any_other_recording(run, mak
     runner.close()
 
 
-def test_a_fault_costs_one_event(run, short, make_stage, tmp_path):
+def test_an_internal_error_loses_one_event(run, short, make_stage, tmp_path):
     stage = make_stage()
     runner = StageRunner(short, stage, tmp_path)
     step, calls = stage.step, []
@@ -220,7 +220,7 @@ def test_a_fault_costs_one_event(run, short, make_stage, tmp_path):
     runner.close()
 
 
-def test_a_take_ends_where_the_disk_is_full_and_the_stage_goes_on(run, short, make_stage, tmp_path):
+def test_a_take_ends_if_the_disk_is_full_and_the_stage_continues(run, short, make_stage, tmp_path):
     runner = StageRunner(short, make_stage(), tmp_path)
     runner.start_recording(tmp_path / "take.log")
     runner._recorder._file.close()

@@ -93,7 +93,7 @@ def test_more_fields_than_a_vertex_has_room_for_are_refused(blob_file, write_pup
 
 def test_what_is_read_from_is_not_written_over(blob_puppet, blob_file):
     content = blob_file.read_bytes()
-    with pytest.raises(OutputError, match="read from"):
+    with pytest.raises(OutputError, match="an input file"):
         write_shader_mesh(blob_puppet, blob_file)
     assert blob_file.read_bytes() == content
 

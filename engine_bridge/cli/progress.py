@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from puppetline.interrupts import repeated_interrupts
+
 Reporter = Callable[[str, float], None]
 
 
@@ -13,7 +15,7 @@ Reporter = Callable[[str, float], None]
 def interrupts() -> Iterator[Callable[[], None]]:
     """Record Ctrl-C, and yield a function that raises it again.
 
-    Python loses an interrupt that occurs in a destructor or at the edge of a compiled loop.
+    Python loses an interrupt in a destructor, in a callback of a C library or at the edge of a compiled loop.
     """
     pressed: list[int] = []
 
@@ -27,7 +29,8 @@ def interrupts() -> Iterator[Callable[[], None]]:
 
     before = signal.signal(signal.SIGINT, remember)
     try:
-        yield check
+        with repeated_interrupts():
+            yield check
     except Exception:
         check()  # compiled code, and a module that is being loaded, turn an interrupt into another error
         raise

@@ -3,21 +3,17 @@
 import contextlib
 import signal
 import socket
-import sys
-import threading
 from types import FrameType
 from typing import Self
 
-REPEAT_SECONDS = 0.01
-"""Time after which an interrupt that a callback of a C library has discarded is raised again, in seconds."""
+from puppetline.interrupts import repeated_interrupts
 
 
 class Signals:
     """Handles SIGTERM, SIGINT and SIGHUP while it is entered; its file descriptor is readable after a signal.
 
     A handler only sets a flag, because it may interrupt any code. While `waiting` is false, as during the start of the
-    service, the first two raise KeyboardInterrupt instead. Python would print and discard it in a callback of a C
-    library, such as LLVM while Numba compiles; here it is raised again a little later. Enter it in the main thread.
+    service, the first two raise KeyboardInterrupt instead. Enter it in the main thread.
 
     Attributes
     ----------
@@ -43,9 +39,7 @@ class Signals:
             number = getattr(signal, name, None)  # Windows has no SIGHUP
             if number is not None:
                 self._undo.callback(signal.signal, number, signal.signal(number, handler))
-        self._unraisable = sys.unraisablehook
-        self._undo.callback(setattr, sys, "unraisablehook", self._unraisable)
-        sys.unraisablehook = self._repeat
+        self._undo.enter_context(repeated_interrupts(self._discard))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -73,11 +67,5 @@ class Signals:
     def _again(self, _number: int, _frame: FrameType | None) -> None:
         self._reload = True
 
-    def _repeat(self, unraisable: "sys.UnraisableHookArgs") -> None:
-        if unraisable.exc_type is not KeyboardInterrupt:
-            self._unraisable(unraisable)
-            return
+    def _discard(self) -> None:
         self._discarded = True
-        timer = threading.Timer(REPEAT_SECONDS, signal.raise_signal, [signal.SIGINT])
-        self._undo.callback(timer.cancel)
-        timer.start()

@@ -1,0 +1,41 @@
+"""Interrupts that Python would lose."""
+
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+REPEAT_SECONDS = 0.01
+"""Time after which an interrupt that a callback of a C library has discarded is raised again, in seconds."""
+
+
+@contextlib.contextmanager
+def repeated_interrupts(discarded: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Raise a KeyboardInterrupt again that a callback of a C library has discarded.
+
+    Python prints and discards an exception in such a callback, as of LLVM while Numba compiles. Enter it in the main
+    thread.
+
+    Parameters
+    ----------
+    discarded : callable
+        Called when an interrupt was discarded, before SIGINT is raised again.
+    """
+    before, timers = sys.unraisablehook, contextlib.ExitStack()
+
+    def repeat(unraisable: "sys.UnraisableHookArgs") -> None:
+        if unraisable.exc_type is not KeyboardInterrupt:
+            before(unraisable)
+            return
+        discarded()
+        timer = threading.Timer(REPEAT_SECONDS, signal.raise_signal, [signal.SIGINT])
+        timers.callback(timer.cancel)
+        timer.start()
+
+    sys.unraisablehook = repeat
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+        timers.close()

@@ -1,0 +1,47 @@
+import ctypes
+import signal
+import sys
+import time
+
+import pytest
+
+from puppetline.interrupts import repeated_interrupts
+
+
+@pytest.fixture(autouse=True)
+def python_prints_errors_of_callbacks(monkeypatch):
+    monkeypatch.setattr(sys, "unraisablehook", sys.__unraisablehook__)
+
+
+def in_a_callback_of_a_c_library(function):
+    ctypes.CFUNCTYPE(None)(function)()
+
+
+def interrupt():
+    raise KeyboardInterrupt
+
+
+def test_an_interrupt_that_a_callback_discards_is_raised_again_and_not_printed(capsys):
+    discarded = []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), repeated_interrupts(lambda: discarded.append(True)):
+            in_a_callback_of_a_c_library(interrupt)
+            for _ in range(6000):
+                time.sleep(0.01)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert discarded == [True]
+    assert capsys.readouterr().err == ""
+
+
+def test_other_errors_of_callbacks_are_still_printed(capsys):
+    with repeated_interrupts():
+        in_a_callback_of_a_c_library(lambda: 1 / 0)
+    assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_the_hook_is_restored():
+    with repeated_interrupts():
+        assert sys.unraisablehook is not sys.__unraisablehook__
+    assert sys.unraisablehook is sys.__unraisablehook__

@@ -25,7 +25,7 @@ def test_an_interrupt_that_a_callback_discards_is_raised_again_and_not_printed(c
     discarded = []
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with pytest.raises(KeyboardInterrupt), repeated_interrupts(lambda: discarded.append(True)):
+        with pytest.raises(KeyboardInterrupt), repeated_interrupts(lambda: discarded.append(True)):  # noqa: PT012
             in_a_callback_of_a_c_library(interrupt)
             for _ in range(6000):
                 time.sleep(0.01)

@@ -213,7 +213,7 @@ def test_the_solution_is_that_of_the_dense_least_squares_problem(
         distances = []
         for face in creature.faces:  # the face that holds the point, by its barycentric coordinates
             corners = creature.vertices[face]
-            blend = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), [*point, 1.0])[0]
+            blend = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), [*point, 1.0], rcond=None)[0]
             outside = max(0.0, -blend.min()) + np.linalg.norm(blend @ corners - point)
             distances.append((outside, tuple(face), blend))
         _, face, blend = min(distances, key=lambda entry: entry[0])

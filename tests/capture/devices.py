@@ -25,7 +25,7 @@ from capture.trackers.picture import Lens, Person, Picture
 from ..conftest import missing
 from .network.conftest import STANDING
 
-PATIENCE = 10.0
+TIMEOUT_SECONDS = 10.0
 """Time after which a test fails, in seconds."""
 
 LENS = Lens(4, 3, 4.0)
@@ -94,7 +94,7 @@ class Watched:
     def events(self, count=1, until=None):
         """Return the next events without ticks, at least `count`, or until a condition is true."""
         found = []
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         while not (until(found) if until else len(found) >= count):
             assert time.monotonic() < give_up, found
             self.wait()
@@ -131,7 +131,7 @@ def scripted_tracker():
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No image is too old, even on a busy machine."""
-    monkeypatch.setattr(source, "MAX_AGE_SECONDS", PATIENCE)
+    monkeypatch.setattr(source, "MAX_AGE_SECONDS", TIMEOUT_SECONDS)
 
 
 @pytest.fixture
@@ -206,7 +206,7 @@ class VirtualSensor:
         return int(self._streaming[0])
 
     def _wait(self, what):
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + TIMEOUT_SECONDS
         while not what():
             assert time.monotonic() < give_up
             time.sleep(0.0005)
@@ -285,7 +285,7 @@ def record(_virtual_sensors):
 
 def read(device):
     """Return the next image of a device."""
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while (picture := device.read(0.5)) is None:
         assert time.monotonic() < give_up
     return picture

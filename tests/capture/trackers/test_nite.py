@@ -21,7 +21,7 @@ from capture.trackers import nite
 from capture.trackers.nite import NiTE, library_path
 from puppetline.errors import SourceError
 
-from ..devices import HEADERS, PATIENCE, Watched
+from ..devices import HEADERS, TIMEOUT_SECONDS, Watched
 
 NAME = "openni:"
 
@@ -165,7 +165,7 @@ def opened(sensor, monkeypatch):
 
 
 def _wait_for(caplog, message):
-    give_up = time.monotonic() + PATIENCE
+    give_up = time.monotonic() + TIMEOUT_SECONDS
     while message not in caplog.messages:
         assert time.monotonic() < give_up, caplog.messages
         time.sleep(0.001)

@@ -11,7 +11,7 @@ var _most_memory := 0
 func _initialize() -> void:
 	super()
 	_connection = Connection.new(arguments()[2], arguments()[3])
-	_connection.largest_message = int(arguments()[4])
+	_connection.max_message_bytes = int(arguments()[4])
 	_connection.open(arguments()[0], int(arguments()[1]))
 
 

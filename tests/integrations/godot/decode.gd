@@ -48,7 +48,7 @@ func _scene(scene: Scene) -> Dictionary:
 		"triangles": base64(scene.triangles.to_byte_array()),
 		"positions": base64(scene.positions.to_byte_array()),
 		"normals": base64(scene.normals.to_byte_array()),
-		"ladder": base64(scene.ladder.to_byte_array()),
+		"ladder": base64(scene.isoline_coordinates.to_byte_array()),
 		"slopes": base64(scene.slopes.to_byte_array()),
 		"uv": base64(scene.uv.to_byte_array()),
 		"colors": base64(scene.colors.to_byte_array()),

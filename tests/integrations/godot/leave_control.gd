@@ -17,17 +17,17 @@ func _initialize() -> void:
 	for number in 3:
 		_control.request({"do": "ping"}, _take.bind(number))
 	if _how == "late":
-		for each: Variant in _control._waiting.values():
-			each.give_up = 0
+		for each: Variant in _control._pending.values():
+			each.deadline_ms = 0
 	if _how == "drop":
-		_control.give_up("It is over.")
+		_control.fail_all("It is over.")
 
 
 func _process(_delta: float) -> bool:
 	_control.poll()
 	_frames += int(_answers > 0)
 	if _frames == 10:
-		tell({"waiting": _control._waiting.size()})
+		tell({"waiting": _control._pending.size()})
 	return _frames == 10
 
 
@@ -35,6 +35,6 @@ func _take(reply: Dictionary, number: int) -> void:
 	_answers += 1
 	tell({"number": number, "ok": reply["ok"], "found": reply["error"]["found"]})
 	if _how == "give_up":
-		_control.give_up("It is over.")
+		_control.fail_all("It is over.")
 	elif _how != "drop":
 		_control.close()

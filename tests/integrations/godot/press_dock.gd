@@ -75,7 +75,7 @@ func point(handle: String, name: String) -> void:
 	var click := InputEventMouseButton.new()
 	click.button_index = MOUSE_BUTTON_LEFT
 	click.pressed = true
-	click.position = _table().figure.place(name) + Vector2(1.0, -1.0)
+	click.position = _table().figure.joint_position(name) + Vector2(1.0, -1.0)
 	_table().figure._gui_input(click)
 
 

@@ -132,7 +132,7 @@ func _initialize() -> void:
 	super()
 	_folder = arguments()[0]
 	_shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
-	_shared._take(_message("scene"))
+	_shared._take_scene(_message("scene"))
 	_textures = {"picture": _picture(), "bumps": _bumps()}
 	_make_stage()
 	if arguments().size() == 1:
@@ -186,7 +186,7 @@ func _draw_imported(scene: PackedScene) -> void:
 
 
 func _shown(body: Body, frame: String, material: Material) -> Body:
-	body.dress([material])
+	body.set_materials([material])
 	body.show_frames(_message(frame), _message(frame), 0.0)
 	return body
 

@@ -86,11 +86,11 @@ def test_it_shows_how_the_character_is_doing_and_does_what_is_pressed(dock, star
     service = start(performer.uri)
     dock.follow(service.port)
     shown = dock.until(lambda shown: "User 1 performs" in shown["facts"] and shown["rows"])
-    assert shown["connection"] == f"Connected with 127.0.0.1:{service.port}."
+    assert shown["connection"] == f"Connected to 127.0.0.1:{service.port}."
     assert (shown["characters"], shown["character"]) == (["dog"], "dog")
     assert shown["can"] == ["Calibrate", "Mirror", "Record", "AddToScene"]
-    dock.until(lambda shown: "frames a second" in shown["facts"] and "ms from sensor" in shown["facts"])
-    dock.until(lambda shown: shown["performers"] == ["whoever comes", "User 1"] and shown["performer"] == "User 1")
+    dock.until(lambda shown: "frames per second" in shown["facts"] and "ms from sensor" in shown["facts"])
+    dock.until(lambda shown: shown["performers"] == ["Any performer", "User 1"] and shown["performer"] == "User 1")
     dock.do("toggle", "Mirror", True)
     dock.until(lambda shown: shown["mirror"])
     assert service.ask("describe")["characters"][0]["mirror"] is True
@@ -222,7 +222,7 @@ def test_a_token_is_wanted_and_then_given(dock, start, token_file):
     dock.follow(service.port, token_file.read_text()[::-1])
     dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
     dock.follow(service.port, token_file.read_text())
-    dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("Nobody performs"))
+    dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("No performer"))
     dock.script.end()
 
 
@@ -248,7 +248,7 @@ def test_an_edit_that_is_refused_is_told_and_taken_back(dock, start, puppet, per
     service.ask("record_start", name="take")  # before the dock knows
     dock.do("gain", "head", 3.0)
     shown = dock.until(lambda shown: shown["trouble"])
-    assert "the take 'take' is being recorded" in shown["trouble"]
+    assert "found a take that is being recorded" in shown["trouble"]
     dock.until(lambda shown: shown["rows"]["head"]["gain"] == 0.8)
     dock.script.end()
 

@@ -23,7 +23,7 @@ func _process(_delta: float) -> bool:
 	if is_over():
 		for receiver: Callable in [_one, _other, _keep]:
 			_stream.unfollow(TOPIC, receiver)
-		tell({"remembered": _stream._asked.keys()})
+		tell({"remembered": _stream._requested_ms.keys()})
 	return is_over()
 
 

@@ -194,14 +194,14 @@ def test_edits_can_be_taken_back_and_others_are_seen(dock, start, puppet):
 def test_it_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
     port = free_port()
     dock.follow(port)
-    dock.until(lambda shown: "tried again" in shown["connection"] and not shown["characters"])
+    dock.until(lambda shown: "Retrying" in shown["connection"] and not shown["characters"])
     service = serve("--puppet", puppet, "--source", "demo:walk?loop", "--port", port)
     dock.until(lambda shown: shown["rows"] and shown["can"])
     dock.do("gain", "head", 3.0)
     dock.until(lambda shown: "Save" in shown["can"])
     service.process.kill()
     shown = dock.until(lambda shown: not shown["characters"])
-    assert "tried again" in shown["connection"]
+    assert "Retrying" in shown["connection"]
     assert not shown["rows"]
     assert not shown["can"]
     dock.do("gain", "head", 2.0)  # whatever is still pressed

@@ -144,7 +144,7 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
         clients = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]
     assert clients["refused"] == 1
     lines = watched.end()
-    assert sum("refuses the connection" in line for line in lines) == 1
+    assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
 
 
 def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Connects once and tells what becomes of it: HOST PORT SOCKET_TYPE TOKEN LARGEST_MESSAGE TOPIC...
+## Connects once and reports states and messages: HOST PORT SOCKET_TYPE TOKEN MAX_MESSAGE_BYTES TOPIC...
 
 const Connection := preload("res://addons/puppetline/wire/zmtp_connection.gd")
 

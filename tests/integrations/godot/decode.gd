@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Tells what each message of a file holds: a length of 4 bytes, so many bytes, and so on.
+## Reports the contents of each message in a file, which contains a length of 4 bytes before each message.
 
 const Message := preload("res://addons/puppetline/wire/message.gd")
 const Scene := preload("res://addons/puppetline/wire/scene.gd")

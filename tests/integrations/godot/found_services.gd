@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Tells the services that the packets of a file announce (a length of 4 bytes, so many bytes, and so on), and how many
-## are remembered when they have long been silent.
+## Reports the services that the packets of a file announce (with a length of 4 bytes before each packet), and how many
+## are still stored after their timeout.
 
 const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
 const Dns := preload("res://addons/puppetline/wire/dns.gd")
@@ -8,7 +8,7 @@ const Dns := preload("res://addons/puppetline/wire/dns.gd")
 
 func _initialize() -> void:
 	var discovery := Discovery.new()
-	discovery._next_query_ms = 1 << 60  # the network has no part in this
+	discovery._next_query_ms = 1 << 60  # no queries are sent to the network
 	var file := FileAccess.open(arguments()[0], FileAccess.READ)
 	while file.get_position() < file.get_length():
 		discovery._add_services(Dns.parse(file.get_buffer(file.get_32())), "10.0.0.7")

@@ -1,7 +1,7 @@
 extends "teller.gd"
-## Makes three requests of which the first to be answered ends them all, and tells what is answered: PORT HOW. "close"
-## and "give_up" are what the receiver does when nobody answers at the port, "late" closes when the replies are overdue,
-## "drop" has nobody's answer waited for.
+## Sends three requests, ends all of them in the first callback, and reports the replies: PORT HOW. With "close" and
+## "give_up", the callback closes or fails all requests after a failed connection. With "late", it closes them after the
+## timeout. "drop" fails all requests without waiting.
 
 const ControlSocket := preload("res://addons/puppetline/wire/control.gd")
 

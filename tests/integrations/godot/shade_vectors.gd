@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Has the graphics card move the character of the test vectors, and writes down what it computes: FOLDER FILE.
+## Deforms the character of the test vectors on the graphics card, and saves the results: FOLDER FILE.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -9,7 +9,7 @@ const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
 const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
 const GpuReader := preload("gpu_reader.gd")
 
-## Two frames, and how far it is from one to the other.
+## Two frames, and the share of the second one.
 const MOMENTS: Array[Array] = [
 	[0, 0, 0.0], [0, 1, 0.0], [0, 1, 0.25], [1, 1, 0.0], [1, 2, 0.75], [2, 2, 0.0], [0, 2, 0.5]
 ]

@@ -1,4 +1,4 @@
-"""Requests of the addon and the replies of the real service, or what is said in place of one that does not come."""
+"""Requests of the addon and the replies of the real service, or the errors that replace missing replies."""
 
 import json
 import signal
@@ -102,7 +102,7 @@ def test_when_the_service_is_back_so_are_its_replies(request_of, serve, blob_pup
 
 @pytest.fixture
 def router():
-    """A control socket that says what the test wants, in place of the service."""
+    """A control socket that sends the replies of the test, in place of the service."""
     with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
         router.linger = 0
         router.bind("tcp://127.0.0.1:*")

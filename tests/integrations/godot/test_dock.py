@@ -1,4 +1,4 @@
-"""The dock in Godot, used as somebody with a mouse uses it, with the real service; and once in the real editor."""
+"""The dock in Godot, operated like with a mouse, with the real service; one test uses the real editor."""
 
 import itertools
 import json
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 class Dock:
-    """A dock that does what it is told, and what it shows."""
+    """A dock that executes commands, and its reported contents."""
 
     def __init__(self, start_godot, tmp_path):
         self._commands = tmp_path / "commands"
@@ -29,13 +29,13 @@ class Dock:
         self.script = start_godot("press_dock.gd", self._commands)
 
     def do(self, *command):
-        """Do something; what it shows after that counts."""
+        """Execute a command; `until` considers only contents that are reported after it."""
         self._count += 1
         with self._commands.open("a") as commands:
             commands.write(json.dumps(command) + "\n")
 
     def until(self, wanted):
-        """Wait until it shows what is wanted since it has done all, and return that."""
+        """Wait until the contents after all commands satisfy a condition, and return them."""
         return self.script.until(lambda shown: shown["done"] == self._count and wanted(shown))
 
     def follow(self, port, token=""):
@@ -59,7 +59,7 @@ def puppet(blob_puppet):
 
 @pytest.fixture
 def performer(sender, kung_fu):
-    """Somebody who never stops."""
+    """A performer who never stops."""
     stop = threading.Event()
     performing = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
     performing.start()
@@ -300,7 +300,7 @@ NONSENSE = [
     {"characters": [{"name": "dog", "performer": 1e300}] * 10_000, "status": {"stages": {"users": 1}}},
     {"characters": [{"name": "dog", "stage": "s"}], "status": {"stages": [{"name": "s", "users": [1, {"user": "1"}]}]}},
 ]
-"""What is no answer to `describe`, and lastly one of a character."""
+"""Invalid replies to `describe`, and as the last one a valid reply."""
 
 NO_MAPPINGS = [
     None,
@@ -318,7 +318,7 @@ NO_MAPPINGS = [
 
 @pytest.fixture
 def impostor(free_port):
-    """Something that speaks the protocol and says what makes no sense, in place of a service."""
+    """A server in place of the service that follows the protocol but sends invalid values."""
     port, over = free_port(), threading.Event()
     status = write_json({"service": None})
     message = join(topic_field("service/status"), Header(Kind.STATUS, len(status)), status)

@@ -1,4 +1,4 @@
-"""A Puppet3D through what happens to it: services that come, go, refuse and change, performers, takes, bad frames."""
+"""A Puppet3D with services that start, stop, refuse and change, and with performers, takes and damaged frames."""
 
 import json
 import secrets
@@ -20,7 +20,7 @@ ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated
 
 
 class Watched:
-    """Some nodes in a running scene, and what they have told."""
+    """Nodes in a running scene, and their reports."""
 
     def __init__(self, script, orders):
         self._script, self._orders, self._given = script, orders, 0

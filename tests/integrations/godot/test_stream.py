@@ -1,4 +1,4 @@
-"""The addon follows a service: the real one whatever happens to it, and publishers that say what a test wants."""
+"""The addon follows the real service through restarts and errors, and publishers that send the messages of a test."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ def follow(start_godot):
 
 @pytest.fixture
 def publisher():
-    """A publisher that stands in for the service, to say at any time what the test wants."""
+    """A publisher in place of the service that sends the messages of the test."""
     with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
         publisher.linger = 0
         publisher.sndhwm = 10_000

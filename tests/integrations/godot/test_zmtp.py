@@ -1,4 +1,4 @@
-"""The addon's ZMTP against libzmq, against a line that is cut to pieces, and against whatever else may be on a port."""
+"""The addon's ZMTP connection with libzmq, with fragmented data, and with other programs on the port."""
 
 import hashlib
 import itertools
@@ -76,7 +76,7 @@ def publisher(context):
 
 @pytest.fixture
 def admit(context):
-    """Let in who has the token, as the service does."""
+    """Accept clients with the token, as the service does."""
     guard = context.socket(zmq.ROUTER)
     guard.linger = 0
     guard.bind("inproc://zeromq.zap.01")
@@ -99,7 +99,7 @@ def admit(context):
 
 @pytest.fixture
 def peer():
-    """Somebody who answers connections in a way of his own; returns the port."""
+    """Start a server that answers connections with a function of the test; return the port."""
     listeners, threads = [], []
 
     def start(answer):
@@ -128,7 +128,7 @@ def peer():
 
 
 def shake_hands(line):
-    """Do what a publisher does before its first message; return what else has come."""
+    """Perform a publisher's part of the handshake; return the remaining received bytes."""
     line.sendall(GREETING + READY)
     come = b""
     while len(come) < 64 + 27:
@@ -233,7 +233,7 @@ def test_a_line_that_delivers_byte_by_byte(connect, publisher, admit):
 
 
 def test_pings_are_answered(connect, publisher):
-    """With these settings libzmq ends a connection on which a ping stays without an answer for half a second."""
+    """With these settings, libzmq closes a connection if a ping has no answer for half a second."""
     pub, port = publisher(heartbeat_ivl=100, heartbeat_timeout=500, heartbeat_ttl=600)
     script = connect(port, "t")
     subscriptions(pub, 1)
@@ -463,7 +463,7 @@ def test_tiny_messages_in_their_thousands_are_all_taken(connect, peer):
 
 
 def test_who_asks_without_reading_the_answers_is_left(connect, peer):
-    """Pings whose answers pile up here."""
+    """The peer sends pings and does not read the answers."""
 
     def answer(line):
         shake_hands(line)

@@ -1,4 +1,4 @@
-"""The component, compiled and driven with stand-ins for Unity, against the real service: what reaches a mesh."""
+"""The component, compiled and run with stand-ins for Unity and the real service: the data of its mesh."""
 
 import socket
 import time

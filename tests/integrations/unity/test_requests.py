@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def ask(start):
-    """Ask a service for several things at once; return the replies in the order in which they came."""
+    """Send several requests together; return the replies in the order of arrival."""
 
     def run(port, *requests, token=""):
         program = start("Core", "request", "127.0.0.1", port, token)

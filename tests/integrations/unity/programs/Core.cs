@@ -5,7 +5,7 @@ using System.IO;
 using System.Threading;
 using Puppetline;
 
-/// <summary>Uses the plain core, without any part of Unity, as the tests tell it.</summary>
+/// <summary>Runs the plain core, without any part of Unity, by the commands of the tests.</summary>
 static class Core
 {
     static int Main(string[] arguments)
@@ -124,7 +124,7 @@ static class Core
         }
     }
 
-    /// <summary>Steps are [time, arrived, value] of a frame that comes, or a number: when to look.</summary>
+    /// <summary>Play back frames. A step is [time, arrived, value] of a frame, or the time of an update.</summary>
     static void Play(Json told)
     {
         var scene = Scene.Parse(Load(told["scene"].Text));

@@ -1,5 +1,5 @@
 extends Control
-## The way into the two scenes.
+## Menu of the two demo scenes.
 
 @onready var _kiosk: Button = $Middle/Column/Kiosk
 @onready var _film: Button = $Middle/Column/Film

@@ -3,7 +3,7 @@ using UnityEngine;
 
 namespace Puppetline
 {
-    /// <summary>Sets the weights of an imported .glb's blend shapes.</summary>
+    /// <summary>Shows morphs: sets the weights of the blend shapes of an imported .glb.</summary>
     sealed class BlendShapeDisplay : Display
     {
         readonly List<Skin> skins = new List<Skin>();
@@ -30,8 +30,8 @@ namespace Puppetline
             if (skins.Count == 0)
             {
                 Debug.LogWarning(
-                    "Puppetline: no SkinnedMeshRenderer here has the " + scene.Morphs.Count + " blend shapes from '" + first
-                    + "' on. Import the .glb of puppetline bake that the service was started with, and put its renderers into 'skins'.",
+                    "Puppetline: no SkinnedMeshRenderer of this object has the " + scene.Morphs.Count + " blend shapes from '" + first
+                        + "' on. Import the .glb from puppetline bake that the service uses, and assign its renderers to 'skins'.",
                     puppet);
             }
         }
@@ -61,7 +61,7 @@ namespace Puppetline
             readonly SkinnedMeshRenderer renderer;
             readonly int first;
 
-            /// <summary>What importers make of a whole target: 100, or 1.</summary>
+            /// <summary>Blend shape weight of a full target, which is 100 or 1, depending on the importer.</summary>
             readonly float[] whole;
 
             public Skin(SkinnedMeshRenderer renderer, int first, int count)

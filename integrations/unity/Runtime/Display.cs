@@ -2,10 +2,10 @@ using System;
 
 namespace Puppetline
 {
-    /// <summary>Shows frames of one scene in one way.</summary>
+    /// <summary>Base of the classes that show the frames of a scene.</summary>
     abstract class Display : IDisposable
     {
-        /// <summary>Choose the way.</summary>
+        /// <summary>Make the display for the mode, materials and scene.</summary>
         public static Display Make(Puppet puppet, Scene scene)
         {
             if (puppet.mode == PuppetMode.Morphs)
@@ -13,7 +13,7 @@ namespace Puppetline
                 return new BlendShapeDisplay(puppet, scene);
             }
             var look = new Look(puppet.materials, scene);
-            return puppet.mode == PuppetMode.Controls && look.BlendsTransforms && GraphicsCardDisplay.Takes(scene)
+            return puppet.mode == PuppetMode.Controls && look.BlendsTransforms && GraphicsCardDisplay.Supports(scene)
                 ? new GraphicsCardDisplay(puppet, scene, look)
                 : (Display)new ProcessorDisplay(puppet, scene, look);
         }

@@ -4,40 +4,40 @@ using UnityEngine.Rendering;
 namespace Puppetline
 {
     /// <summary>
-    /// Shows controls that the vertex shader blends (Puppetline.hlsl): the rest pose goes to the graphics card once, and then
-    /// 80 transforms a frame, whatever the mesh.
+    /// Shows controls that the vertex shader blends (Puppetline.hlsl). The rest pose is uploaded once, and then 80
+    /// transforms per frame, whatever the size of the mesh.
     /// </summary>
     sealed class GraphicsCardDisplay : MeshDisplay
     {
-        /// <summary>Fields that fit into the vertex attributes.</summary>
-        const int MostFields = 8;
+        /// <summary>Maximum number of fields, which fit into the vertex attributes.</summary>
+        const int MaxFields = 8;
 
-        /// <summary>Rows that the shader has room for: 80 transforms.</summary>
-        const int Rows = 240;
+        /// <summary>Maximum number of rows in the shader's array, enough for 80 transforms.</summary>
+        const int MaxRows = 240;
 
-        const int Ladder = 2;
+        const int ShaderStream = 2;
 
         static readonly int Transforms = Shader.PropertyToID("_PuppetlineTransforms");
         static readonly int Shape = Shader.PropertyToID("_PuppetlineShape");
 
         readonly ControlBounds bounds;
         readonly MaterialPropertyBlock block = new MaterialPropertyBlock();
-        readonly Vector4[] rows = new Vector4[Rows];
+        readonly Vector4[] rows = new Vector4[MaxRows];
 
         public GraphicsCardDisplay(Puppet puppet, Scene scene, Look look)
-            : base(puppet, scene, look, LadderLayout())
+            : base(puppet, scene, look, ShaderLayout())
         {
             bounds = new ControlBounds(scene);
             var rest = new SurfaceVertex[scene.VertexCount];
             Surface.Write(scene.Positions, scene.Normals, 0, Axes.Unity, rest);
             SetMoving(rest);
-            SetLadder();
+            SetShaderVertices();
             block.SetVector(Shape, new Vector4(scene.FieldCount, scene.IsolineCount, 0, 0));
         }
 
-        public static bool Takes(Scene scene)
+        public static bool Supports(Scene scene)
         {
-            return scene.FieldCount <= MostFields && 3 * scene.FieldCount * scene.IsolineCount <= Rows;
+            return scene.FieldCount <= MaxFields && 3 * scene.FieldCount * scene.IsolineCount <= MaxRows;
         }
 
         public override void Show(Frame frame)
@@ -62,34 +62,34 @@ namespace Puppetline
             base.Dispose();
         }
 
-        static VertexAttributeDescriptor[] LadderLayout()
+        static VertexAttributeDescriptor[] ShaderLayout()
         {
             var layout = new VertexAttributeDescriptor[6];
             for (int i = 0; i < layout.Length; i++)
             {
-                layout[i] = new VertexAttributeDescriptor(VertexAttribute.TexCoord2 + i, VertexAttributeFormat.Float32, 4, Ladder);
+                layout[i] = new VertexAttributeDescriptor(VertexAttribute.TexCoord2 + i, VertexAttributeFormat.Float32, 4, ShaderStream);
             }
             return layout;
         }
 
-        /// <summary>Give the mesh 8 ladder coordinates a vertex and their 8 pairs of slopes, zero where there are fewer.</summary>
-        void SetLadder()
+        /// <summary>Set 8 isoline coordinates per vertex and their 8 pairs of slopes, zero for missing fields.</summary>
+        void SetShaderVertices()
         {
             int fields = Scene.FieldCount;
-            var ladder = new LadderVertex[Scene.VertexCount];
-            for (int v = 0; v < ladder.Length; v++)
+            var vertices = new ShaderVertex[Scene.VertexCount];
+            for (int v = 0; v < vertices.Length; v++)
             {
-                ladder[v].LadderA = Four(Scene.Ladder, v, fields, 0);
-                ladder[v].LadderB = Four(Scene.Ladder, v, fields, 4);
-                ladder[v].SlopesA = Four(Scene.Slopes, v, 2 * fields, 0);
-                ladder[v].SlopesB = Four(Scene.Slopes, v, 2 * fields, 4);
-                ladder[v].SlopesC = Four(Scene.Slopes, v, 2 * fields, 8);
-                ladder[v].SlopesD = Four(Scene.Slopes, v, 2 * fields, 12);
+                vertices[v].CoordinatesA = Four(Scene.Ladder, v, fields, 0);
+                vertices[v].CoordinatesB = Four(Scene.Ladder, v, fields, 4);
+                vertices[v].SlopesA = Four(Scene.Slopes, v, 2 * fields, 0);
+                vertices[v].SlopesB = Four(Scene.Slopes, v, 2 * fields, 4);
+                vertices[v].SlopesC = Four(Scene.Slopes, v, 2 * fields, 8);
+                vertices[v].SlopesD = Four(Scene.Slopes, v, 2 * fields, 12);
             }
-            Mesh.SetVertexBufferData(ladder, 0, 0, ladder.Length, Ladder, Unchecked);
+            Mesh.SetVertexBufferData(vertices, 0, 0, vertices.Length, ShaderStream, Unchecked);
         }
 
-        /// <summary>Return up to four numbers of a row, from a column on.</summary>
+        /// <summary>Return four numbers of a row, beginning with a column; zero beyond the last column.</summary>
         static Vector4 Four(float[] numbers, int row, int columns, int column)
         {
             Vector4 four = Vector4.zero;
@@ -100,9 +100,9 @@ namespace Puppetline
             return four;
         }
 
-        struct LadderVertex
+        struct ShaderVertex
         {
-            public Vector4 LadderA, LadderB, SlopesA, SlopesB, SlopesC, SlopesD;
+            public Vector4 CoordinatesA, CoordinatesB, SlopesA, SlopesB, SlopesC, SlopesD;
         }
     }
 }

@@ -4,10 +4,10 @@ using UnityEngine.Rendering;
 
 namespace Puppetline
 {
-    /// <summary>The materials that a character is drawn with, one for each part.</summary>
+    /// <summary>The materials of a character, one per part.</summary>
     sealed class Look : IDisposable
     {
-        /// <summary>A property that shaders have which blend the transforms of controls.</summary>
+        /// <summary>Name of the property that marks shaders that blend the transforms of controls.</summary>
         const string Marker = "_Puppetline";
 
         readonly bool made;
@@ -27,7 +27,7 @@ namespace Puppetline
 
         public Material[] Materials { get; }
 
-        /// <summary>Whether all of them can.</summary>
+        /// <summary>Whether all materials blend the transforms of controls.</summary>
         public bool BlendsTransforms => Array.TrueForAll(Materials, material => material != null && material.HasProperty(Marker));
 
         public void Dispose()
@@ -38,14 +38,14 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Return glTF's linear colour as Unity's materials take it.</summary>
+        /// <summary>Convert glTF's linear colour to the colour space of Unity's materials.</summary>
         static Color Shown(Json color)
         {
             var linear = new Color((float)color[0].Number, (float)color[1].Number, (float)color[2].Number);
             return linear.gamma;
         }
 
-        /// <summary>Make a material of a part's plain values; vertex colours have its colour and texture in them.</summary>
+        /// <summary>Make a material from the values of a part. Vertex colours already include its colour and texture.</summary>
         static Material Plain(Scene scene, int part)
         {
             var material = new Material(Resources.Load<Shader>("PuppetlineControls"));

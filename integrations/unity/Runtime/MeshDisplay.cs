@@ -3,10 +3,13 @@ using UnityEngine.Rendering;
 
 namespace Puppetline
 {
-    /// <summary>Shows a mesh of its own. Stream 0 is what moves, stream 1 what does not, stream 2 what a shader blends by.</summary>
+    /// <summary>
+    /// Shows its own mesh. Vertex stream 0 changes in each frame, stream 1 is constant, and stream 2 contains the inputs of
+    /// the blending shader.
+    /// </summary>
     abstract class MeshDisplay : Display
     {
-        /// <summary>What was not wrong when the mesh was made is not looked at each frame.</summary>
+        /// <summary>Flags that skip checks in each frame that were done when the mesh was made.</summary>
         protected const MeshUpdateFlags Unchecked = MeshUpdateFlags.DontValidateIndices | MeshUpdateFlags.DontRecalculateBounds
             | MeshUpdateFlags.DontResetBoneBounds | MeshUpdateFlags.DontNotifyMeshUsers;
 
@@ -44,7 +47,7 @@ namespace Puppetline
             look.Dispose();
         }
 
-        /// <summary>Show it with these bounds; what looks at them does not know what moves vertices.</summary>
+        /// <summary>Show the mesh with these bounds. Culling uses them, because it does not know the shader's deformation.</summary>
         protected void SetBounds(Box box)
         {
             Mesh.bounds = BoundsOf(box);
@@ -80,7 +83,7 @@ namespace Puppetline
             return layout;
         }
 
-        /// <summary>Give the mesh its colours, white where there are none, and texture coordinates from the lower left.</summary>
+        /// <summary>Set colours (white if there are none) and texture coordinates from the lower left.</summary>
         void SetStill()
         {
             bool gamma = QualitySettings.activeColorSpace == ColorSpace.Gamma;
@@ -112,7 +115,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>All that Unity would otherwise look up in the indices.</summary>
+        /// <summary>Return the descriptor of a part with its vertex range, which Unity otherwise computes from the indices.</summary>
         static SubMeshDescriptor Descriptor(Part part)
         {
             return new SubMeshDescriptor(3 * part.FirstTriangle, 3 * part.TriangleCount)

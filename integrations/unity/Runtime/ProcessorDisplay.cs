@@ -1,6 +1,6 @@
 namespace Puppetline
 {
-    /// <summary>Shows vertices that were made on the processor, here or at the service; any material will do.</summary>
+    /// <summary>Shows vertices that the CPU computes, here or in the service. It supports all materials.</summary>
     sealed class ProcessorDisplay : MeshDisplay
     {
         readonly Puppet puppet;

@@ -4,72 +4,72 @@ using UnityEngine;
 
 namespace Puppetline
 {
-    /// <summary>As what a character comes.</summary>
+    /// <summary>How the service sends a character.</summary>
     public enum PuppetMode
     {
-        /// <summary>80 transforms a frame, blended on the graphics card or on the processor.</summary>
+        /// <summary>80 transforms per frame, blended on the graphics card or on the CPU.</summary>
         Controls,
 
-        /// <summary>Positions and normals: 24 bytes a vertex and frame.</summary>
+        /// <summary>Positions and normals: 24 bytes per vertex and frame.</summary>
         Vertices,
 
-        /// <summary>Positions and normals, quantised: 10 bytes a vertex and frame.</summary>
+        /// <summary>Quantised positions and normals: 10 bytes per vertex and frame.</summary>
         Vertices16,
 
-        /// <summary>Weights for the blend shapes of an imported .glb, as made by <c>puppetline bake</c>.</summary>
+        /// <summary>Weights for the blend shapes of an imported .glb from <c>puppetline bake</c>.</summary>
         Morphs,
     }
 
     /// <summary>
-    /// Shows a character of <c>puppetline serve</c>. Fields that say whom to follow count when the component is enabled:
-    /// call <see cref="Reconnect"/> after changing them.
+    /// Shows a character of <c>puppetline serve</c>. Host, port, token, character and mode take effect when the component
+    /// is enabled; call <see cref="Reconnect"/> after you change them.
     /// </summary>
     [AddComponentMenu("Puppetline/Puppet")]
     [DisallowMultipleComponent]
     public sealed class Puppet : MonoBehaviour
     {
-        /// <summary>Where the service runs: a name or an address.</summary>
-        [Tooltip("Where the service runs: a name or an address.")]
+        /// <summary>Host name or address of the service.</summary>
+        [Tooltip("Host name or address of the service.")]
         public string host = "127.0.0.1";
 
-        /// <summary>The stream's port. The control socket is at the next one.</summary>
-        [Tooltip("The stream's port. The control socket is at the next one.")]
+        /// <summary>Port of the stream; the control socket uses the next port.</summary>
+        [Tooltip("Port of the stream; the control socket uses the next port.")]
         public int port = 7400;
 
-        /// <summary>The service's token, if it has one. What stands here is stored readably with the scene.</summary>
-        [Tooltip("The service's token, if it has one. What stands here is stored readably with the scene.")]
+        /// <summary>The service's token, if it requires one. It is saved with the scene in plain text.</summary>
+        [Tooltip("The service's token, if it requires one. It is saved with the scene in plain text.")]
         public string token = "";
 
-        /// <summary>Which character; empty for the first one.</summary>
-        [Tooltip("Which character; empty for the first one.")]
+        /// <summary>Name of the character; empty for the first one.</summary>
+        [Tooltip("Name of the character; empty for the first one.")]
         public string character = "";
 
-        /// <summary>As what it comes.</summary>
-        [Tooltip("As what the character comes: docs/unity.md says which is for what.")]
+        /// <summary>How the service sends the character; docs/unity.md describes the modes.</summary>
+        [Tooltip("How the service sends the character; docs/unity.md describes the modes.")]
         public PuppetMode mode = PuppetMode.Controls;
 
-        /// <summary>Seconds that frames are shown late, so that motion is even; 0 shows the newest one.</summary>
-        [Tooltip("Seconds that frames are shown late, so that motion is even; 0 shows the newest one.")]
+        /// <summary>Delay in seconds, so that motion is even at any display rate; 0 shows the newest frame.</summary>
+        [Tooltip("Delay in seconds, so that motion is even at any display rate; 0 shows the newest frame.")]
         [Range(0, 0.5f)]
         public float interpolationDelay = 0.05f;
 
-        /// <summary>One for each part of the character, the last one for all that are left; none for plain ones.</summary>
-        [Tooltip("One for each part of the character, the last one for all that are left; none for plain ones.")]
+        /// <summary>One material per part; the last one is used for all remaining parts. Empty for plain ones.</summary>
+        [Tooltip("One material per part; the last one is used for all remaining parts. Empty for plain ones.")]
         public Material[] materials = new Material[0];
 
-        /// <summary>Normals of controls on the processor: quicker, some degrees off where limbs bend.</summary>
-        [Tooltip("Normals of controls on the processor: quicker, some degrees off where limbs bend.")]
+        /// <summary>Faster normals for controls on the CPU: some degrees off where limbs bend.</summary>
+        [Tooltip("Faster normals for controls on the CPU: some degrees off where limbs bend.")]
         public bool quickNormals;
 
-        /// <summary>Morphs: the renderers of the imported .glb; none for all below this one.</summary>
-        [Tooltip("Morphs: the renderers of the imported .glb; none for all below this one.")]
+        /// <summary>Morphs: the renderers of the imported .glb; empty for all renderers below this object.</summary>
+        [Tooltip("Morphs: the renderers of the imported .glb; empty for all renderers below this object.")]
         public SkinnedMeshRenderer[] skins = new SkinnedMeshRenderer[0];
 
-        /// <summary>Morphs: what is moved by how far the performer has walked; the .glb calls it puppetline_root.</summary>
-        [Tooltip("Morphs: what is moved by how far the performer has walked; the .glb calls it puppetline_root.")]
+        /// <summary>Morphs: the object that root motion moves; its name in the .glb is puppetline_root.</summary>
+        [Tooltip("Morphs: the object that root motion moves; its name in the .glb is puppetline_root.")]
         public Transform rootNode;
 
-        /// <summary>What happens.</summary>
+        /// <summary>Events of the connection, the character and the performer.</summary>
         public PuppetEvents events = new PuppetEvents();
 
         Follower follower;
@@ -79,28 +79,28 @@ namespace Puppetline
         Display display;
         Watch watch;
 
-        /// <summary>How it stands with the service.</summary>
+        /// <summary>State of the connection to the service.</summary>
         public FollowState State => follower == null ? FollowState.Offline : follower.State;
 
-        /// <summary>What is wrong, for people; empty if nothing is.</summary>
+        /// <summary>Description of an error for the user; empty if there is none.</summary>
         public string Reason => follower == null ? "" : follower.Reason;
 
-        /// <summary>The name of the character that is shown; null before one is known.</summary>
+        /// <summary>Name of the shown character; null before it is known.</summary>
         public string Character => follower?.Character;
 
-        /// <summary>What does not change of it; null before it has come.</summary>
+        /// <summary>The constant data of the character; null before it has arrived.</summary>
         public Scene Scene => scene;
 
-        /// <summary>The moment that is shown, good until the next <c>Update</c>; null before one has come.</summary>
+        /// <summary>The shown frame, valid until the next <c>Update</c>; null before the first frame.</summary>
         public Frame Shown => playback?.Shown;
 
-        /// <summary>The service's status (docs/running.md), a second old at most.</summary>
+        /// <summary>The service's status (docs/running.md), at most one second old.</summary>
         public Json Status => follower == null ? Json.Null : follower.Status;
 
         /// <summary>Whether the graphics card blends the transforms.</summary>
         public bool OnGraphicsCard => display is GraphicsCardDisplay;
 
-        /// <summary>Connect anew, by what the fields say now.</summary>
+        /// <summary>Reconnect with the current values of the fields.</summary>
         public void Reconnect()
         {
             if (isActiveAndEnabled)
@@ -110,49 +110,49 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Take the performer's pose as it is now for the character's rest pose.</summary>
+        /// <summary>Calibrate again: map the performer's current pose to the character's rest pose.</summary>
         public void Calibrate()
         {
             Request("calibrate", new Dictionary<string, object> { { "character", Character } });
         }
 
-        /// <summary>Let the performer's left move the character's right, or its left.</summary>
+        /// <summary>Let the performer's left side move the character's right side (true) or its left side (false).</summary>
         public void SetMirror(bool on)
         {
             Request("mirror", new Dictionary<string, object> { { "character", Character }, { "on", on } });
         }
 
-        /// <summary>Record a take; null lets the service name it.</summary>
+        /// <summary>Start to record a take; with null, the service chooses the name.</summary>
         public void StartRecording(string take = null)
         {
             Request("record_start", take == null ? null : new Dictionary<string, object> { { "name", take } });
         }
 
-        /// <summary>End the recording.</summary>
+        /// <summary>Finish the take that is being recorded.</summary>
         public void StopRecording()
         {
             Request("record_stop");
         }
 
-        /// <summary>Ask the service for something (docs/control.md).</summary>
-        /// <param name="command">What is to be done.</param>
-        /// <param name="arguments">What the command takes: texts, numbers, booleans, null.</param>
+        /// <summary>Send a request to the service (docs/control.md).</summary>
+        /// <param name="command">Name of the command.</param>
+        /// <param name="arguments">Arguments of the command: strings, numbers, booleans, null.</param>
         /// <param name="done">
-        /// Gets the reply in an <c>Update</c>, or an error at once where the component is disabled, now or before there is a
-        /// reply; without it, an error becomes a warning.
+        /// Called with the reply in an <c>Update</c>. If the component is disabled, now or before the reply arrives, it is
+        /// immediately called with an error. Without a callback, an error becomes a warning.
         /// </param>
         public void Request(string command, IDictionary<string, object> arguments = null, Action<Json> done = null)
         {
             if (follower == null)
             {
-                (done ?? Complain)(ControlClient.Failure(command, "a disabled Puppet", "an enabled one", "Enable it before asking."));
+                (done ?? WarnOfError)(ControlClient.Failure(command, "a disabled Puppet", "an enabled Puppet", "Enable the component first."));
                 return;
             }
             if (control == null)
             {
                 control = new ControlClient(host, port + 1, token);
             }
-            control.Request(command, arguments, done ?? Complain);
+            control.Request(command, arguments, done ?? WarnOfError);
         }
 
         void OnEnable()
@@ -164,7 +164,7 @@ namespace Puppetline
 
         void OnDisable()
         {
-            ControlClient asked = control;
+            ControlClient stopping = control;
             follower.Dispose();
             display?.Dispose();
             follower = null;
@@ -172,9 +172,9 @@ namespace Puppetline
             playback = null;
             scene = null;
             display = null;
-            // both call others, who find it disabled
+            // Both invoke callbacks, which find the component disabled.
             watch.Ended();
-            asked?.Dispose();
+            stopping?.Dispose();
         }
 
         void Update()
@@ -214,13 +214,13 @@ namespace Puppetline
             events.sceneLoaded.Invoke();
         }
 
-        void Complain(Json reply)
+        void WarnOfError(Json reply)
         {
             Json error = reply["error"];
             if (!reply["ok"].True)
             {
                 Debug.LogWarning(
-                    "Puppetline: " + error["where"].Text + ": found " + error["found"].Text + ", expected " + error["expected"].Text + ". " + error["fix"].Text,
+                    "Puppetline: " + error["where"].Text + ": found " + error["found"].Text + "; expected " + error["expected"].Text + ". " + error["fix"].Text,
                     this);
             }
         }

@@ -3,7 +3,7 @@ using UnityEngine;
 
 namespace Puppetline
 {
-    /// <summary>Sees what is different from the last time, and says so: events, and a warning for each thing that is wrong.</summary>
+    /// <summary>Detects changes of the connection, performer and takes; invokes events and logs a warning for each error.</summary>
     sealed class Watch
     {
         readonly Puppet puppet;
@@ -33,7 +33,7 @@ namespace Puppetline
         {
             if (state != FollowState.Connected)
             {
-                // what is still shown came before the connection ended
+                // The shown frame arrived before the connection was lost.
                 return;
             }
             bool performing = header.State == PerformerState.Performing;
@@ -54,7 +54,7 @@ namespace Puppetline
             calibrated = performing;
         }
 
-        /// <summary>It was ended here, and not by the service.</summary>
+        /// <summary>Report that the component has disconnected.</summary>
         public void Ended()
         {
             Become(FollowState.Offline, "");

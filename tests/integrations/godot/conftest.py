@@ -1,4 +1,4 @@
-"""Godot with the addon: a project to run scripts in, and what they print.
+"""Fixtures for Godot with the addon: a project in which scripts run, and their output.
 
 A test script `x.gd` lies beside the tests, extends SceneTree or teller.gd, gets its arguments from
 `OS.get_cmdline_user_args()`, prints a line `RESULT {...}` for each thing that it has to say, and ends with `quit()`.
@@ -27,10 +27,10 @@ TIMEOUT_SECONDS = 60.0
 WRONG = re.compile(
     r"SCRIPT ERROR|Parse Error|^\s*ERROR:|instances? (were |was )?leaked|leaked at exit|still in use at exit"
 )
-"""What a script that is well never says."""
+"""Output that a correct script never prints."""
 
 HARMLESS = re.compile(r"Cannot get class|ALSA|PulseAudio|XDG_RUNTIME_DIR|without fontconfig")
-"""What Godot says of a machine without sound, display or fonts."""
+"""Messages of Godot on a machine without sound, display or fonts."""
 
 GPU_NUMBERS = 9
 """Numbers that gpu_reader.gd reads of each vertex: a position, a normal and a tangent."""
@@ -65,7 +65,7 @@ class Script:
         )
         self.lines = []
         self.results = []
-        """What it has said so far."""
+        """The results so far."""
         self._read = threading.Thread(target=self._follow)
         self._read.start()
 
@@ -77,7 +77,7 @@ class Script:
 
     @property
     def said(self):
-        """The last of what it has printed."""
+        """The end of its output."""
         return "\n".join(line[:400] for line in self.lines[-60:])
 
     def until(self, wanted, timeout=TIMEOUT_SECONDS):
@@ -100,7 +100,7 @@ class Script:
         return self.finish(allow=allow)
 
     def finish(self, timeout=TIMEOUT_SECONDS, allow=()):
-        """Wait for its end and return all results; fail where it said that something is wrong."""
+        """Wait for its end and return all results; fail if it printed an error."""
         try:
             code = self.process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -209,7 +209,7 @@ def add_glb(godot, project):
 
 @pytest.fixture
 def playing(serve):
-    """Start the service with a puppet that somebody plays over and over."""
+    """Start the service with a puppet that a looped recording drives."""
 
     def start(puppet, log, *more):
         return serve("--puppet", puppet, "--source", f"replay:{log}?loop", "--calibrate", "at_once", *more)
@@ -274,7 +274,7 @@ def line():
 
 @pytest.fixture
 def something_else():
-    """Have what is no service answer on a port; says how often it was called."""
+    """Start a server that is not a service; it counts its connections."""
 
     @contextmanager
     def answer(port):

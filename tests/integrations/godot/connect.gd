@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Connects once and tells what becomes of it: HOST PORT SOCKET_TYPE TOKEN LARGEST_MESSAGE TOPIC...
+## Connects once and reports states and messages: HOST PORT SOCKET_TYPE TOKEN MAX_MESSAGE_BYTES TOPIC...
 
 const Connection := preload("res://addons/puppetline/wire/zmtp_connection.gd")
 
@@ -11,7 +11,7 @@ var _most_memory := 0
 func _initialize() -> void:
 	super()
 	_connection = Connection.new(arguments()[2], arguments()[3])
-	_connection.largest_message = int(arguments()[4])
+	_connection.max_message_bytes = int(arguments()[4])
 	_connection.open(arguments()[0], int(arguments()[1]))
 
 

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Tells what each message of a file holds: a length of 4 bytes, so many bytes, and so on.
+## Reports the contents of each message in a file, which contains a length of 4 bytes before each message.
 
 const Message := preload("res://addons/puppetline/wire/message.gd")
 const Scene := preload("res://addons/puppetline/wire/scene.gd")
@@ -48,7 +48,7 @@ func _scene(scene: Scene) -> Dictionary:
 		"triangles": base64(scene.triangles.to_byte_array()),
 		"positions": base64(scene.positions.to_byte_array()),
 		"normals": base64(scene.normals.to_byte_array()),
-		"ladder": base64(scene.ladder.to_byte_array()),
+		"ladder": base64(scene.isoline_coordinates.to_byte_array()),
 		"slopes": base64(scene.slopes.to_byte_array()),
 		"uv": base64(scene.uv.to_byte_array()),
 		"colors": base64(scene.colors.to_byte_array()),

@@ -1,6 +1,6 @@
 extends "demo_scene.gd"
-## The film scene: records a take, asks how to play it, waits until that is seen and goes back to the live performance.
-## With a place for a picture, it saves one once somebody performs, and ends.
+## Runs the film scene: records a take, requests its playback, waits until it is shown and returns to the live
+## character. With a path for an image, it saves an image as soon as there is a performer, and ends.
 
 var _film: Node
 var _live: Puppet3D

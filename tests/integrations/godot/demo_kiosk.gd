@@ -1,6 +1,6 @@
 extends "demo_scene.gd"
-## The kiosk scene: says what lights up and when people are invited, and ends when they are invited again.
-## With a place for a picture, it waits for both characters instead, and saves one.
+## Runs the kiosk scene: reports lights and attract mode, and ends when attract mode begins again.
+## With a path for an image, it waits for both characters instead, and saves an image.
 
 var _kiosk: Node
 

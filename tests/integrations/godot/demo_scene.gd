@@ -1,22 +1,22 @@
 extends "teller.gd"
-## What scripts of the demo's scenes have in common: they open one, say things, and save pictures.
+## Base of the scripts that run a scene of the demo, report events and save images.
 ##
-## They take what its puppets are to be, as JSON: {"Live": {"character": "dog", "port": 7400}}, and if there is a second
-## argument, where a picture goes.
+## The arguments are the properties of its puppets as JSON, {"Live": {"character": "dog", "port": 7400}}, and optionally
+## the path of an image.
 
 
 func picture() -> String:
 	return arguments()[1] if arguments().size() > 1 else ""
 
 
-## Make a scene whose puppets are as they shall be.
+## Make a scene and set the properties of its puppets.
 func open(path: String) -> Node:
 	var scene := (load(path) as PackedScene).instantiate()
 	var settings: Dictionary = JSON.parse_string(arguments()[0])
 	for node: String in settings:
 		for property: String in settings[node]:
 			scene.get_node(node).set(property, settings[node][property])
-	# few pixels until everything stands as it should: they may be drawn by the processor
+	# The window is small until the scene is ready, because a software renderer may draw it.
 	root.scaling_3d_scale = 0.15 if picture() else 1.0
 	return scene
 

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Looks for services, and tells them whenever they change.
+## Discovers services and reports them on each change.
 
 const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
 

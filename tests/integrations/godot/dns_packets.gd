@@ -1,5 +1,6 @@
 extends "teller.gd"
-## Tells the records of each packet of a file: a length of 4 bytes, so many bytes, and so on; at last a question.
+## Reports the records of each packet in a file, which contains a length of 4 bytes before each packet, and then a
+## query.
 
 const Dns := preload("res://addons/puppetline/wire/dns.gd")
 

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Follows topics and tells what comes: HOST PORT TOKEN TOPIC...
+## Follows topics and reports their messages: HOST PORT TOKEN TOPIC...
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

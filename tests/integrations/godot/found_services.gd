@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Tells the services that the packets of a file announce (a length of 4 bytes, so many bytes, and so on), and how many
-## are remembered when they have long been silent.
+## Reports the services that the packets of a file announce (with a length of 4 bytes before each packet), and how many
+## are still stored after their timeout.
 
 const Discovery := preload("res://addons/puppetline/wire/discovery.gd")
 const Dns := preload("res://addons/puppetline/wire/dns.gd")
@@ -8,13 +8,13 @@ const Dns := preload("res://addons/puppetline/wire/dns.gd")
 
 func _initialize() -> void:
 	var discovery := Discovery.new()
-	discovery._ask_at = 1 << 60  # the network has no part in this
+	discovery._next_query_ms = 1 << 60  # no queries are sent to the network
 	var file := FileAccess.open(arguments()[0], FileAccess.READ)
 	while file.get_position() < file.get_length():
-		discovery._take(Dns.parse(file.get_buffer(file.get_32())), "10.0.0.7")
+		discovery._add_services(Dns.parse(file.get_buffer(file.get_32())), "10.0.0.7")
 	tell({"services": discovery.services})
-	for name: String in discovery._heard:
-		discovery._heard[name] = -1_000_000
+	for name: String in discovery._last_answer_ms:
+		discovery._last_answer_ms[name] = -1_000_000
 	discovery.poll()
-	tell({"services": discovery.services, "remembered": discovery._heard.size()})
+	tell({"services": discovery.services, "remembered": discovery._last_answer_ms.size()})
 	quit()

@@ -1,7 +1,7 @@
 extends RefCounted
-## Reads back what a character's vertex shaders compute on the graphics card: each vertex becomes a pixel of its own,
-## and its numbers become colours, 12 bits of a number a picture. Four bits a channel come through whatever the renderer
-## does with colours; a picture of a ramp tells what it does.
+## Reads back the results of a character's vertex shaders. Each vertex becomes one pixel, and its numbers become
+## colours, with 12 bits of a number per image. Four bits per channel survive the colour processing of the renderer,
+## which an image of a ramp measures.
 
 const SIDE := 256
 const NUMBERS := 9
@@ -41,7 +41,7 @@ var _readers: Array[ShaderMaterial] = []
 var _shader := Shader.new()
 
 
-## Prepare for the meshes below a node, of which only the materials are used; numbers lie in `box`.
+## Prepare for the meshes below a node, of which only the materials are used. All numbers are within `box`.
 func _init(above: Node, shown: Node, box: AABB) -> void:
 	_shader.code = READER.replace("SIDE", str(SIDE))
 	_viewport.size = Vector2i(SIDE, SIDE)
@@ -53,8 +53,7 @@ func _init(above: Node, shown: Node, box: AABB) -> void:
 		_add(each, box)
 
 
-## Return the pixels of a ramp, and of two pictures for each of three numbers of the position, of the normal, and of the
-## tangent.
+## Return the pixels of a ramp, and of two images per number of the position, the normal and the tangent.
 func read() -> PackedByteArray:
 	var pixels := PackedByteArray()
 	for picture in PICTURES:
@@ -98,7 +97,7 @@ func _add(instance: MeshInstance3D, box: AABB) -> void:
 	_viewport.add_child(reader)
 
 
-## Make tangents that the test can make as well, a few quadrants away from those that slopes are along.
+## Make tangents that the test can reproduce and that differ from the tangents of the slopes.
 func _tangents(normals: PackedVector3Array) -> PackedFloat32Array:
 	var tangents := PackedFloat32Array()
 	for normal in normals:

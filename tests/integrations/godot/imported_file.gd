@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Says what Godot's importer has made of a file: the arrays of each surface, as bytes in base 64.
+## Reports the arrays of each surface that Godot's importer made from a file, in base 64.
 
 
 func _initialize() -> void:

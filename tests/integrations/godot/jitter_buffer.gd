@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Gives frames to a jitter buffer and tells what it shows: a JSON list of {"now", "push": [[sequence, time]...]}.
+## Adds frames to a jitter buffer and reports the shown frames: a JSON list of {"now", "push": [[sequence, time]...]}.
 
 const JitterBuffer := preload("res://addons/puppetline/play/jitter_buffer.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

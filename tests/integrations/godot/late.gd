@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Follows, looks away until the test says so, and tells what it is given then: HOST PORT TOPIC...
+## Follows topics, stops polling until the test continues, and reports the messages received then: HOST PORT TOPIC...
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

@@ -1,7 +1,7 @@
 extends "teller.gd"
-## Makes three requests of which the first to be answered ends them all, and tells what is answered: PORT HOW. "close"
-## and "give_up" are what the receiver does when nobody answers at the port, "late" closes when the replies are overdue,
-## "drop" has nobody's answer waited for.
+## Sends three requests, ends all of them in the first callback, and reports the replies: PORT HOW. With "close" and
+## "give_up", the callback closes or fails all requests after a failed connection. With "late", it closes them after the
+## timeout. "drop" fails all requests without waiting.
 
 const ControlSocket := preload("res://addons/puppetline/wire/control.gd")
 
@@ -17,17 +17,17 @@ func _initialize() -> void:
 	for number in 3:
 		_control.request({"do": "ping"}, _take.bind(number))
 	if _how == "late":
-		for each: Variant in _control._waiting.values():
-			each.give_up = 0
+		for each: Variant in _control._pending.values():
+			each.deadline_ms = 0
 	if _how == "drop":
-		_control.give_up("It is over.")
+		_control.fail_all("It is over.")
 
 
 func _process(_delta: float) -> bool:
 	_control.poll()
 	_frames += int(_answers > 0)
 	if _frames == 10:
-		tell({"waiting": _control._waiting.size()})
+		tell({"waiting": _control._pending.size()})
 	return _frames == 10
 
 
@@ -35,6 +35,6 @@ func _take(reply: Dictionary, number: int) -> void:
 	_answers += 1
 	tell({"number": number, "ok": reply["ok"], "found": reply["error"]["found"]})
 	if _how == "give_up":
-		_control.give_up("It is over.")
+		_control.fail_all("It is over.")
 	elif _how != "drop":
 		_control.close()

@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Tells what each datagram of a file holds, and what it is when it has been written again: a length of 4 bytes, so many
-## bytes, and so on.
+## Reports the contents of each datagram in a file (with a length of 4 bytes before each), and its encoding after
+## decoding.
 
 const Osc := preload("res://addons/puppetline/wire/osc.gd")
 

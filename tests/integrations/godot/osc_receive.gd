@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Tells the signals of a PuppetOscReceiver: PORT CHARACTER.
+## Reports the signals of a PuppetOscReceiver: PORT CHARACTER.
 
 var _receiver := PuppetOscReceiver.new()
 

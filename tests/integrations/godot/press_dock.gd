@@ -1,14 +1,14 @@
 extends "teller.gd"
-## Uses the dock as somebody with a mouse does, as the lines of a file say, and tells what it shows when that changes.
+## Operates the dock by the commands in a file, and reports its contents on each change.
 ##
-## COMMANDS: a file that grows by lines of JSON, ["press", "Calibrate"] say; see the functions.
+## COMMANDS: a file to which lines of JSON are appended, for example ["press", "Calibrate"]; see the functions.
 
 const Dock := preload("res://addons/puppetline/dock/dock.gd")
 
 var _dock: Dock
 var _done := 0
 var _told := ""
-var _moved: Array[String] = []  # handles that have been seen to move since the last command
+var _moved: Array[String] = []  # handles that have moved since the last command
 
 
 func _initialize() -> void:
@@ -75,7 +75,7 @@ func point(handle: String, name: String) -> void:
 	var click := InputEventMouseButton.new()
 	click.button_index = MOUSE_BUTTON_LEFT
 	click.pressed = true
-	click.position = _table().figure.place(name) + Vector2(1.0, -1.0)
+	click.position = _table().figure.joint_position(name) + Vector2(1.0, -1.0)
 	_table().figure._gui_input(click)
 
 

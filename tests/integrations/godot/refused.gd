@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Is refused, waits, and tries again when told to: HOST PORT TOKEN.
+## Connects to a service that refuses it, waits, and retries: HOST PORT TOKEN.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 

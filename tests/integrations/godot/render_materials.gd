@@ -1,8 +1,8 @@
 extends "teller.gd"
-## Draws a character twice in each of many materials, by Godot's own material and by what the addon makes of it:
-## FOLDER of scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and bent, the vertices of
-## the latter), which pictures are written to as well. With the path of an imported scene after it, that is drawn as it
-## is and by the addon, and nothing else; with "bent" after it, only that.
+## Draws a character with many materials, once with Godot's own material and once with the addon's version of it. The
+## first argument is a FOLDER with scene.bin, rest.bin, bent.bin and vertices.bin (payloads: scene, controls at rest and
+## bent, vertices of the latter), which also receives the images. With the path of an imported scene as second argument,
+## only that scene is drawn, as imported and by the addon. With "bent", only the bent character is drawn.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -26,7 +26,7 @@ const TEXTURES: Array[StringName] = [
 	&"backlight_texture",
 	&"anisotropy_flowmap",
 ]
-## Property names and values; textures are named by what is in them.
+## Names and values of properties; a texture is given by the name of its contents.
 const CASES: Dictionary = {
 	"plain": {},
 	"color": {"albedo_color": Color(0.8, 0.3, 0.1), "metallic": 0.4, "roughness": 0.35, "metallic_specular": 0.8},
@@ -132,7 +132,7 @@ func _initialize() -> void:
 	super()
 	_folder = arguments()[0]
 	_shared = SharedScene.shared(Stream.new("nowhere", 1), "figure")
-	_shared._take(_message("scene"))
+	_shared._take_scene(_message("scene"))
 	_textures = {"picture": _picture(), "bumps": _bumps()}
 	_make_stage()
 	if arguments().size() == 1:
@@ -186,7 +186,7 @@ func _draw_imported(scene: PackedScene) -> void:
 
 
 func _shown(body: Body, frame: String, material: Material) -> Body:
-	body.dress([material])
+	body.set_materials([material])
 	body.show_frames(_message(frame), _message(frame), 0.0)
 	return body
 
@@ -265,7 +265,7 @@ func _mesh(positions: PackedVector3Array, normals: PackedVector3Array) -> ArrayM
 	return mesh
 
 
-## A picture whose channels differ, and with holes.
+## Return an image with different channels and with holes.
 func _picture() -> ImageTexture:
 	var image := Image.create(64, 64, false, Image.FORMAT_RGBA8)
 	for x in 64:

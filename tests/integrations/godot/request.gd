@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Makes requests, all at once, and tells the replies: HOST PORT TOKEN REQUEST... With `--again` before them it makes
-## them five times a second until the test has seen enough.
+## Sends all requests together and reports the replies: HOST PORT TOKEN REQUEST... With `--again` before the requests,
+## it sends them five times per second until the test ends it.
 
 const ControlSocket := preload("res://addons/puppetline/wire/control.gd")
 

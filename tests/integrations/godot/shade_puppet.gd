@@ -1,7 +1,7 @@
 extends "teller.gd"
-## Has the graphics card move a character of a running service, and writes down what it computes at some moments:
-## {"settings": properties of Puppet3D, "samples": how many, "apart": frames between two of them, "box": [corner, size]
-## of the numbers, "file": where pictures go}.
+## Deforms a character of a running service on the graphics card, and saves the results of some frames: {"settings":
+## properties of Puppet3D, "samples": number of frames, "apart": frames between two samples, "box": [corner, size] of
+## the numbers, "file": path of the images}.
 
 const GpuReader := preload("gpu_reader.gd")
 

@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Has the graphics card move the character of the test vectors, and writes down what it computes: FOLDER FILE.
+## Deforms the character of the test vectors on the graphics card, and saves the results: FOLDER FILE.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -9,7 +9,7 @@ const ControlsBody := preload("res://addons/puppetline/play/controls_body.gd")
 const VerticesBody := preload("res://addons/puppetline/play/vertices_body.gd")
 const GpuReader := preload("gpu_reader.gd")
 
-## Two frames, and how far it is from one to the other.
+## Two frames, and the share of the second one.
 const MOMENTS: Array[Array] = [
 	[0, 0, 0.0], [0, 1, 0.0], [0, 1, 0.25], [1, 1, 0.0], [1, 2, 0.75], [2, 2, 0.0], [0, 2, 0.5]
 ]
@@ -24,7 +24,7 @@ func _initialize() -> void:
 	DisplayServer.window_set_size(Vector2i(64, 64))
 	_file = FileAccess.open(arguments()[1], FileAccess.WRITE)
 	_shared = SharedScene.shared(Stream.new("nowhere", 1), "worm")
-	_shared._take(_message("scene"))
+	_shared._take_scene(_message("scene"))
 	await _show(ControlsBody.new(_shared, null))
 	await _show(VerticesBody.new(_shared))
 	_shared = null
@@ -33,7 +33,7 @@ func _initialize() -> void:
 
 func _show(body: Body) -> void:
 	root.add_child(body)
-	body.dress([])
+	body.set_materials([])
 	var box := _shared.scene.bounds.grow(_shared.scene.diagonal)
 	for moment in MOMENTS:
 		body.show_frames(_frame(body, moment[0]), _frame(body, moment[1]), moment[2])
@@ -46,7 +46,7 @@ func _show(body: Body) -> void:
 		)
 		tell(
 			{
-				"mode": body.word(),
+				"mode": body.payload_name(),
 				"moment": moment,
 				"bounds": corners,
 				"box": [[box.position.x, box.position.y, box.position.z], [box.size.x, box.size.y, box.size.z]]
@@ -56,7 +56,7 @@ func _show(body: Body) -> void:
 
 
 func _frame(body: Body, number: int) -> Message:
-	return _message("%d.%s" % [number, body.word()])
+	return _message("%d.%s" % [number, body.payload_name()])
 
 
 func _message(name: String) -> Message:

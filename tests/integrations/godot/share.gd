@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Two who follow the same service, one of them late: HOST PORT. They do their next step each time that the publisher
-## sends the topic "step" with a number.
+## Runs two followers of the same service, one of which starts late: HOST PORT. They perform the next step each time the
+## publisher sends the topic "step" with a number.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

@@ -1,7 +1,7 @@
 extends "teller.gd"
-## Shows a character and tells what is shown, frame by frame: {"settings": properties of Puppet3D, "samples": how many,
-## "apart": frames between two of them at least, "file": where positions are written, 3 floats a vertex; in MORPHS,
-## those at rest first, "then": other properties, for when a service has refused it}.
+## Shows a character and reports the shown frames: {"settings": properties of Puppet3D, "samples": number of frames,
+## "apart": minimum number of frames between two samples, "file": path of the positions, 3 floats per vertex; in MORPHS,
+## the rest positions come first, "then": properties to set after a service has refused the connection}.
 
 const SIGNALS: Array[StringName] = [
 	&"connected",
@@ -39,7 +39,7 @@ func _initialize() -> void:
 	root.add_child(_puppet)
 
 
-## What nodes show by now, they have shown in the frame before.
+## Report the nodes' current state, which they have shown since the previous frame.
 func _process(_delta: float) -> bool:
 	var shown := _puppet.statistics()
 	if shown["calibrated"] and shown["sequence"] >= _next:

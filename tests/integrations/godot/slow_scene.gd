@@ -1,5 +1,5 @@
 extends "teller.gd"
-## Wants the scene of a character, and tells each one that comes, and the status in between: HOST PORT CHARACTER.
+## Requests the scene of a character, and reports each received scene and status: HOST PORT CHARACTER.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")

@@ -1,5 +1,5 @@
 extends SceneTree
-## What test scripts have in common: they say things to the test, which ends them.
+## Base of the test scripts, which report results to the test until it ends them.
 
 
 func _initialize() -> void:
@@ -10,7 +10,7 @@ func tell(what: Dictionary) -> void:
 	print("RESULT ", JSON.stringify(what, "", false, true))
 
 
-## Tell whether the test has seen enough.
+## Return whether the test has ended the script.
 func is_over() -> bool:
 	return FileAccess.file_exists(OS.get_environment("PUPPETLINE_TEST_OVER"))
 

@@ -1,4 +1,4 @@
-"""The addon as a whole: what a user has who copies it into a project and turns it on."""
+"""The addon as a whole, copied into a project and enabled."""
 
 import re
 

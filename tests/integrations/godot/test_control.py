@@ -1,4 +1,4 @@
-"""Requests of the addon and the replies of the real service, or what is said in place of one that does not come."""
+"""Requests of the addon and the replies of the real service, or the errors that replace missing replies."""
 
 import json
 import signal
@@ -60,6 +60,10 @@ def test_a_hundred_requests_at_once_are_all_answered_in_their_order(request_of, 
     assert [reply["result"]["mirror"] for reply in replies(results)] == [body["on"] for body in bodies]
 
 
+def no_connection(port):
+    return f"no connection (Cannot connect to 127.0.0.1:{port}. Check that the service is running)"
+
+
 def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet, token_file):
     service = serve("--puppet", blob_puppet, "--source", "osc:0", "--token-file", token_file)
     port = service.control_port
@@ -67,9 +71,11 @@ def test_a_token_is_sent_and_a_wrong_one_is_told(request_of, serve, blob_puppet,
     assert reply["result"] == "pong"
     [reply] = replies(request_of(port, {"do": "ping"}, token="another one").finish())
     assert reply["ok"] is False
-    assert reply["error"]["found"] == f"The service at 127.0.0.1:{port} does not know this token."
+    assert reply["error"]["found"] == f"no connection (The service at 127.0.0.1:{port} does not accept this token)"
     [reply] = replies(request_of(port, {"do": "ping"}).finish())
-    assert reply["error"]["found"] == f"The service at 127.0.0.1:{port} wants a token, and none is set."
+    assert (
+        reply["error"]["found"] == f"no connection (The service at 127.0.0.1:{port} requires a token, and none is set)"
+    )
 
 
 def test_without_a_service_every_request_is_told_so(request_of, free_port):
@@ -78,7 +84,7 @@ def test_without_a_service_every_request_is_told_so(request_of, free_port):
     assert [reply["ok"] for reply in told] == [False, False]
     assert all(set(reply["error"]) == TOLD for reply in told)
     assert told[0]["error"]["where"] == f"the control socket, 127.0.0.1:{port}"
-    assert told[0]["error"]["found"] == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
+    assert told[0]["error"]["found"] == no_connection(port)
 
 
 def test_when_the_service_is_back_so_are_its_replies(request_of, serve, blob_puppet, free_port):
@@ -96,7 +102,7 @@ def test_when_the_service_is_back_so_are_its_replies(request_of, serve, blob_pup
 
 @pytest.fixture
 def router():
-    """A control socket that says what the test wants, in place of the service."""
+    """A control socket that sends the replies of the test, in place of the service."""
     with zmq.Context() as context, context.socket(zmq.ROUTER) as router:
         router.linger = 0
         router.bind("tcp://127.0.0.1:*")
@@ -132,12 +138,12 @@ def test_replies_find_their_requests_in_any_order_and_others_are_ignored(request
 def test_whoever_is_answered_may_end_it_for_all(start_godot, free_port, how):
     port = free_port()
     *told, end = start_godot("leave_control.gd", port, how).finish()
-    nobody, late = f"Nobody answers at 127.0.0.1:{port}. Is the service running?", "no reply within 5 s"
+    refused, late = no_connection(port), "no reply within 5 s"
     over = "It is over."
     assert [(each["number"], each["found"]) for each in told] == {
-        "close": [(0, nobody)],
+        "close": [(0, refused)],
         "late": [(0, late)],
-        "give_up": [(0, nobody), (1, over), (2, over)],
+        "give_up": [(0, refused), (1, over), (2, over)],
         "drop": [(0, over), (1, over), (2, over)],
     }[how]
     assert not any(each["ok"] for each in told)

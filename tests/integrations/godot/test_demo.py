@@ -1,4 +1,4 @@
-"""The demo project as a checkout has it, with the real service: who comes, who goes, and what is recorded."""
+"""The demo project of a checkout with the real service: performers who arrive and leave, and recorded takes."""
 
 import json
 import re

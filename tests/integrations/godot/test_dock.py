@@ -1,4 +1,4 @@
-"""The dock in Godot, used as somebody with a mouse uses it, with the real service; and once in the real editor."""
+"""The dock in Godot, operated like with a mouse, with the real service; one test uses the real editor."""
 
 import itertools
 import json
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 
 class Dock:
-    """A dock that does what it is told, and what it shows."""
+    """A dock that executes commands, and its reported contents."""
 
     def __init__(self, start_godot, tmp_path):
         self._commands = tmp_path / "commands"
@@ -29,13 +29,13 @@ class Dock:
         self.script = start_godot("press_dock.gd", self._commands)
 
     def do(self, *command):
-        """Do something; what it shows after that counts."""
+        """Execute a command; `until` considers only contents that are reported after it."""
         self._count += 1
         with self._commands.open("a") as commands:
             commands.write(json.dumps(command) + "\n")
 
     def until(self, wanted):
-        """Wait until it shows what is wanted since it has done all, and return that."""
+        """Wait until the contents after all commands satisfy a condition, and return them."""
         return self.script.until(lambda shown: shown["done"] == self._count and wanted(shown))
 
     def follow(self, port, token=""):
@@ -59,7 +59,7 @@ def puppet(blob_puppet):
 
 @pytest.fixture
 def performer(sender, kung_fu):
-    """Somebody who never stops."""
+    """A performer who never stops."""
     stop = threading.Event()
     performing = threading.Thread(target=sender.play, args=(itertools.cycle(kung_fu),), kwargs={"until": stop.is_set})
     performing.start()
@@ -86,11 +86,11 @@ def test_it_shows_how_the_character_is_doing_and_does_what_is_pressed(dock, star
     service = start(performer.uri)
     dock.follow(service.port)
     shown = dock.until(lambda shown: "User 1 performs" in shown["facts"] and shown["rows"])
-    assert shown["connection"] == f"Connected with 127.0.0.1:{service.port}."
+    assert shown["connection"] == f"Connected to 127.0.0.1:{service.port}."
     assert (shown["characters"], shown["character"]) == (["dog"], "dog")
     assert shown["can"] == ["Calibrate", "Mirror", "Record", "AddToScene"]
-    dock.until(lambda shown: "frames a second" in shown["facts"] and "ms from sensor" in shown["facts"])
-    dock.until(lambda shown: shown["performers"] == ["whoever comes", "User 1"] and shown["performer"] == "User 1")
+    dock.until(lambda shown: "frames per second" in shown["facts"] and "ms from sensor" in shown["facts"])
+    dock.until(lambda shown: shown["performers"] == ["Any performer", "User 1"] and shown["performer"] == "User 1")
     dock.do("toggle", "Mirror", True)
     dock.until(lambda shown: shown["mirror"])
     assert service.ask("describe")["characters"][0]["mirror"] is True
@@ -194,14 +194,14 @@ def test_edits_can_be_taken_back_and_others_are_seen(dock, start, puppet):
 def test_it_waits_for_a_service_and_outlives_it(dock, serve, puppet, free_port):
     port = free_port()
     dock.follow(port)
-    dock.until(lambda shown: "tried again" in shown["connection"] and not shown["characters"])
+    dock.until(lambda shown: "Retrying" in shown["connection"] and not shown["characters"])
     service = serve("--puppet", puppet, "--source", "demo:walk?loop", "--port", port)
     dock.until(lambda shown: shown["rows"] and shown["can"])
     dock.do("gain", "head", 3.0)
     dock.until(lambda shown: "Save" in shown["can"])
     service.process.kill()
     shown = dock.until(lambda shown: not shown["characters"])
-    assert "tried again" in shown["connection"]
+    assert "Retrying" in shown["connection"]
     assert not shown["rows"]
     assert not shown["can"]
     dock.do("gain", "head", 2.0)  # whatever is still pressed
@@ -222,7 +222,7 @@ def test_a_token_is_wanted_and_then_given(dock, start, token_file):
     dock.follow(service.port, token_file.read_text()[::-1])
     dock.until(lambda shown: "token" in shown["connection"] and not shown["rows"])
     dock.follow(service.port, token_file.read_text())
-    dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("Nobody performs"))
+    dock.until(lambda shown: shown["rows"] and shown["facts"].startswith("No performer"))
     dock.script.end()
 
 
@@ -248,7 +248,7 @@ def test_an_edit_that_is_refused_is_told_and_taken_back(dock, start, puppet, per
     service.ask("record_start", name="take")  # before the dock knows
     dock.do("gain", "head", 3.0)
     shown = dock.until(lambda shown: shown["trouble"])
-    assert "the take 'take' is being recorded" in shown["trouble"]
+    assert "found a take that is being recorded" in shown["trouble"]
     dock.until(lambda shown: shown["rows"]["head"]["gain"] == 0.8)
     dock.script.end()
 
@@ -300,7 +300,7 @@ NONSENSE = [
     {"characters": [{"name": "dog", "performer": 1e300}] * 10_000, "status": {"stages": {"users": 1}}},
     {"characters": [{"name": "dog", "stage": "s"}], "status": {"stages": [{"name": "s", "users": [1, {"user": "1"}]}]}},
 ]
-"""What is no answer to `describe`, and lastly one of a character."""
+"""Invalid replies to `describe`, and as the last one a valid reply."""
 
 NO_MAPPINGS = [
     None,
@@ -318,7 +318,7 @@ NO_MAPPINGS = [
 
 @pytest.fixture
 def impostor(free_port):
-    """Something that speaks the protocol and says what makes no sense, in place of a service."""
+    """A server in place of the service that follows the protocol but sends invalid values."""
     port, over = free_port(), threading.Event()
     status = write_json({"service": None})
     message = join(topic_field("service/status"), Header(Kind.STATUS, len(status)), status)

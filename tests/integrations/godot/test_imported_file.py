@@ -1,4 +1,4 @@
-"""What `puppetline shader-mesh` writes, behind Godot's importer: every vertex still has what its shader needs."""
+"""Files from `puppetline shader-mesh` after Godot's import: every vertex still has the inputs of its shader."""
 
 import base64
 import subprocess

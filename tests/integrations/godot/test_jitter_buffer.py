@@ -1,4 +1,4 @@
-"""The jitter buffer of the addon, given frames at times that were worked out by hand. It shows what was 0.05 s ago."""
+"""The jitter buffer of the addon, with frames at hand-computed times and a delay of 0.05 s."""
 
 import json
 from itertools import pairwise
@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 START = 100.0
-"""Seconds of the local clock at which the first frame comes."""
+"""Time of the local clock at which the first frame arrives, in seconds."""
 
 
 @pytest.fixture

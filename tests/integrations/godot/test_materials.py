@@ -1,4 +1,4 @@
-"""What was a standard material looks the same when a shader of the addon draws it: pictures of both, from OpenGL."""
+"""The addon's shaders reproduce the look of standard materials: comparison of images drawn with OpenGL."""
 
 import numpy as np
 import pytest

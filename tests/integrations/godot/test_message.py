@@ -1,4 +1,4 @@
-"""Messages as the addon takes them apart: what it reads is what the service's own decoder reads."""
+"""Messages parsed by the addon are equal to those parsed by the service's own decoder."""
 
 import base64
 import json
@@ -32,7 +32,7 @@ def decoded(run_godot, tmp_path):
 
 
 def told(message):
-    """Return what the script is to say of a message."""
+    """Return the expected report of a message."""
     try:
         topic, header, payload = split(message)
     except WireError:

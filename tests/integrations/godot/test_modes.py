@@ -1,4 +1,4 @@
-"""What a Puppet3D shows, in each of its modes, is what the solver has for the same frames of the real service."""
+"""A Puppet3D shows, in each mode, the solver's results for the same frames of the real service."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""OSC as the addon reads and writes it, beside this project's decoder, and what its receiver makes of the service's."""
+"""The addon's OSC reader and writer, compared with this project's decoder, and its receiver with the real service."""
 
 import base64
 import math

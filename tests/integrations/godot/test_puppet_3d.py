@@ -1,4 +1,4 @@
-"""A Puppet3D through what happens to it: services that come, go, refuse and change, performers, takes, bad frames."""
+"""A Puppet3D with services that start, stop, refuse and change, and with performers, takes and damaged frames."""
 
 import json
 import secrets
@@ -20,7 +20,7 @@ ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated
 
 
 class Watched:
-    """Some nodes in a running scene, and what they have told."""
+    """Nodes in a running scene, and their reports."""
 
     def __init__(self, script, orders):
         self._script, self._orders, self._given = script, orders, 0
@@ -133,9 +133,9 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
     source = f"replay:{take}?loop"
     service = serve("--puppet", blob_puppet, "--source", source, "--token-file", token_file, "--calibrate", "at_once")
     watched = watch({"port": service.port, "token": "wrong"})
-    why = f"The service at 127.0.0.1:{service.port} does not know this token."
+    why = f"The service at 127.0.0.1:{service.port} does not accept this token."
     watched.until_signal("refused", why)
-    assert watched.until_next(lambda _state: True)["warnings"] == [f"The service does not let us in: {why}"]
+    assert watched.until_next(lambda _state: True)["warnings"] == [f"The service refuses the connection: {why}"]
     watched.order(set={"token": token_file.read_text()})
     assert watched.until(moves)["warnings"] == []
     assert watched.signals().count("refused") == 1
@@ -144,7 +144,7 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
         clients = service.ask("describe", token=token_file.read_bytes())["status"]["clients"]
     assert clients["refused"] == 1
     lines = watched.end()
-    assert sum("refuses us" in line for line in lines) == 1
+    assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
 
 
 def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):
@@ -232,7 +232,7 @@ def test_a_request_is_answered_though_the_node_goes_elsewhere(watch, free_port):
         watched.order(request={"do": "ping"})
         watched.until(lambda _state: True)
         watched.order(set={"port": free_port()})
-        assert watched.reply()["error"]["found"] == "a node that has left the service"
+        assert watched.reply()["error"]["found"] == "a node that has disconnected from the service"
         watched.end()
 
 
@@ -255,7 +255,7 @@ def test_what_is_set_while_it_runs_is_followed(watch, serve, blob_file, write_pu
     watched.until(moves)
     watched.order(set={"character": "three"})
     nobody = watched.until(lambda state: state["warnings"])
-    assert nobody["warnings"] == ["The service has no character 'three', but: one, two."]
+    assert nobody["warnings"] == ["The service has no character 'three'. Its characters are: one, two."]
     assert nobody["meshes"] == []
     watched.order(set={"character": ""})
     assert watched.until(moves)["character"] == "one"
@@ -272,8 +272,8 @@ def test_a_mesh_of_another_puppet_is_not_used(
     service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
     watched = watch({"port": service.port, "mesh_source": add_glb(tmp_path / "other.glb")})
     state = watched.until(lambda state: state["calibrated"] and any(state["visible"]))
-    assert "make it anew" in state["warnings"][0]
-    assert sum("WARNING" in line and "make it anew" in line for line in watched.end()) == 1
+    assert "run `puppetline shader-mesh` again" in state["warnings"][0]
+    assert sum("WARNING" in line and "run `puppetline shader-mesh` again" in line for line in watched.end()) == 1
 
 
 @pytest.mark.usefixtures("multicast")

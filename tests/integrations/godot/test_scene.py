@@ -1,4 +1,4 @@
-"""Scenes as the addon reads them: the same arrays as the service's own decoder, and nothing of what that refuses."""
+"""Scenes read by the addon have the same arrays as with the service's own decoder, and both refuse the same scenes."""
 
 import base64
 import json
@@ -100,7 +100,7 @@ def test_arrays_in_any_order_and_others_that_are_not_known(read):
 
 
 def faulty():
-    """Yield scenes that are not to be had, by what is wrong with them."""
+    """Yield damaged scenes with a description of the damage."""
     facts, arrays = taken_apart()
     n, directory = facts["vertices"], facts["arrays"]
 

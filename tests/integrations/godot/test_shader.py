@@ -1,4 +1,4 @@
-"""What the graphics card computes for the test vectors, read back from it: the real shader on a real renderer."""
+"""Results of the real shader on a real renderer for the test vectors, read back from the graphics card."""
 
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path

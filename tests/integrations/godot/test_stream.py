@@ -1,4 +1,4 @@
-"""The addon follows a service: the real one whatever happens to it, and publishers that say what a test wants."""
+"""The addon follows the real service through restarts and errors, and publishers that send the messages of a test."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ def follow(start_godot):
 
 @pytest.fixture
 def publisher():
-    """A publisher that stands in for the service, to say at any time what the test wants."""
+    """A publisher in place of the service that sends the messages of the test."""
     with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
         publisher.linger = 0
         publisher.sndhwm = 10_000
@@ -110,7 +110,7 @@ def test_a_service_that_comes_later_is_found(follow, serve, blob_puppet, free_po
     port = free_port()
     script = follow(port, "blob/scene/mine")
     reason = script.until(state("OFFLINE"))["reason"]
-    assert reason == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
+    assert reason == f"Cannot connect to 127.0.0.1:{port}. Check that the service is running."
     serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
     script.until(topic("blob/scene/mine"))
     script.end()
@@ -128,8 +128,8 @@ def test_a_token_lets_in(follow, serve, blob_puppet, token_file):
 @pytest.mark.parametrize(
     ("token", "reason"),
     [
-        ("another one for tests", "The service at 127.0.0.1:{} does not know this token."),
-        ("", "The service at 127.0.0.1:{} wants a token, and none is set."),
+        ("another one for tests", "The service at 127.0.0.1:{} does not accept this token."),
+        ("", "The service at 127.0.0.1:{} requires a token, and none is set."),
     ],
 )
 def test_who_is_refused_does_not_try_again_by_itself(follow, serve, blob_puppet, token_file, token, reason):
@@ -152,7 +152,7 @@ def test_a_token_that_nobody_asks_for_does_no_harm(follow, serve, blob_puppet, t
 def test_the_control_port_is_no_stream(follow, serve, blob_puppet):
     service = serve("--puppet", blob_puppet, "--source", "osc:0")
     script = follow(int(service.control.rpartition(":")[2]))
-    assert "Is that the right port" in script.until(state("OFFLINE"))["reason"]
+    assert "Check the port" in script.until(state("OFFLINE"))["reason"]
     script.end()
 
 
@@ -197,7 +197,7 @@ def test_a_service_that_hangs_is_taken_for_gone_until_it_speaks_again(follow, se
         reason = script.until(state("OFFLINE"))["reason"]
     finally:
         service.process.send_signal(signal.SIGCONT)
-    assert reason == f"No message of a Puppetline service has come from 127.0.0.1:{service.port} for 6 s."
+    assert reason == f"No message from a Puppetline service at 127.0.0.1:{service.port} for 6 s."
     script.until(lambda _told: states(script)[-1] == "CONNECTED")
     script.end()
 
@@ -209,7 +209,7 @@ def test_another_publisher_on_the_port_is_no_service(follow, publisher):
         publisher.send(b"service/status\0" + b"weather")
         publisher.send(b"service/status\0" + bytes(120))
         time.sleep(0.1)
-    assert "No message of a Puppetline service" in script.until(state("OFFLINE"))["reason"]
+    assert "No message from a Puppetline service" in script.until(state("OFFLINE"))["reason"]
     script.end()
     assert states(script) == ["CONNECTING", "OFFLINE"]
 
@@ -218,7 +218,7 @@ def test_something_else_on_the_port_gives_way_to_a_service(follow, serve, blob_p
     port = free_port()
     with something_else(port):
         script = follow(port, "blob/scene/mine")
-        assert "does not speak ZMTP 3" in script.until(state("OFFLINE"))["reason"]
+        assert "does not support ZMTP 3" in script.until(state("OFFLINE"))["reason"]
     serve("--puppet", blob_puppet, "--source", "osc:0", "--port", port)
     script.until(topic("blob/scene/mine"))
     script.end()
@@ -230,7 +230,7 @@ def test_another_version_of_the_protocol_is_refused_in_words(follow, publisher):
     assert publisher.recv() == b"\1service/status\0"
     publisher.send(message("service/status", Kind.STATUS, major=2, minor=3))
     assert script.until(state("REFUSED"))["reason"] == (
-        "The service speaks version 2.3 of the protocol, and this addon 1. Update the older one."
+        "The service uses version 2.3 of the protocol; this addon supports version 1. Update the older one."
     )
     script.end()
 

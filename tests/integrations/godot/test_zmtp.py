@@ -1,4 +1,4 @@
-"""The addon's ZMTP against libzmq, against a line that is cut to pieces, and against whatever else may be on a port."""
+"""The addon's ZMTP connection with libzmq, with fragmented data, and with other programs on the port."""
 
 import hashlib
 import itertools
@@ -76,7 +76,7 @@ def publisher(context):
 
 @pytest.fixture
 def admit(context):
-    """Let in who has the token, as the service does."""
+    """Accept clients with the token, as the service does."""
     guard = context.socket(zmq.ROUTER)
     guard.linger = 0
     guard.bind("inproc://zeromq.zap.01")
@@ -99,7 +99,7 @@ def admit(context):
 
 @pytest.fixture
 def peer():
-    """Somebody who answers connections in a way of his own; returns the port."""
+    """Start a server that answers connections with a function of the test; return the port."""
     listeners, threads = [], []
 
     def start(answer):
@@ -128,7 +128,7 @@ def peer():
 
 
 def shake_hands(line):
-    """Do what a publisher does before its first message; return what else has come."""
+    """Perform a publisher's part of the handshake; return the remaining received bytes."""
     line.sendall(GREETING + READY)
     come = b""
     while len(come) < 64 + 27:
@@ -233,7 +233,7 @@ def test_a_line_that_delivers_byte_by_byte(connect, publisher, admit):
 
 
 def test_pings_are_answered(connect, publisher):
-    """With these settings libzmq ends a connection on which a ping stays without an answer for half a second."""
+    """With these settings, libzmq closes a connection if a ping has no answer for half a second."""
     pub, port = publisher(heartbeat_ivl=100, heartbeat_timeout=500, heartbeat_ttl=600)
     script = connect(port, "t")
     subscriptions(pub, 1)
@@ -267,10 +267,10 @@ def test_the_right_token_opens_and_a_wrong_one_is_refused(connect, publisher, ad
     assert subscriptions(pub, 1) == [b"\1t\0"]
     script.end()
     assert fails(connect(port, token="another one"), "REFUSED") == (
-        f"The service at 127.0.0.1:{port} does not know this token."
+        f"The service at 127.0.0.1:{port} does not accept this token."
     )
-    assert fails(connect(port), "REFUSED") == f"The service at 127.0.0.1:{port} wants a token, and none is set."
-    assert fails(connect(port, token="x" * 256), "REFUSED") == "The token has 256 bytes; at most 255 are possible."
+    assert fails(connect(port), "REFUSED") == f"The service at 127.0.0.1:{port} requires a token, and none is set."
+    assert fails(connect(port, token="x" * 256), "REFUSED") == "The token has 256 bytes; expected at most 255."
 
 
 def test_a_service_that_wants_keys_says_so(connect, publisher):
@@ -278,7 +278,7 @@ def test_a_service_that_wants_keys_says_so(connect, publisher):
         pytest.skip("libzmq has no CURVE here")
     _, secret = zmq.curve_keypair()
     _, port = publisher(curve_server=True, curve_secretkey=secret)
-    assert "wants CURVE keys" in fails(connect(port, token=TOKEN), "REFUSED")
+    assert "requires CURVE keys" in fails(connect(port, token=TOKEN), "REFUSED")
 
 
 def test_a_token_is_not_told_to_who_does_not_ask_for_it(connect, peer):
@@ -313,14 +313,14 @@ def test_names_are_looked_up_and_the_one_with_four_numbers_is_taken(connect, pub
     assert subscriptions(pub, 1) == [b"\1t\0"]
     script.end()
     reason = fails(connect(port, host="no.such.host.invalid"))
-    assert reason == "Nobody knows the host 'no.such.host.invalid'."
+    assert reason == "The host 'no.such.host.invalid' has no known address."
 
 
 def test_a_port_where_nobody_is(connect, free_port):
     port = free_port()
-    assert fails(connect(port)) == f"Nobody answers at 127.0.0.1:{port}. Is the service running?"
-    assert fails(connect(0)) == "There is no port 0: ports are numbers from 1 to 65535."
-    assert fails(connect(65536)) == "There is no port 65536: ports are numbers from 1 to 65535."
+    assert fails(connect(port)) == f"Cannot connect to 127.0.0.1:{port}. Check that the service is running."
+    assert fails(connect(0)) == "0 is not a port; expected a number from 1 to 65535."
+    assert fails(connect(65536)) == "65536 is not a port; expected a number from 1 to 65535."
 
 
 def command(body, flags=4):
@@ -335,14 +335,14 @@ AFTER_THE_HANDSHAKE = {
     "a size of 2^62": (large(2**62), "announced a frame of 4611686018427387904 bytes"),
     "a size of 2^64 - 1": (large(2**64 - 1), "announced a frame of -1 bytes"),
     "more than is taken": (large(MANY + 1), "announced a frame of 268435457 bytes"),
-    "a command of a megabyte": (large(1 << 20, flags=6), "announced a frame of 1048576 bytes; at most 65536"),
+    "a command of a megabyte": (large(1 << 20, flags=6), "announced a frame of 1048576 bytes; expected at most 65536"),
     "several parts": (b"\1\1a\0\1b", "a message of several parts"),
     "a long message of several parts": (large(2**62, flags=3), "a message of several parts"),
     "a command of several parts": (b"\5\1a", "flags 5"),
     "flags that there are not": (b"\x80\1a", "flags 128"),
-    "a command without a name": (command(b""), "a command that is cut short"),
-    "a name of no length": (command(b"\0"), "a command that is cut short"),
-    "a name longer than the command": (command(b"\xffPING"), "a command that is cut short"),
+    "a command without a name": (command(b""), "an incomplete command"),
+    "a name of no length": (command(b"\0"), "an incomplete command"),
+    "a name longer than the command": (command(b"\xffPING"), "an incomplete command"),
 }
 
 
@@ -408,12 +408,12 @@ def error_with_text(line):
 
 
 BEFORE = {
-    http: ("FAILED", "does not speak ZMTP 3"),
-    noise: ("FAILED", "does not speak ZMTP 3"),
-    version_2: ("FAILED", "does not speak ZMTP 3"),
-    goodbye: ("FAILED", "closed the connection without a word"),
-    message_too_early: ("FAILED", "a message before the handshake"),
-    error_with_text: ("REFUSED", "refuses the connection (go away now)"),
+    http: ("FAILED", "does not support ZMTP 3"),
+    noise: ("FAILED", "does not support ZMTP 3"),
+    version_2: ("FAILED", "does not support ZMTP 3"),
+    goodbye: ("FAILED", "closed the connection without an error"),
+    message_too_early: ("FAILED", "a message before the end of the handshake"),
+    error_with_text: ("REFUSED", "refused the connection (go away now)"),
 }
 
 
@@ -434,7 +434,7 @@ def test_a_message_without_end_takes_no_more_memory_than_it_may(connect, peer):
         shake_hands(line)
         line.sendall(large(1 << 40))
 
-    assert "at most 1000000 are taken" in fails(connect(peer(answer), largest=1_000_000))
+    assert "expected at most 1000000" in fails(connect(peer(answer), largest=1_000_000))
 
     def endless(line):
         shake_hands(line)
@@ -463,7 +463,7 @@ def test_tiny_messages_in_their_thousands_are_all_taken(connect, peer):
 
 
 def test_who_asks_without_reading_the_answers_is_left(connect, peer):
-    """Pings whose answers pile up here."""
+    """The peer sends pings and does not read the answers."""
 
     def answer(line):
         shake_hands(line)
@@ -471,4 +471,4 @@ def test_who_asks_without_reading_the_answers_is_left(connect, peer):
             for _ in itertools.repeat(None, 4000):
                 line.sendall(command(b"\4PING\0\1" + b"c" * 16) * 1000)
 
-    assert "does not read what it is sent" in fails(connect(peer(answer)))
+    assert "does not read the data sent to it" in fails(connect(peer(answer)))

@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Two who follow the same, of whom the first that is called sends the other one away: HOST PORT. They come anew, when
-## there is a message already, as soon as the topic "late" comes.
+## Runs two followers of the same topic, the first of which removes the other one: HOST PORT. They follow the topic
+## again, after its first message, when the topic "late" arrives.
 
 const Stream := preload("res://addons/puppetline/wire/stream.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
@@ -23,7 +23,7 @@ func _process(_delta: float) -> bool:
 	if is_over():
 		for receiver: Callable in [_one, _other, _keep]:
 			_stream.unfollow(TOPIC, receiver)
-		tell({"remembered": _stream._asked.keys()})
+		tell({"remembered": _stream._requested_ms.keys()})
 	return is_over()
 
 

@@ -1,7 +1,7 @@
 @tool
 extends EditorPlugin
-## In the editor, beside the addon: presses the dock's button that puts a character into the scene, takes it back, does
-## it again and takes a picture. What it needs comes from the environment: the editor keeps its arguments for itself.
+## Runs in the editor: presses the dock's button that adds a character to the scene, undoes and repeats it, and saves an
+## image. Its settings are in environment variables, because the editor does not pass on arguments.
 
 const Dock := preload("res://addons/puppetline/dock/dock.gd")
 
@@ -40,7 +40,7 @@ func _use() -> void:
 	if _dock.service.mapping == null or scene == null:
 		return
 	var history := get_undo_redo().get_object_history_id(scene)
-	_step += 1  # before anything that lets frames go by, as saving does
+	_step += 1  # before anything that processes frames, such as saving
 	match _step:
 		1:
 			_tell("before")
@@ -52,7 +52,7 @@ func _use() -> void:
 			_tell("undone")
 			get_undo_redo().get_history_undo_redo(history).redo()
 			EditorInterface.set_main_screen_editor("3D")
-			_next = Time.get_ticks_msec() + 5000  # in which the character comes
+			_next = Time.get_ticks_msec() + 5000  # time for the character to arrive
 		4:
 			_tell("redone")
 			var picture := EditorInterface.get_base_control().get_viewport().get_texture().get_image()

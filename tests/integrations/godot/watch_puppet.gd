@@ -1,6 +1,6 @@
 extends "teller.gd"
-## Shows characters, tells all that they signal and, now and then, how they are: a JSON list of the properties of each,
-## and the name of a file. What is written there, line by line as JSON, is done: {"puppet": number, "set": {…}} or
+## Shows characters, and reports their signals and regularly their state. The arguments are a JSON list of their
+## properties, and a file of commands, one JSON object per line: {"puppet": number, "set": {…}} or
 ## {"puppet": number, "call": [method, argument…]}.
 
 const INTERVAL := 0.1

@@ -27,7 +27,7 @@ STRICT = ["-langversion:7.2", "-warnaserror+", "-warn:4", "-optimize+"]
 
 
 class Program:
-    """A program that runs, and what it has said: a line of JSON for each thing."""
+    """A running program and its output, one line of JSON per result."""
 
     def __init__(self, command):
         self.process = subprocess.Popen(
@@ -128,7 +128,7 @@ def start(mono, built):
 
 @pytest.fixture(scope="session")
 def run_core(mono, built):
-    """Run the plain core to its end with arguments and input, and return what it has said."""
+    """Run the plain core to its end with arguments and input, and return its output."""
 
     def run(*arguments, told=""):
         command = [mono[1], built / "Core.exe", *arguments]
@@ -160,7 +160,7 @@ def shader(tmp_path_factory):
 
 
 def array(text, kind=np.float32, columns=None):
-    """Return what a program has said in base64."""
+    """Decode an array that a program printed in base64."""
     values = np.frombuffer(base64.b64decode(text), kind)
     return values if columns is None else values.reshape(-1, columns)
 

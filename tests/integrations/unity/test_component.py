@@ -1,4 +1,4 @@
-"""The component, compiled and driven with stand-ins for Unity, against the real service: what reaches a mesh."""
+"""The component, compiled and run with stand-ins for Unity and the real service: the data of its mesh."""
 
 import socket
 import time
@@ -241,7 +241,7 @@ def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port)
         program.tell("calibrate")
         said = program.finish()
     errors = [each["reply"]["error"] for each in said if "reply" in each]
-    assert [error["found"] for error in errors] == ["the connection was ended here", "a disabled Puppet"]
+    assert [error["found"] for error in errors] == ["a client that has been disposed", "a disabled Puppet"]
     assert [error["where"] for error in errors] == [f"the control socket 127.0.0.1:{port + 1}", "describe"]
     assert [each["warning"] for each in said if "warning" in each][-1].startswith(
         "Puppetline: calibrate: found a disabled"

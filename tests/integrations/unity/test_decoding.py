@@ -1,4 +1,4 @@
-"""Messages read by the plain C# core: equal to what Python reads, and nothing damaged does any harm."""
+"""Messages read by the plain C# core are equal to those read by Python, and damaged ones are rejected."""
 
 import base64
 import json
@@ -97,7 +97,7 @@ def test_messages_cut_off_anywhere_are_refused(read, tmp_path):
 
 
 def damaged_scenes():
-    """Scenes whose description says what is not so."""
+    """Scenes with a wrong description."""
     whole = (VECTORS / "scene.bin").read_bytes()
     head, payload = whole[:128], whole[128:]
     start = 4 + int.from_bytes(payload[:4], "little")

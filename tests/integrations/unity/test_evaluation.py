@@ -93,7 +93,7 @@ def test_boxes_are_around_all_vertices_and_the_cheap_one_is_not_much_larger(eval
 
 
 def streams(scene):
-    """Return what the mesh gets once, as docs/unity.md has it: rest pose, ladder coordinates and slopes."""
+    """Return what the mesh gets once, as docs/unity.md has it: rest pose, isoline coordinates and slopes."""
     arrays, fields = scene.arrays, scene.facts["fields"]
     moving = np.hstack([arrays["positions"] * UNITY, arrays["normals"] * UNITY])
     ladder = np.zeros((len(moving), 24), np.float32)

@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def ask(start):
-    """Ask a service for several things at once; return the replies in the order in which they came."""
+    """Send several requests together; return the replies in the order of arrival."""
 
     def run(port, *requests, token=""):
         program = start("Core", "request", "127.0.0.1", port, token)
@@ -54,7 +54,7 @@ def test_without_a_service_there_is_an_error_that_says_so(ask, free_port):
     port = free_port()
     (reply,) = ask(port, {"do": "ping"})
     assert (reply["ok"], f"127.0.0.1:{port}" in reply["error"]["where"]) == (False, True)
-    assert "Does puppetline serve run there?" in reply["error"]["found"]
+    assert "Check that puppetline serve is running there" in reply["error"]["found"]
     assert {"where", "found", "expected", "fix"} == reply["error"].keys()
 
 

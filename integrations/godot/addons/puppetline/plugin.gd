@@ -1,6 +1,6 @@
 @tool
 extends EditorPlugin
-## Shows Puppetline's dock. The nodes Puppet3D and PuppetOscReceiver are there without it.
+## Adds Puppetline's dock to the editor. The nodes Puppet3D and PuppetOscReceiver also work without this plugin.
 
 const DOCK := preload("dock/dock.tscn")
 

@@ -2,37 +2,37 @@
 @icon("icons/puppet_3d.svg")
 class_name Puppet3D
 extends Node3D
-## A character of a running `puppetline serve`: it comes with its mesh, and moves as its performer does.
+## Shows a character of `puppetline serve`, driven live by a performer.
 ##
-## Put it into a scene, start the service, and it is there, in the editor as well. It connects by itself, and again
-## whenever the service comes back. Nothing of what it shows is saved with your scene.
+## Add the node to a scene and start the service. The character appears with its mesh, in the editor too. The node
+## connects and reconnects automatically. The shown meshes are not saved with your scene.
 
-## The service is there.
+## Emitted when the service is connected.
 signal connected
-## The service has gone; it is looked for on and on.
+## Emitted when the service is disconnected. The node keeps retrying.
 signal disconnected
-## The service does not let us in, and it is not tried again until [member token] or the address changes.
+## Emitted when the service refuses the connection. The node does not retry until [member token] or the address changes.
 signal refused(reason: String)
-## The character has come, or another version of it. What is shown of it is made anew.
+## Emitted when the character has arrived or changed, after its new meshes have been made.
 signal scene_loaded
-## Somebody is there who plays the character, and stands still for a moment.
+## Emitted when a performer has been found for the character. The performer should stand still for one second.
 signal performer_found(user: int)
-## The performer's pose has been taken for the rest pose: the character moves from now on.
+## Emitted when the performer has been calibrated and drives the character.
 signal performer_calibrated(user: int)
-## The performer has gone.
+## Emitted when the performer has left.
 signal performer_lost(user: int)
-## The service has begun to record a take.
+## Emitted when the service has started to record a take.
 signal take_started(take: String)
-## The service has ended a take.
+## Emitted when the service has finished a take.
 signal take_stopped(take: String)
 
-## How the character comes.
+## How the service sends the character.
 enum Mode {
-	## As some 80 transforms a frame, blended on the graphics card: what is best for almost everything.
+	## About 80 transforms per frame, blended on the graphics card. This is the best mode for almost all characters.
 	CONTROLS,
-	## Vertex by vertex, without anything between two frames: for meshes that controls have no room for.
+	## All vertices in each frame, without interpolation. Use it for characters that exceed the limits of CONTROLS.
 	VERTICES,
-	## As weights of the morph targets that [member mesh_source] has.
+	## Weights of the morph targets of [member mesh_source].
 	MORPHS,
 }
 
@@ -50,71 +50,72 @@ const RestMesh := preload("play/rest_mesh.gd")
 
 const _CHARACTERS := "service/characters"
 const _STATUS := "service/status"
-## Frames by which the rate is measured, at most.
-const _MOST_ARRIVALS := 256
+## Maximum number of frames from which the frame rate is measured.
+const _MAX_ARRIVALS := 256
 
 @export_group("Service")
-## Where the service runs. Empty: the first one that is found in the network and has the [member character].
+## Host name or address of the service. If empty, the first service found in the network that has the [member
+## character].
 @export var host := "127.0.0.1":
 	set(value):
 		_link_stale = _link_stale or value != host
 		host = value
-## The port of the stream; that of the control socket is the next one.
+## Port of the stream; the control socket uses the next port.
 @export_range(1, 65534) var port := 7400:
 	set(value):
 		_link_stale = _link_stale or value != port
 		port = value
-## What the service wants to hear before it lets anybody in, if it does. It is saved with the scene as it is.
+## The service's token, if it requires one. It is saved with the scene in plain text.
 @export var token := "":
 	set(value):
 		_link_stale = _link_stale or value != token
 		token = value
 
 @export_group("Character")
-## The name of the character. Empty: the first one of the service.
+## Name of the character. If empty, the first one of the service.
 @export var character := "":
 	set(value):
 		_link_stale = _link_stale or value != character
 		character = value
-## Show the character only while the performer of this number plays it. −1: always.
+## Show the character only while the performer with this user number drives it; −1 for always.
 @export var user_slot := -1:
 	set(value):
 		user_slot = value
 		_notice_performer(_last_user, _last_state)
-## How the character comes.
+## How the service sends the character.
 @export var mode := Mode.CONTROLS:
 	set(value):
 		_body_stale = _body_stale or value != mode
 		mode = value
-## Your own copy of the character, an imported .glb with its materials and textures: for CONTROLS one with ladder
-## coordinates, for MORPHS what `puppetline bake` made. Empty: the mesh that the service sends.
+## Your own .glb of the character, with its materials and textures: for CONTROLS one from `puppetline shader-mesh`, for
+## MORPHS one from `puppetline bake`. If empty, the mesh that the service sends.
 @export var mesh_source: PackedScene:
 	set(value):
 		_body_stale = _body_stale or value != mesh_source
 		mesh_source = value
 		_hide_preview()
 		_hide_preview()
-## Materials in the place of the character's own, by surface; where one is empty, the character keeps its own. Standard
-## materials are copied. A shader material has to call what `addons/puppetline/play/puppet.gdshaderinc` says.
+## Materials that replace the character's own, by surface. A surface without one keeps its own. Standard materials are
+## copied. A shader material must call the function described in `addons/puppetline/play/puppet.gdshaderinc`.
 @export var materials: Array[Material] = []:
 	set(value):
 		materials = value
 		if _body != null:
-			_body.dress(materials)
-## Whether the character walks about as its performer does, or stays in its place.
+			_body.set_materials(materials)
+## Whether the character walks with its performer, or stays in place.
 @export var follow_root := true:
 	set(value):
 		_body_stale = _body_stale or value != follow_root
 		follow_root = value
 
 @export_group("Playing")
-## Seconds by which the character lags behind what comes, so that there is a frame before and after each picture. More
-## is smoother in a bad network, less is quicker.
+## Delay of the character in seconds, so that each image lies between two frames. Higher values are smoother in a bad
+## network; lower values react faster.
 @export_range(0.0, 1.0, 0.005, "suffix:s") var interpolation_delay := 0.05:
 	set(value):
 		interpolation_delay = value
 		_buffer.delay = value
-## Whether the character moves in the editor as well.
+## Whether the character is shown in the editor too.
 @export var preview_in_editor := true
 
 var _stream: Stream
@@ -123,17 +124,17 @@ var _discovery: Discovery
 var _shared: SharedScene
 var _buffer := JitterBuffer.new()
 var _body: Body
-var _last_body: Body  # stays until the next one has something to show
-var _preview: Node3D  # what can be shown of the user's own character before the service is there
-var _name := ""  # of the character that is followed
-var _topic := ""  # of its frames
-var _names: Array[String] = []  # of all characters
+var _last_body: Body  # stays until the next one shows a frame
+var _preview: Node3D  # the character from mesh_source while there is no service
+var _name := ""  # name of the followed character
+var _topic := ""  # topic of its frames
+var _names: Array[String] = []  # names of all characters
 var _state := Stream.State.OFFLINE
 var _link_stale := false
 var _body_stale := false
-var _last_user := Message.NOBODY  # as the service said
+var _last_user := Message.NO_USER  # as reported by the service
 var _last_state := Message.PerformerState.WAITING
-var _user := Message.NOBODY
+var _user := Message.NO_USER
 var _calibrated := false
 var _takes: Array[String] = []
 var _control_port := 0
@@ -155,24 +156,24 @@ func _exit_tree() -> void:
 func _get_configuration_warnings() -> PackedStringArray:
 	var warnings := PackedStringArray()
 	if mode == Mode.MORPHS and mesh_source == null:
-		warnings.append("MORPHS want a mesh_source: import the .glb that `puppetline bake` made, and put it there.")
+		warnings.append("The mode MORPHS requires a mesh_source. Import the .glb from `puppetline bake` and assign it.")
 	if _state == Stream.State.REFUSED:
-		warnings.append("The service does not let us in: %s" % _stream.reason)
+		warnings.append("The service refuses the connection: %s" % _stream.reason)
 	if character and not _names.is_empty() and character not in _names:
-		warnings.append("The service has no character '%s', but: %s." % [character, ", ".join(_names)])
+		warnings.append("The service has no character '%s'. Its characters are: %s." % [character, ", ".join(_names)])
 	if _body != null and _body.problem:
 		warnings.append("%s: %s." % [_name, _body.problem])
 	return warnings
 
 
-## Ask the service to do something, see docs/control.md; `done` is called with its reply, or with the like of one if
-## none comes.
+## Send a request to the service (docs/control.md). [param done] is called with its reply, or with an error of the same
+## form if there is no reply.
 func request(body: Dictionary, done := Callable()) -> void:
 	var answered := done if done.is_valid() else _warn_of_failure
 	var address := host if _stream == null else _stream.host
 	if address.is_empty():
-		var fix := "Start one, or name its host."
-		var error := {"where": name, "found": "no service", "expected": "one in the network", "fix": fix}
+		var fix := "Start a service, or set host."
+		var error := {"where": name, "found": "no service", "expected": "a service in the network", "fix": fix}
 		answered.call({"ok": false, "error": error})
 		return
 	if _control == null:
@@ -181,36 +182,37 @@ func request(body: Dictionary, done := Callable()) -> void:
 	_control.request(body, answered)
 
 
-## Take the performer's pose as it is now for the rest pose.
+## Calibrate again: map the performer's current pose to the character's rest pose.
 func calibrate() -> void:
 	request({"do": "calibrate", "character": _name})
 
 
-## Let the performer's left move the character's right (true), or its left.
+## Let the performer's left side move the character's right side (true) or its left side (false).
 func set_mirror(on: bool) -> void:
 	request({"do": "mirror", "character": _name, "on": on})
 
 
-## Record a take of the stage that the character is on; without a name the service chooses one. `done` is called as by
-## [method request].
+## Record a take of the character's stage. Without a name, the service chooses one. [param done] is called as described
+## at [method request].
 func start_recording(take := "", done := Callable()) -> void:
 	_request_of_stage({"do": "record_start", "name": take} if take else {"do": "record_start"}, done)
 
 
-## End the take that is being recorded.
+## Finish the take that is being recorded.
 func stop_recording(done := Callable()) -> void:
 	_request_of_stage({"do": "record_stop"}, done)
 
 
-## Compute the positions of all vertices as they are shown just now, in the space of this node. That is slow, and meant
-## for tools. The order is that of the scene; in MORPHS, that of the imported meshes.
+## Compute the positions of all vertices as they are shown, in the coordinates of this node. This is slow and intended
+## for tools. The order is that of the scene; in the mode MORPHS, that of the imported meshes.
 func evaluate() -> PackedVector3Array:
 	return _body.evaluate() if _body != null else PackedVector3Array()
 
 
-## Return how it goes: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency` (seconds, see
-## `same_machine_latency` of wire/stream.gd), `waiting` (frames that are not shown yet), `lost` (on the way), `damaged`,
-## and what is shown: `sequence`, `next_sequence`, `share`.
+## Return the state of the node: `character`, `connected`, `user`, `calibrated`, `frames_per_second`, `latency`
+## (seconds, see `same_machine_latency` in wire/stream.gd), `waiting` (frames not shown yet), `lost` (frames lost in
+## transmission), `damaged` (frames of the wrong size), and the shown position in the motion: `sequence`,
+## `next_sequence`, `share`.
 func statistics() -> Dictionary:
 	return {
 		"character": _name,
@@ -228,7 +230,7 @@ func statistics() -> Dictionary:
 	}
 
 
-## Make a request with the name of the stage that the character is on, which the service knows.
+## Send a request with the name of the character's stage, which is first requested from the service.
 func _request_of_stage(body: Dictionary, done: Callable) -> void:
 	var find := func(reply: Dictionary) -> void:
 		var result: Variant = reply.get("result")
@@ -241,7 +243,7 @@ func _request_of_stage(body: Dictionary, done: Callable) -> void:
 
 
 func _play() -> void:
-	# Whoever is called back may take this node away from the service, or out of the scene.
+	# A callback may disconnect this node, or remove it from the scene.
 	if _control != null:
 		_control.poll()
 	if not is_inside_tree() or (_stream == null and not _join()):
@@ -259,7 +261,7 @@ func _play() -> void:
 		_show()
 
 
-## Follow the service, once it is known where it is.
+## Follow the service as soon as its address is known; return false before.
 func _join() -> bool:
 	_show_preview()
 	var address := {"host": host, "port": port, "control": port + 1}
@@ -277,7 +279,7 @@ func _join() -> bool:
 	return true
 
 
-## Return the first service in the network that has the character; empty while there is none.
+## Return the first service in the network that has the character; empty if there is none.
 func _discovered() -> Dictionary:
 	if _discovery == null:
 		_discovery = Discovery.new()
@@ -289,7 +291,7 @@ func _discovered() -> Dictionary:
 	return {}
 
 
-## Leave the service, and show nothing any more.
+## Disconnect from the service and hide the character.
 func _leave() -> void:
 	_link_stale = false
 	_leave_control()
@@ -309,8 +311,8 @@ func _leave_control() -> void:
 	_control = null
 	_control_port = 0
 	if left != null:
-		# Not at once: who leaves with this node is half out of the scene.
-		var answer := func() -> void: left.give_up("a node that has left the service")
+		# Deferred, because other nodes may be leaving the scene together with this one.
+		var answer := func() -> void: left.fail_all("a node that has disconnected from the service")
 		answer.call_deferred()
 
 
@@ -348,7 +350,7 @@ func _unfollow_frames() -> void:
 	_buffer.delay = interpolation_delay
 
 
-## Make what shows the character, and follow the frames that it wants.
+## Make the node that shows the character, and follow the frames that it needs.
 func _build() -> void:
 	_body_stale = false
 	_unfollow_frames()
@@ -358,13 +360,13 @@ func _build() -> void:
 		_body.queue_free()
 	_body = _new_body()
 	_body.follow_root = follow_root
-	_body.dress(materials)
+	_body.set_materials(materials)
 	_body.visible = false
 	if _body.problem:
 		push_warning("Puppetline: %s: %s." % [_name, _body.problem])
 	update_configuration_warnings()
 	add_child(_body, false, Node.INTERNAL_MODE_FRONT)
-	_topic = "%s/%s" % [_name, _body.word()]
+	_topic = "%s/%s" % [_name, _body.payload_name()]
 	_stream.follow(_topic, _on_frame)
 	scene_loaded.emit()
 
@@ -379,14 +381,14 @@ func _new_body() -> Body:
 	if source != null:
 		source.free()
 	if obstacle:
-		push_warning("Puppetline: %s comes vertex by vertex: %s." % [_name, obstacle])
+		push_warning("Puppetline: %s falls back to VERTICES: %s." % [_name, obstacle])
 	return VerticesBody.new(_shared)
 
 
 func _own_character() -> Node3D:
 	var own := mesh_source.instantiate() if mesh_source != null else null
 	if own != null and not own is Node3D:
-		push_warning("Puppetline: %s is no scene of 3D nodes: import a .glb." % mesh_source.resource_path)
+		push_warning("Puppetline: %s is not a scene of 3D nodes. Import a .glb." % mesh_source.resource_path)
 		own.free()
 		return null
 	return own
@@ -401,7 +403,7 @@ func _show() -> void:
 	_hide_preview()
 
 
-## Show the user's own character as it is, while there is no service to move it.
+## Show the character from mesh_source at rest while there is no service.
 func _show_preview() -> void:
 	if _preview == null and user_slot < 0:
 		_preview = _own_character()
@@ -419,7 +421,7 @@ func _notice_state() -> void:
 	if _stream.state != _state:
 		_change_state(_stream.state)
 	if _state == Stream.State.OFFLINE and host.is_empty():
-		_link_stale = true  # it may be elsewhere when it comes back
+		_link_stale = true  # it may have another address when it returns
 
 
 func _change_state(to: Stream.State) -> void:
@@ -427,13 +429,13 @@ func _change_state(to: Stream.State) -> void:
 	_state = to
 	update_configuration_warnings()
 	if was == Stream.State.CONNECTED:
-		_notice_performer(Message.NOBODY, Message.PerformerState.WAITING)
+		_notice_performer(Message.NO_USER, Message.PerformerState.WAITING)
 		_notice_takes([])
 		disconnected.emit()
 	if to == Stream.State.CONNECTED:
 		connected.emit()
 	if to == Stream.State.REFUSED:
-		push_warning("Puppetline: %s:%d refuses us: %s" % [_stream.host, _stream.port, _stream.reason])
+		push_warning("Puppetline: %s:%d refuses the connection: %s" % [_stream.host, _stream.port, _stream.reason])
 		refused.emit(_stream.reason)
 
 
@@ -478,19 +480,19 @@ func _on_performer(message: Message) -> void:
 func _notice_performer(user: int, state: Message.PerformerState) -> void:
 	_last_user = user
 	_last_state = state
-	var plays := state == Message.PerformerState.CALIBRATING or state == Message.PerformerState.PERFORMING
-	var now := user if plays and (user_slot < 0 or user == user_slot) else Message.NOBODY
+	var is_present := state == Message.PerformerState.CALIBRATING or state == Message.PerformerState.PERFORMING
+	var now := user if is_present and (user_slot < 0 or user == user_slot) else Message.NO_USER
 	if now != _user:
 		var before := _user
 		_user = now
 		_calibrated = false
-		if before != Message.NOBODY:
+		if before != Message.NO_USER:
 			performer_lost.emit(before)
-		if now != Message.NOBODY and now == _user:
+		if now != Message.NO_USER and now == _user:
 			performer_found.emit(now)
 	if now != _user:
-		return  # whoever heard that has changed it
-	var calibrated := now != Message.NOBODY and state == Message.PerformerState.PERFORMING
+		return  # a receiver of the signal has changed it
+	var calibrated := now != Message.NO_USER and state == Message.PerformerState.PERFORMING
 	if calibrated and not _calibrated:
 		performer_calibrated.emit(now)
 	_calibrated = calibrated
@@ -508,7 +510,7 @@ func _on_frame(message: Message) -> void:
 	elif message.payload.size() != _body.frame_size():
 		_damaged += 1
 	else:
-		_arrivals = _arrivals.slice(-_MOST_ARRIVALS) if _arrivals.size() > 2 * _MOST_ARRIVALS else _arrivals
+		_arrivals = _arrivals.slice(-_MAX_ARRIVALS) if _arrivals.size() > 2 * _MAX_ARRIVALS else _arrivals
 		_arrivals.append(_now())
 		_buffer.push(message, _now())
 

@@ -1,46 +1,46 @@
 class_name PuppetOscReceiver
 extends Node
-## Receives what `puppetline serve --osc HOST:PORT` sends, as signals.
+## Receives the OSC messages of `puppetline serve --osc HOST:PORT` and emits them as signals.
 ##
-## Joints, handles and the like, without a mesh: for effects, sounds and characters of your own. [Puppet3D] needs none
-## of this. See docs/osc.md for what the numbers mean.
+## Use it for effects, sounds and your own characters, which need joints or handles without a mesh. [Puppet3D] does not
+## need it. docs/osc.md explains the numbers.
 
-## The joints of a performer, those that are known: metres in the sensor's frame. [param confidence] is 1 for a joint
-## that is seen, 0.5 for a guessed, 0 for a lost one.
+## The known joints of a performer, in metres in sensor coordinates. [param confidence] is 1 for a tracked joint, 0.5
+## for an inferred one and 0 for a lost one.
 signal joints_received(
 	character: String, names: PackedStringArray, positions: PackedVector3Array, confidence: PackedFloat32Array
 )
-## Where each handle is to be: coordinates of the mesh file.
+## The target position of each handle, in file coordinates.
 signal handles_received(character: String, names: PackedStringArray, positions: PackedVector3Array)
-## A 3 × 4 matrix a row after the other for each isoline, 960 numbers as a rule.
+## One 3 × 4 matrix per isoline, row by row; usually 960 numbers.
 signal controls_received(character: String, transforms: PackedFloat32Array)
-## How far each morph target of the baked .glb is in.
+## Weight of each morph target of the baked .glb.
 signal weights_received(character: String, weights: PackedFloat32Array)
-## How far the character has walked, which goes with the weights.
+## Displacement of the character by root motion, sent together with the weights.
 signal root_received(character: String, root: Vector3)
-## [param state] is "waiting", "calibrating", "performing" or "leaving", [param user] −1 for nobody.
+## [param state] is "waiting", "calibrating", "performing" or "leaving". [param user] is −1 if there is no performer.
 signal performer_received(character: String, state: String, user: int)
 ## Any other message.
 signal message_received(address: String, arguments: Array)
 
 const Osc := preload("wire/osc.gd")
 
-## Datagrams read in one process frame; those that are left wait for the next one.
-const DATAGRAMS_A_FRAME := 512
-## Bytes of datagrams that may wait.
-const BUFFER := 1 << 20
+## Maximum number of datagrams read per process frame; the others wait for the next frame.
+const MAX_FRAME_DATAGRAMS := 512
+## Size of the receive buffer, in bytes.
+const BUFFER_BYTES := 1 << 20
 
-## The UDP port that `--osc` names.
+## UDP port given to `--osc`.
 @export_range(1, 65535) var port := 9000:
 	set(value):
 		port = value
 		_listen()
-## The address of this machine that is listened at: "127.0.0.1" hears this machine only, "*" the network as well.
+## Local address on which to listen: "127.0.0.1" receives from this machine only, "*" from the network too.
 @export var bind_address := "127.0.0.1":
 	set(value):
 		bind_address = value
 		_listen()
-## The character that is of interest; every one if empty.
+## Name of the character whose messages are received; empty for all characters.
 @export var character := ""
 
 var _socket := PacketPeerUDP.new()
@@ -55,7 +55,7 @@ func _exit_tree() -> void:
 
 
 func _process(_delta: float) -> void:
-	for _i in DATAGRAMS_A_FRAME:
+	for _i in MAX_FRAME_DATAGRAMS:
 		if _socket.get_available_packet_count() <= 0:
 			return
 		_dispatch(Osc.parse(_socket.get_packet()))
@@ -65,16 +65,16 @@ func _listen() -> void:
 	_socket.close()
 	if not is_inside_tree():
 		return
-	if _socket.bind(port, bind_address, BUFFER) != OK:
+	if _socket.bind(port, bind_address, BUFFER_BYTES) != OK:
 		push_warning(
 			(
-				"Puppetline: %s cannot listen at UDP port %d of '%s'. Does another program, or node, use it?"
+				"Puppetline: %s cannot listen on UDP port %d of '%s'. Check whether another program or node uses it."
 				% [name, port, bind_address]
 			)
 		)
 
 
-## Emit the signals of a datagram. Joints and handles come as one message each, and leave as one signal a datagram.
+## Emit the signals of a datagram. The messages of all joints, and those of all handles, become one signal each.
 func _dispatch(messages: Array) -> void:
 	var joints: Dictionary = {}
 	var handles: Dictionary = {}
@@ -95,12 +95,12 @@ func _dispatch(messages: Array) -> void:
 	for of: String in joints:
 		var found: Dictionary = joints[of]
 		var confidence := found.values().map(func(numbers: Array) -> float: return numbers[3])
-		joints_received.emit(of, PackedStringArray(found.keys()), _places(found), PackedFloat32Array(confidence))
+		joints_received.emit(of, PackedStringArray(found.keys()), _positions(found), PackedFloat32Array(confidence))
 	for of: String in handles:
-		handles_received.emit(of, PackedStringArray(handles[of].keys()), _places(handles[of]))
+		handles_received.emit(of, PackedStringArray(handles[of].keys()), _positions(handles[of]))
 
 
-## Emit what is a signal of its own; return false where it is none.
+## Emit the signal for a message; return false if there is none.
 func _emit(of: String, what: String, arguments: Array) -> bool:
 	match what:
 		"controls" when arguments.size() % 12 == 0 and _are_numbers(arguments, arguments.size()):
@@ -116,11 +116,11 @@ func _emit(of: String, what: String, arguments: Array) -> bool:
 	return true
 
 
-func _places(found: Dictionary) -> PackedVector3Array:
-	var places := PackedVector3Array()
+func _positions(found: Dictionary) -> PackedVector3Array:
+	var positions := PackedVector3Array()
 	for numbers: Array in found.values():
-		places.append(Vector3(numbers[0], numbers[1], numbers[2]))
-	return places
+		positions.append(Vector3(numbers[0], numbers[1], numbers[2]))
+	return positions
 
 
 func _are_numbers(arguments: Array, count: int) -> bool:

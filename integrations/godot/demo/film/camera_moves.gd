@@ -1,14 +1,14 @@
 extends Camera3D
-## A camera that moves from `From` to `To` of one shot after another, and looks at a target.
+## A camera that plays shots in a loop and looks at a target. In each shot it moves from `From` to `To`.
 ##
-## Each child of [member shots_at] is a shot: a [Node3D] with two children, `From` and `To`.
+## Each child of [member shots_at] is a shot, a [Node3D] with two children, `From` and `To`.
 
 ## Emitted at each cut.
 signal cut(shot: String)
 
 @export var shots_at: Node3D
 @export var target: Node3D
-## How long a shot is.
+## Duration of a shot, in seconds.
 @export_range(1.0, 60.0, 0.5, "suffix:s") var seconds := 9.0
 
 var _shot := 0
@@ -22,12 +22,12 @@ func _process(delta: float) -> void:
 	_place()
 
 
-## Returns how many shots there are.
+## Return the number of shots.
 func shots() -> int:
 	return shots_at.get_child_count()
 
 
-## Goes to the beginning of a shot, counted from 0.
+## Cut to the beginning of a shot, counted from 0.
 func cut_to(shot: int) -> void:
 	_shot = clampi(shot, 0, shots() - 1)
 	_time = 0.0

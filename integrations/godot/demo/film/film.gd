@@ -1,13 +1,14 @@
 extends Node3D
-## A film set: one character, three camera moves, and takes that are recorded and played again.
+## A film set with one character, three camera moves, and takes that are recorded and replayed.
 ##
-## The service records what the performer does, not the picture. A take is played by a second service, on another port:
-## [member command] is what starts it.
+## The service records the motion of the performer, not the image. A second service on another port plays a take;
+## [member command] starts it.
 
 const CameraMoves := preload("res://demo/film/camera_moves.gd")
 const Transport := preload("res://demo/film/transport.gd")
 
-## What starts a service that plays a take: the character's name, the take's name, a port.
+## Command that starts a service that plays a take. Its placeholders are the character's name, the take's name and a
+## port.
 @export_multiline var command := 'puppetline serve --puppet out/%s.toml --source "replay:takes/%s.log?loop" --port %d'
 
 @onready var _live: Puppet3D = $Live
@@ -24,12 +25,12 @@ func _ready() -> void:
 	_played.character = _live.character
 	_played.scene_loaded.connect(_show_played)
 	_live.connected.connect(_say.bind("live"))
-	_live.disconnected.connect(_say.bind("no service: puppetline demo --live starts one"))
+	_live.disconnected.connect(_say.bind("no service; start one with: puppetline demo --live"))
 	_live.refused.connect(_say)
-	_live.performer_found.connect(func(_user: int) -> void: _say("the performer stands still for a moment"))
+	_live.performer_found.connect(func(_user: int) -> void: _say("stand still for one second"))
 	_live.performer_calibrated.connect(func(_user: int) -> void: _say("live"))
-	_live.performer_lost.connect(func(_user: int) -> void: _say("nobody performs"))
-	_say("looking for the service at %s:%d" % [_live.host, _live.port])
+	_live.performer_lost.connect(func(_user: int) -> void: _say("no performer"))
+	_say("connecting to %s:%d" % [_live.host, _live.port])
 	_show_live()
 
 

@@ -1,13 +1,13 @@
 extends Control
-## Records takes and lists them. What is recorded are the performer's movements, by the service.
+## Controls that record and list takes. The service records the motion of the performer.
 
 ## Emitted when a take is to be played.
 signal play_asked(take: String)
-## Emitted when the live performance is to be seen again.
+## Emitted when the live character is to be shown again.
 signal live_asked
 
-## Seconds until a service that has not answered is asked again.
-const PAUSE := 2.0
+## Time until a failed request is repeated, in seconds.
+const RETRY_SECONDS := 2.0
 
 var _puppet: Puppet3D
 var _recording := false
@@ -39,7 +39,7 @@ func _process(delta: float) -> void:
 		_clock.text = "%02d:%04.1f" % [int(_seconds / 60.0), fmod(_seconds, 60.0)]
 
 
-## Records what performs one puppet.
+## Record the performer of one puppet.
 func follow(puppet: Puppet3D) -> void:
 	_puppet = puppet
 	puppet.connected.connect(_ask)
@@ -48,7 +48,7 @@ func follow(puppet: Puppet3D) -> void:
 	puppet.take_stopped.connect(_on_take_stopped)
 
 
-## Starts to record, or ends it.
+## Start or stop recording.
 func toggle_recording() -> void:
 	if _record.disabled:
 		return
@@ -58,7 +58,7 @@ func toggle_recording() -> void:
 		_puppet.start_recording("", _on_recorded)
 
 
-## Shows what is to be typed into a terminal.
+## Show a command to run in a terminal.
 func show_command(command: String) -> void:
 	_tell(command)
 	_copy.show()
@@ -70,7 +70,7 @@ func _ask() -> void:
 
 func _on_listed(reply: Dictionary) -> void:
 	if not _is_well(reply):
-		get_tree().create_timer(PAUSE).timeout.connect(_ask)
+		get_tree().create_timer(RETRY_SECONDS).timeout.connect(_ask)
 		return
 	if _record.disabled:
 		_record.disabled = false

@@ -1,39 +1,39 @@
 @tool
 extends MeshInstance3D
-## A curtain in folds around the back of a stage.
+## A folded curtain around the back of a stage.
 
-const STEPS_A_FOLD := 12
-const DEPTH := 0.16
+const STEPS_PER_FOLD := 12
+const FOLD_DEPTH_METRES := 0.16
 
 @export_range(1.0, 30.0, 0.1, "suffix:m") var radius := 6.2:
 	set(value):
 		radius = value
-		_hang()
+		_build()
 @export_range(1.0, 20.0, 0.1, "suffix:m") var height := 7.0:
 	set(value):
 		height = value
-		_hang()
-## How far around the stage it goes.
+		_build()
+## Angle around the stage that the curtain covers.
 @export_range(10.0, 360.0, 1.0, "degrees") var span := 260.0:
 	set(value):
 		span = value
-		_hang()
+		_build()
 @export_range(1, 200) var folds := 72:
 	set(value):
 		folds = value
-		_hang()
+		_build()
 
 
 func _ready() -> void:
-	_hang()
+	_build()
 
 
-func _hang() -> void:
+func _build() -> void:
 	if not is_node_ready():
 		return
 	var surface := SurfaceTool.new()
 	surface.begin(Mesh.PRIMITIVE_TRIANGLES)
-	var columns := folds * STEPS_A_FOLD
+	var columns := folds * STEPS_PER_FOLD
 	for column: int in columns + 1:
 		for top: int in 2:
 			surface.add_vertex(_point(float(column) / columns, top))
@@ -47,6 +47,6 @@ func _hang() -> void:
 
 func _point(along: float, top: int) -> Vector3:
 	var angle := deg_to_rad((along - 0.5) * span)
-	# folds are deeper below, where nothing holds them
-	var distance := radius + DEPTH * (1.0 - 0.55 * top) * sin(TAU * folds * along)
+	# The folds are deeper at the bottom, because the curtain is fixed at the top only.
+	var distance := radius + FOLD_DEPTH_METRES * (1.0 - 0.55 * top) * sin(TAU * folds * along)
 	return Vector3(distance * sin(angle), height * top, -distance * cos(angle))

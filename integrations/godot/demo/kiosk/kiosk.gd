@@ -1,25 +1,25 @@
 extends Node3D
-## Two characters on a stage for whoever comes by. While nobody is there it invites people: attract mode.
+## Two characters on a stage, for a public place. Without a performer, attract mode invites people.
 ##
-## Which characters these are, and of which service, is set at the nodes `Left/Puppet` and `Right/Puppet`.
+## The nodes `Left/Puppet` and `Right/Puppet` define the characters and their service.
 
 ## Emitted when attract mode begins or ends.
 signal attracting_changed(attracting: bool)
 
-## How far the camera goes to either side.
-const SWAY := 0.4
+## Amplitude of the camera's swaying, in radians.
+const SWAY_RADIANS := 0.4
 
 const Place := preload("res://demo/kiosk/place.gd")
 
-## Seconds without a performer after which attract mode begins.
+## Time without a performer after which attract mode begins.
 @export_range(0.0, 60.0, 0.5, "suffix:s") var patience := 2.0
-## Seconds in which the camera goes from side to side and back in attract mode.
+## Period of the camera's swaying in attract mode.
 @export_range(5.0, 120.0, 1.0, "suffix:s") var sway_seconds := 26.0
 
-## Whether nobody is there and people are invited.
+## Whether attract mode is on.
 var attracting := true
 
-var _alone := 0.0
+var _seconds_alone := 0.0
 var _time := 0.0
 
 @onready var _places: Array[Place] = [$Left, $Right]
@@ -39,12 +39,12 @@ func _ready() -> void:
 
 func _process(delta: float) -> void:
 	_time += delta
-	_alone = 0.0 if _anybody() else _alone + delta
-	if not attracting and _alone >= patience:
+	_seconds_alone = 0.0 if _has_performer() else _seconds_alone + delta
+	if not attracting and _seconds_alone >= patience:
 		_attract(true)
 	var sway := 0.0
 	if attracting:
-		sway = SWAY * sin(TAU * _time / sway_seconds)
+		sway = SWAY_RADIANS * sin(TAU * _time / sway_seconds)
 		_prompt.modulate.a = 0.65 + 0.35 * sin(TAU * _time / 3.5)
 	var share := 1.0 - exp(-1.4 * delta)
 	_orbit.rotation.y = lerp_angle(_orbit.rotation.y, sway, share)
@@ -59,7 +59,7 @@ func _unhandled_input(event: InputEvent) -> void:
 			place.puppet.calibrate()
 
 
-func _anybody() -> bool:
+func _has_performer() -> bool:
 	return _places.any(func(place: Place) -> bool: return place.taken)
 
 
@@ -83,5 +83,5 @@ func _on_refused(reason: String) -> void:
 
 
 func _tell_missing(puppet: Puppet3D) -> void:
-	_connection.text = "Nothing comes from %s:%d. puppetline demo --live starts a service." % [puppet.host, puppet.port]
+	_connection.text = "No data from %s:%d. Start a service with: puppetline demo --live" % [puppet.host, puppet.port]
 	_connection.show()

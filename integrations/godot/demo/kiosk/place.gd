@@ -1,19 +1,19 @@
 extends Node3D
-## A place on the stage: a character, its light and its name. It lights up while somebody performs.
+## A character on the stage with its lights and its name. The lights are bright while there is a performer.
 
-## Emitted when somebody has come to perform this character, or has gone.
+## Emitted when a performer for this character has arrived or left.
 signal taken_changed(taken: bool)
 
-const LIT := 5.6
-const DIM := 2.0
-const RIM := 5.0
-const RING := 0.9
-const FADE := 1.2
+const LIT_SPOT_ENERGY := 5.6
+const DIM_SPOT_ENERGY := 2.0
+const RIM_ENERGY := 5.0
+const RING_ENERGY := 0.9
+const FADE_SECONDS := 1.2
 
-## What the ring and the light from behind have.
+## Colour of the ring and of the light from behind.
 @export var color := Color(1.0, 0.71, 0.42)
 
-## Whether somebody performs, or is about to.
+## Whether there is a performer, calibrated or not.
 var taken := false
 
 var _fading: Tween
@@ -38,7 +38,7 @@ func _ready() -> void:
 
 
 func _on_performer_found(_user: int) -> void:
-	_hint.text = "stand still for a moment"
+	_hint.text = "stand still for one second"
 	_take(true)
 
 
@@ -61,7 +61,7 @@ func _take(on: bool) -> void:
 	if on == taken:
 		return
 	taken = on
-	_show_taken(FADE)
+	_show_taken(FADE_SECONDS)
 	taken_changed.emit(taken)
 
 
@@ -70,7 +70,7 @@ func _show_taken(seconds: float) -> void:
 	if _fading != null:
 		_fading.kill()
 	_fading = create_tween().set_parallel().set_trans(Tween.TRANS_SINE).set_ease(Tween.EASE_IN_OUT)
-	_fading.tween_property(_spot, ^"light_energy", lerpf(DIM, LIT, share), seconds)
-	_fading.tween_property(_rim, ^"light_energy", lerpf(0.3, 1.0, share) * RIM, seconds)
-	_fading.tween_property(_glow, ^"emission_energy_multiplier", lerpf(0.15, 1.0, share) * RING, seconds)
+	_fading.tween_property(_spot, ^"light_energy", lerpf(DIM_SPOT_ENERGY, LIT_SPOT_ENERGY, share), seconds)
+	_fading.tween_property(_rim, ^"light_energy", lerpf(0.3, 1.0, share) * RIM_ENERGY, seconds)
+	_fading.tween_property(_glow, ^"emission_energy_multiplier", lerpf(0.15, 1.0, share) * RING_ENERGY, seconds)
 	_fading.tween_property(_name, ^"modulate:a", lerpf(0.55, 1.0, share), seconds)

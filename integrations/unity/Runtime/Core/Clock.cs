@@ -2,10 +2,10 @@ using System.Diagnostics;
 
 namespace Puppetline
 {
-    /// <summary>A clock that runs evenly and that all threads share.</summary>
+    /// <summary>A monotonic clock, the same for all threads.</summary>
     public static class Clock
     {
-        /// <summary>Seconds since some moment.</summary>
+        /// <summary>Seconds since an arbitrary point in time.</summary>
         public static double Now => Stopwatch.GetTimestamp() / (double)Stopwatch.Frequency;
     }
 }

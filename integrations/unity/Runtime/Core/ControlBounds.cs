@@ -4,34 +4,35 @@ using System.Collections.Generic;
 namespace Puppetline
 {
     /// <summary>
-    /// A box around a character that is evaluated elsewhere, at a cost that does not depend on its vertices. Each field
-    /// puts a vertex between where the transforms of two isolines put it, and the weights of the fields add up to 1. For
-    /// vertices that lie at nearly the same places between the isolines, the transform of the places in the middle says
-    /// where they are, but for what the transforms change over the rest of the places. A single transform may be far from
-    /// where the character is; their mean is not, and their changes are small over a small piece.
+    /// Bounding box of a character that is evaluated elsewhere. Its cost does not depend on the number of vertices.
+    /// Each field interpolates a vertex between the transforms of two isolines, and the weights of the fields add up to
+    /// 1. The vertices are divided into pieces with similar isoline coordinates. The mean transform of a piece, at the
+    /// middle of its coordinates, approximates the positions of its vertices. The change of the transforms over its
+    /// coordinates bounds the error. A single transform can be far away from the character, but the mean is not, and the
+    /// change is small within a small piece.
     /// </summary>
     public sealed class ControlBounds
     {
-        /// <summary>Pieces that the character is divided into.</summary>
+        /// <summary>Maximum number of pieces.</summary>
         const int PieceCount = 48;
 
-        /// <summary>A spread of places, in isolines, that is none.</summary>
-        const float NoSpread = 1e-6f;
+        /// <summary>Minimum spread of isoline coordinates, in isolines; smaller ones count as zero.</summary>
+        const float MinSpread = 1e-6f;
 
         readonly List<Piece> pieces = new List<Piece>();
         readonly float[] middle = new float[Deformation.TransformSize];
         readonly float[] below = new float[3], above = new float[3], reach = new float[3];
 
-        /// <summary>Prepare for a character.</summary>
+        /// <summary>Prepare the pieces of a character.</summary>
         public ControlBounds(Scene scene)
         {
-            foreach (List<int> vertices in Divided(scene))
+            foreach (List<int> vertices in Divide(scene))
             {
                 pieces.Add(new Piece(scene, vertices));
             }
         }
 
-        /// <summary>Return a box that no vertex leaves.</summary>
+        /// <summary>Return a box that contains all vertices.</summary>
         public Box Of(float[] controls, Axes axes)
         {
             Box sum = Box.Nothing;
@@ -63,7 +64,7 @@ namespace Puppetline
 
         float At(Piece piece, int t) => middle[t] * piece.X + middle[t + 1] * piece.Y + middle[t + 2] * piece.Z + middle[t + 3];
 
-        /// <summary>Add how far a field puts the vertices of a piece at most from where the middle puts them.</summary>
+        /// <summary>Add the maximum distance that a field moves the vertices of a piece from their mean positions.</summary>
         void AddSpread(Piece piece, List<Gap> field, float[] T)
         {
             for (int row = 0; row < 3; row++)
@@ -88,8 +89,8 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Cut the piece whose places spread most at the middle of them, again and again.</summary>
-        static List<List<int>> Divided(Scene scene)
+        /// <summary>Repeatedly cut the piece with the greatest spread of coordinates at its middle.</summary>
+        static List<List<int>> Divide(Scene scene)
         {
             var all = new List<int>(scene.VertexCount);
             for (int v = 0; v < scene.VertexCount; v++)
@@ -105,13 +106,13 @@ namespace Puppetline
                 {
                     most = cuts[i].Spread > cuts[most].Spread ? i : most;
                 }
-                if (!(cuts[most].Spread > NoSpread))
+                if (!(cuts[most].Spread > MinSpread))
                 {
                     break;
                 }
                 Cut cut = cuts[most];
-                List<int> rest = divided[most].FindAll(v => !(scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Place));
-                List<int> beyond = divided[most].FindAll(v => scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Place);
+                List<int> rest = divided[most].FindAll(v => !(scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Coordinate));
+                List<int> beyond = divided[most].FindAll(v => scene.Ladder[v * scene.FieldCount + cut.Field] > cut.Coordinate);
                 divided[most] = rest;
                 cuts[most] = new Cut(scene, rest);
                 divided.Add(beyond);
@@ -120,43 +121,43 @@ namespace Puppetline
             return divided.FindAll(vertices => vertices.Count > 0);
         }
 
-        /// <summary>Find the least and greatest place of some vertices in a field.</summary>
+        /// <summary>Find the least and greatest coordinate of these vertices in a field.</summary>
         static void Range(Scene scene, List<int> vertices, int field, out float low, out float high)
         {
             low = scene.IsolineCount - 1;
             high = 0;
             foreach (int v in vertices)
             {
-                float place = Math.Min(Math.Max(scene.Ladder[v * scene.FieldCount + field], 0), scene.IsolineCount - 1);
-                low = Math.Min(low, place);
-                high = Math.Max(high, place);
+                float coordinate = Math.Min(Math.Max(scene.Ladder[v * scene.FieldCount + field], 0), scene.IsolineCount - 1);
+                low = Math.Min(low, coordinate);
+                high = Math.Max(high, coordinate);
             }
         }
 
-        /// <summary>The middle of the places of some vertices in the field in which they spread most.</summary>
+        /// <summary>The middle of the coordinates of these vertices, in the field with the greatest spread.</summary>
         readonly struct Cut
         {
             public readonly int Field;
-            public readonly float Place, Spread;
+            public readonly float Coordinate, Spread;
 
             public Cut(Scene scene, List<int> vertices)
             {
                 Field = 0;
-                Place = Spread = 0;
+                Coordinate = Spread = 0;
                 for (int field = 0; field < scene.FieldCount; field++)
                 {
                     Range(scene, vertices, field, out float low, out float high);
                     if ((high - low) * scene.Weights[field] > Spread)
                     {
                         Field = field;
-                        Place = (low + high) / 2;
+                        Coordinate = (low + high) / 2;
                         Spread = (high - low) * scene.Weights[field];
                     }
                 }
             }
         }
 
-        /// <summary>A transform, and what it counts in a mean.</summary>
+        /// <summary>A transform and its weight in a mean.</summary>
         readonly struct Share
         {
             public readonly int Transform;
@@ -169,7 +170,10 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Two isolines, the first of which is named, and how far places spread between them, times the weight of the field.</summary>
+        /// <summary>
+        /// A gap between two isolines, given by the first one, and the spread of the coordinates in it below and above the
+        /// middle, times the weight of the field.
+        /// </summary>
         readonly struct Gap
         {
             public readonly int Transform;
@@ -183,7 +187,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Vertices that lie at nearly the same places between the isolines of all fields.</summary>
+        /// <summary>Vertices with similar isoline coordinates in all fields.</summary>
         sealed class Piece
         {
             public readonly float X, Y, Z, HalfX, HalfY, HalfZ;
@@ -212,15 +216,15 @@ namespace Puppetline
 
             void AddField(Scene scene, int field, float low, float high)
             {
-                float weight = scene.Weights[field], place = (low + high) / 2;
-                int first = field * scene.IsolineCount, lower = Math.Min((int)place, scene.IsolineCount - 2);
-                Middle.Add(new Share((first + lower) * Deformation.TransformSize, weight * (lower + 1 - place)));
-                Middle.Add(new Share((first + lower + 1) * Deformation.TransformSize, weight * (place - lower)));
+                float weight = scene.Weights[field], coordinate = (low + high) / 2;
+                int first = field * scene.IsolineCount, lower = Math.Min((int)coordinate, scene.IsolineCount - 2);
+                Middle.Add(new Share((first + lower) * Deformation.TransformSize, weight * (lower + 1 - coordinate)));
+                Middle.Add(new Share((first + lower + 1) * Deformation.TransformSize, weight * (coordinate - lower)));
                 var gaps = new List<Gap>();
                 for (int k = 0; k < scene.IsolineCount - 1; k++)
                 {
-                    float below = Math.Min(k + 1, place) - Math.Max(k, low), above = Math.Min(k + 1, high) - Math.Max(k, place);
-                    if (Math.Max(below, above) > NoSpread)
+                    float below = Math.Min(k + 1, coordinate) - Math.Max(k, low), above = Math.Min(k + 1, high) - Math.Max(k, coordinate);
+                    if (Math.Max(below, above) > MinSpread)
                     {
                         gaps.Add(new Gap((first + k) * Deformation.TransformSize, weight * Math.Max(below, 0), weight * Math.Max(above, 0)));
                     }

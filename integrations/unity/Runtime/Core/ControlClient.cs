@@ -7,19 +7,22 @@ using System.Threading;
 namespace Puppetline
 {
     /// <summary>
-    /// Asks the service to do something (docs/control.md), on a thread of its own. There is a connection for as long as
+    /// Client of the service's control socket (docs/control.md), which works on its own thread. It is connected while
     /// there are requests without a reply.
     /// </summary>
     public sealed class ControlClient : IDisposable
     {
-        /// <summary>Seconds after which a request without a reply has failed.</summary>
+        /// <summary>Time after which a request without a reply fails, in seconds.</summary>
         public const double Patience = 5;
 
-        /// <summary>Requests that may wait for their reply at once; the service would lose those above.</summary>
+        /// <summary>Maximum number of sent requests without a reply; the service would drop further ones.</summary>
         public const int MostPending = 16;
 
-        const int LargestReply = 8 << 20;
-        const int Nap = 10;
+        /// <summary>Maximum size of a reply, in bytes.</summary>
+        const int MaxReplyBytes = 8 << 20;
+        
+        /// <summary>Time between two checks for new requests while replies are pending, in milliseconds.</summary>
+        const int PollMilliseconds = 10;
 
         readonly string host, token;
         readonly int port;
@@ -31,9 +34,9 @@ namespace Puppetline
         int last;
         volatile bool ended;
 
-        /// <summary>Begin; nothing is sent yet.</summary>
-        /// <param name="host">A name or an address.</param>
-        /// <param name="port">The control socket's port, 7401 as a rule.</param>
+        /// <summary>Start the thread. Nothing is sent before the first request.</summary>
+        /// <param name="host">A host name or an address.</param>
+        /// <param name="port">The control socket's port, usually 7401.</param>
         /// <param name="token">The service's token; null or empty if it has none.</param>
         public ControlClient(string host, int port, string token)
         {
@@ -43,14 +46,14 @@ namespace Puppetline
             new Thread(Run) { IsBackground = true, Name = "Puppetline control " + host + ":" + port }.Start();
         }
 
-        /// <summary>Ask for something.</summary>
-        /// <param name="command">What is to be done, such as calibrate.</param>
-        /// <param name="arguments">What the command takes: texts, numbers, booleans, null.</param>
+        /// <summary>Queue a request.</summary>
+        /// <param name="command">Name of the command, for example calibrate.</param>
+        /// <param name="arguments">Arguments of the command: strings, numbers, booleans, null.</param>
         /// <param name="done">
-        /// Called by <see cref="Poll"/> with the reply, which has ok, and result or error; where there was none, with an error
-        /// made here. May be null.
+        /// Called by <see cref="Poll"/> with the reply, which has ok, and result or error. If there is no reply, it is called
+        /// with an error of the same form. Can be null.
         /// </param>
-        /// <exception cref="ObjectDisposedException">It was ended.</exception>
+        /// <exception cref="ObjectDisposedException">The client has been disposed.</exception>
         public void Request(string command, IDictionary<string, object> arguments, Action<Json> done)
         {
             lock (gate)
@@ -65,7 +68,7 @@ namespace Puppetline
             wake.Set();
         }
 
-        /// <summary>Hand out the replies that have come, on the thread that calls this.</summary>
+        /// <summary>Call the callbacks of the replies that have arrived, on the calling thread.</summary>
         public void Poll()
         {
             while (true)
@@ -83,23 +86,25 @@ namespace Puppetline
             }
         }
 
-        /// <summary>End it. What was not sent is not; requests without a reply get an error, on the thread that calls this.</summary>
+        /// <summary>
+        /// Stop the client. Queued requests are not sent. Requests without a reply get an error, on the calling thread.
+        /// </summary>
         public void Dispose()
         {
             lock (gate)
             {
                 ended = true;
-                FailAll("the connection was ended here");
+                FailAll("a client that has been disposed");
             }
             wake.Set();
             Poll();
         }
 
-        /// <summary>Make a reply with an error, as the service would write it.</summary>
-        /// <param name="where">What it is about.</param>
-        /// <param name="found">What is wrong.</param>
-        /// <param name="expected">What would be right.</param>
-        /// <param name="fix">What to do.</param>
+        /// <summary>Make a reply with an error, in the form of the service's errors.</summary>
+        /// <param name="where">The object of the error.</param>
+        /// <param name="found">What was found, as a noun phrase.</param>
+        /// <param name="expected">What was expected, as a noun phrase.</param>
+        /// <param name="fix">How to fix the error, as an imperative sentence.</param>
         public static Json Failure(string where, string found, string expected, string fix)
         {
             return Json.Parse(
@@ -133,7 +138,7 @@ namespace Puppetline
             }
             return value == null
                 ? "null"
-                : throw new ArgumentException("a request takes texts, numbers, booleans and null, not " + value.GetType());
+                : throw new ArgumentException("a request accepts strings, numbers, booleans and null, not " + value.GetType());
         }
 
         static string Quoted(string text)
@@ -166,9 +171,9 @@ namespace Puppetline
                 {
                     Serve();
                 }
-                catch (Exception fault)
+                catch (Exception error)
                 {
-                    FailAll(fault is ZmtpException ? fault.Message : fault.ToString());
+                    FailAll(error is ZmtpException ? "no connection (" + error.Message.TrimEnd('.') + ")" : error.ToString());
                 }
             }
         }
@@ -179,16 +184,16 @@ namespace Puppetline
             {
                 return;
             }
-            using (ZmtpConnection connection = ZmtpConnection.Open(host, port, "DEALER", token, LargestReply))
+            using (ZmtpConnection connection = ZmtpConnection.Open(host, port, "DEALER", token, MaxReplyBytes))
             {
                 while (!ended && (IsWaiting() || sent.Count > 0))
                 {
                     SendWaiting(connection);
-                    if (connection.Receive(Nap, out ArraySegment<byte> reply))
+                    if (connection.Receive(PollMilliseconds, out ArraySegment<byte> reply))
                     {
                         Answer(reply);
                     }
-                    FailLate();
+                    FailLateRequests();
                 }
             }
         }
@@ -239,7 +244,7 @@ namespace Puppetline
             }
         }
 
-        void FailLate()
+        void FailLateRequests()
         {
             lock (gate)
             {
@@ -253,7 +258,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>What was asked may have been done or not, so it is not asked again.</summary>
+        /// <summary>Fail all requests. None is repeated, because the service may have executed it.</summary>
         void FailAll(string found)
         {
             lock (gate)
@@ -270,7 +275,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Called with the gate held: so each request is answered once, whoever ends it.</summary>
+        /// <summary>Finish a request. The caller must hold the lock, so that each request is answered only once.</summary>
         void Finish(Pending request, Json reply)
         {
             sent.Remove(request.Id);
@@ -282,7 +287,7 @@ namespace Puppetline
 
         Json Failure(string found)
         {
-            return Failure("the control socket " + host + ":" + port, found, "a reply", "See that puppetline serve runs there.");
+            return Failure("the control socket " + host + ":" + port, found, "a reply", "Check that puppetline serve is running there.");
         }
 
         sealed class Pending

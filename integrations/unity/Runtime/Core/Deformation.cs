@@ -2,40 +2,40 @@ using System;
 
 namespace Puppetline
 {
-    /// <summary>How normals are made of controls.</summary>
+    /// <summary>How normals are computed from controls.</summary>
     public enum NormalsBy
     {
-        /// <summary>The surface's own, by the slopes of ladder coordinates.</summary>
+        /// <summary>Exact normals of the surface, by the slopes of isoline coordinates.</summary>
         Slopes,
 
-        /// <summary>The rest normal turned by the blended transform: quicker, some degrees off where limbs bend.</summary>
+        /// <summary>Rest normals rotated by the blended transform: faster, some degrees off where limbs bend.</summary>
         Cofactors,
     }
 
-    /// <summary>Evaluates controls on the processor. One thread at a time; nothing is allocated but once.</summary>
+    /// <summary>Evaluates controls on the CPU. It is not thread-safe and allocates memory only in its constructor.</summary>
     public sealed class Deformation
     {
-        /// <summary>Numbers of an affine transform, row by row: [linear | translation].</summary>
+        /// <summary>Number of values in an affine transform, stored row by row: [linear | translation].</summary>
         public const int TransformSize = 12;
 
         readonly Scene scene;
 
-        /// <summary>For each vertex and field: where the lower one of its two transforms begins.</summary>
+        /// <summary>For each vertex and field: index of the first value of the lower one of its two transforms.</summary>
         readonly int[] lower;
 
-        /// <summary>For each vertex and field: how far it is on the way to the upper one, and the two slopes.</summary>
+        /// <summary>For each vertex and field: weight of the upper transform, and the two slopes.</summary>
         readonly float[] along;
 
-        /// <summary>For each vertex: one of the two tangents; the other is perpendicular to it and the normal.</summary>
+        /// <summary>For each vertex: the first of two tangents; the second one is perpendicular to it and the normal.</summary>
         readonly float[] tangents;
 
-        /// <summary>The transforms, times their fields' weights.</summary>
+        /// <summary>The transforms multiplied by the weights of their fields.</summary>
         readonly float[] weighted;
 
-        /// <summary>From each of them to the next.</summary>
+        /// <summary>Difference of each weighted transform to the next one.</summary>
         readonly float[] steps;
 
-        /// <summary>Prepare for a character.</summary>
+        /// <summary>Prepare the evaluation of a character.</summary>
         public Deformation(Scene scene)
         {
             this.scene = scene;
@@ -57,11 +57,11 @@ namespace Puppetline
         }
 
         /// <summary>Evaluate all vertices.</summary>
-        /// <param name="controls">As many numbers as <see cref="Scene.ControlCount"/> says.</param>
-        /// <param name="normals">How to make normals.</param>
-        /// <param name="axes">Which axes the vertices are to have.</param>
-        /// <param name="vertices">Receives as many as the scene has.</param>
-        /// <returns>The box around them.</returns>
+        /// <param name="controls"><see cref="Scene.ControlCount"/> numbers.</param>
+        /// <param name="normals">How to compute normals.</param>
+        /// <param name="axes">The axes of the result.</param>
+        /// <param name="vertices">Receives all vertices of the scene.</param>
+        /// <returns>The bounding box of the vertices.</returns>
         public Box Evaluate(float[] controls, NormalsBy normals, Axes axes, SurfaceVertex[] vertices)
         {
             Weigh(controls);
@@ -194,7 +194,9 @@ namespace Puppetline
             return box;
         }
 
-        /// <summary>Return for each normal the tangent that slopes are of: normalise(e × n), e the axis where |n| is smallest.</summary>
+        /// <summary>
+        /// Return the first tangent of slopes for each normal n: normalise(e × n), where e is the axis with the smallest |n|.
+        /// </summary>
         static float[] Tangents(float[] normals)
         {
             var tangents = new float[normals.Length];

@@ -5,42 +5,42 @@ using System.Threading;
 
 namespace Puppetline
 {
-    /// <summary>How a follower stands with the service.</summary>
+    /// <summary>State of a follower's connection to the service.</summary>
     public enum FollowState
     {
-        /// <summary>There is no connection just now; it is tried again each second.</summary>
+        /// <summary>Not connected. The follower retries every second.</summary>
         Offline,
 
-        /// <summary>A connection is being made.</summary>
+        /// <summary>Connecting to the service.</summary>
         Connecting,
 
-        /// <summary>It is there.</summary>
+        /// <summary>Connected to the service.</summary>
         Connected,
 
-        /// <summary>The service does not let this client in. It is not tried again: make another follower.</summary>
+        /// <summary>The service refuses the connection. This follower does not retry; create a new one.</summary>
         Refused,
     }
 
     /// <summary>
-    /// Follows a character of a service, on a thread of its own: connects and connects again, gets the scene, and keeps the
-    /// frames that come until they are taken. Nothing here waits for the network but that thread.
+    /// Follows a character of a service on its own thread. It connects and reconnects, requests the scene, and queues
+    /// frames until they are taken. Only its thread waits for the network.
     /// </summary>
     public sealed class Follower : IDisposable
     {
-        /// <summary>Bytes of the largest message that is taken: a scene of more than a million vertices.</summary>
+        /// <summary>Maximum size of a message, in bytes, enough for a scene of more than a million vertices.</summary>
         public const int LargestMessage = 256 << 20;
 
-        /// <summary>Milliseconds between two tries.</summary>
-        const int RetryPause = 1000;
+        /// <summary>Time between two attempts to connect, in milliseconds.</summary>
+        const int RetryMilliseconds = 1000;
 
-        /// <summary>Seconds in which nothing may come; the status comes each second.</summary>
-        const double Silence = 6;
+        /// <summary>Time without a message after which the connection counts as lost, in seconds. The status is sent every second.</summary>
+        const double SilenceTimeoutSeconds = 6;
 
-        /// <summary>Seconds between two requests for a scene: the shortest, which is doubled each time, and the longest.</summary>
-        const double ShortestPause = 1, LongestPause = 16;
+        /// <summary>Minimum time between two requests of a scene, which doubles each time, and its maximum, in seconds.</summary>
+        const double MinRequestSeconds = 1, MaxRequestSeconds = 16;
 
-        /// <summary>Milliseconds that the thread sleeps before it looks whether it is to end.</summary>
-        const int Nap = 100;
+        /// <summary>Maximum time for which the thread waits before it checks whether to end, in milliseconds.</summary>
+        const int PollMilliseconds = 100;
 
         const string StatusTopic = "service/status", CharactersTopic = "service/characters";
 
@@ -50,32 +50,32 @@ namespace Puppetline
         readonly ManualResetEvent ended = new ManualResetEvent(false);
         readonly Queue<Frame> frames = new Queue<Frame>();
 
-        // what the thread tells others; references change whole
+        // The thread writes these and other threads read them. References are replaced atomically.
         volatile int state = (int)FollowState.Connecting;
         volatile string reason = "";
         volatile Scene scene;
         volatile Json status = Json.Null;
         volatile string character;
 
-        // the thread's own
+        // Only the thread uses these.
         ZmtpConnection connection;
         string sceneTopic, frameTopic;
         byte[] sceneTopicBytes, frameTopicBytes;
         Scene current;
         ulong sequence;
-        double asked, pause;
+        double requested, pause;
 
-        /// <summary>Begin to follow.</summary>
-        /// <param name="host">A name or an address.</param>
-        /// <param name="port">The stream's port, 7400 as a rule.</param>
+        /// <summary>Begin to follow a character.</summary>
+        /// <param name="host">A host name or an address.</param>
+        /// <param name="port">The stream's port, usually 7400.</param>
         /// <param name="token">The service's token; null or empty if it has none.</param>
-        /// <param name="character">Which character; null or empty for the first one.</param>
-        /// <param name="kind">As what: controls, morphs, vertices or vertices16.</param>
+        /// <param name="character">Name of the character; null or empty for the first one.</param>
+        /// <param name="kind">Kind of frames: controls, morphs, vertices or vertices16.</param>
         public Follower(string host, int port, string token, string character, Kind kind)
         {
             if (kind < Kind.Controls || kind > Kind.Vertices16)
             {
-                throw new ArgumentException("a character is followed by controls, morphs, vertices or vertices16, not by " + kind);
+                throw new ArgumentException("frames of a character have the kind controls, morphs, vertices or vertices16, not " + kind);
             }
             this.host = host;
             this.port = port;
@@ -85,25 +85,25 @@ namespace Puppetline
             new Thread(Run) { IsBackground = true, Name = "Puppetline " + host + ":" + port }.Start();
         }
 
-        /// <summary>How it stands.</summary>
+        /// <summary>State of the connection.</summary>
         public FollowState State => (FollowState)state;
 
-        /// <summary>What is wrong, for people; empty if nothing is.</summary>
+        /// <summary>Description of an error for the user; empty if there is none.</summary>
         public string Reason => reason;
 
-        /// <summary>The character that is followed; null before one is known.</summary>
+        /// <summary>Name of the followed character; null before it is known.</summary>
         public string Character => character;
 
-        /// <summary>The newest scene; null before one has come. It stays when the connection is lost.</summary>
+        /// <summary>The newest scene; null before the first one. It stays when the connection is lost.</summary>
         public Scene Scene => scene;
 
-        /// <summary>The newest status of the service (docs/running.md); <see cref="Json.Null"/> before one has come.</summary>
+        /// <summary>The newest status of the service (docs/running.md); <see cref="Json.Null"/> before the first one.</summary>
         public Json Status => status;
 
-        /// <summary>Where frames go that are not needed any more.</summary>
+        /// <summary>Pool for frames that are not used any more.</summary>
         public FramePool Pool { get; } = new FramePool();
 
-        /// <summary>Take the oldest frame that has come and was not taken.</summary>
+        /// <summary>Handle the oldest frame from the queue.</summary>
         /// <returns>False if there is none.</returns>
         public bool TryTake(out Frame frame)
         {
@@ -114,7 +114,7 @@ namespace Puppetline
             return frame != null;
         }
 
-        /// <summary>End it; the thread goes by itself.</summary>
+        /// <summary>Stop following. The thread ends without being waited for.</summary>
         public void Dispose()
         {
             ended.Set();
@@ -126,35 +126,35 @@ namespace Puppetline
             {
                 try
                 {
-                    Tell(FollowState.Connecting, reason);
+                    SetState(FollowState.Connecting, reason);
                     connection = ZmtpConnection.Open(host, port, "SUB", token, LargestMessage);
-                    Tell(FollowState.Connected, "");
+                    SetState(FollowState.Connected, "");
                     Begin();
-                    Listen();
+                    ReceiveMessages();
                 }
-                catch (RefusedException fault)
+                catch (RefusedException error)
                 {
-                    Tell(FollowState.Refused, fault.Message);
+                    SetState(FollowState.Refused, error.Message);
                     return;
                 }
-                catch (ZmtpException fault)
+                catch (ZmtpException error)
                 {
-                    Tell(FollowState.Offline, fault.Message);
+                    SetState(FollowState.Offline, error.Message);
                 }
-                catch (Exception fault)
+                catch (Exception error)
                 {
-                    // whatever it is, a game does not end for it
-                    Tell(FollowState.Offline, host + ":" + port + ": " + fault);
+                    // No error of this thread may end the game.
+                    SetState(FollowState.Offline, host + ":" + port + ": " + error);
                 }
                 finally
                 {
                     connection?.Dispose();
                 }
-                ended.WaitOne(RetryPause);
+                ended.WaitOne(RetryMilliseconds);
             }
         }
 
-        void Tell(FollowState state, string reason)
+        void SetState(FollowState state, string reason)
         {
             this.reason = reason;
             this.state = (int)state;
@@ -174,31 +174,31 @@ namespace Puppetline
             }
         }
 
-        void Listen()
+        void ReceiveMessages()
         {
             while (!ended.WaitOne(0))
             {
-                if (connection.Receive(Nap, out ArraySegment<byte> bytes))
+                if (connection.Receive(PollMilliseconds, out ArraySegment<byte> bytes))
                 {
-                    Take(bytes);
+                    Handle(bytes);
                 }
-                else if (Clock.Now > connection.Heard + Silence)
+                else if (Clock.Now > connection.Heard + SilenceTimeoutSeconds)
                 {
-                    throw new ZmtpException(host + ":" + port + " has not said anything for " + Silence + " s");
+                    throw new ZmtpException(host + ":" + port + " has not sent a message for " + SilenceTimeoutSeconds + " s");
                 }
-                if (current == null && sceneTopic != null && Clock.Now > asked + pause)
+                if (current == null && sceneTopic != null && Clock.Now > requested + pause)
                 {
-                    // on a slow network the one that was asked for may still be on its way, and each is sent whole
+                    // On a slow network, the requested scene may still be arriving, and each request queues a whole scene.
                     connection.Unsubscribe(sceneTopic);
-                    Ask(Math.Min(2 * pause, LongestPause));
+                    RequestScene(Math.Min(2 * pause, MaxRequestSeconds));
                 }
             }
         }
 
-        void Ask(double pause)
+        void RequestScene(double pause)
         {
             connection.Subscribe(sceneTopic);
-            asked = Clock.Now;
+            requested = Clock.Now;
             this.pause = pause;
         }
 
@@ -206,8 +206,8 @@ namespace Puppetline
         {
             if (name == character && frameTopic != null)
             {
-                // it may have only just come to be there
-                pause = ShortestPause;
+                // The character may have been loaded a moment ago.
+                pause = MinRequestSeconds;
                 return;
             }
             if (frameTopic != null)
@@ -218,21 +218,21 @@ namespace Puppetline
             character = name;
             current = null;
             frameTopic = name + "/" + kind.ToString().ToLowerInvariant();
-            // under a text that nobody else has, nobody else's requests are answered
+            // With a unique topic, the requests of other clients are not answered here.
             sceneTopic = name + "/scene/" + Guid.NewGuid().ToString("N").Substring(0, 24);
             frameTopicBytes = Encoding.ASCII.GetBytes(frameTopic);
             sceneTopicBytes = Encoding.ASCII.GetBytes(sceneTopic);
             connection.Subscribe(frameTopic);
-            Ask(ShortestPause);
+            RequestScene(MinRequestSeconds);
         }
 
-        void Take(ArraySegment<byte> bytes)
+        void Handle(ArraySegment<byte> bytes)
         {
             byte major = Message.MajorOf(bytes);
             if (major > Message.Major)
             {
                 throw new RefusedException(
-                    host + ":" + port + " speaks version " + major + " of the protocol, and this client version " + Message.Major + ". Update it.");
+                    host + ":" + port + " uses version " + major + " of the protocol; this client supports version " + Message.Major + ". Update it.");
             }
             if (!Message.TryParse(bytes, out Message message))
             {
@@ -248,7 +248,7 @@ namespace Puppetline
             }
             else if (message.Header.Kind == Kind.Characters)
             {
-                Look(Read(message));
+                ChooseFrom(Read(message));
             }
             else if (message.Header.Kind == Kind.Status)
             {
@@ -268,8 +268,8 @@ namespace Puppetline
             }
         }
 
-        /// <summary>See which characters there are, and choose.</summary>
-        void Look(Json characters)
+        /// <summary>Choose a character from the list of characters.</summary>
+        void ChooseFrom(Json characters)
         {
             if (characters.Kind != JsonKind.List)
             {
@@ -288,7 +288,7 @@ namespace Puppetline
             }
             if (mine.Kind == JsonKind.Null)
             {
-                reason = "no character '" + wanted + "' at " + host + ":" + port + "; there is " + string.Join(", ", names);
+                reason = host + ":" + port + " has no character '" + wanted + "'. Its characters are: " + string.Join(", ", names) + ".";
                 return;
             }
             bool streamed = false;
@@ -296,7 +296,7 @@ namespace Puppetline
             {
                 streamed |= mine["kinds"][i].Text == kind.ToString().ToLowerInvariant();
             }
-            reason = streamed ? "" : mine["name"].Text + " is not streamed as " + kind + ": serve it with --morphs, see puppetline bake";
+            reason = streamed ? "" : mine["name"].Text + " is not streamed as " + kind + ". Start the service with --morphs and the .glb from puppetline bake.";
             Choose(mine["name"].Text);
         }
 
@@ -309,12 +309,12 @@ namespace Puppetline
             try
             {
                 current = scene = Scene.Parse(message);
-                pause = ShortestPause;
+                pause = MinRequestSeconds;
                 sequence = 0;
             }
-            catch (FormatException fault)
+            catch (FormatException error)
             {
-                reason = character + ": " + fault.Message;
+                reason = character + ": " + error.Message;
             }
         }
 
@@ -327,18 +327,18 @@ namespace Puppetline
             }
             sequence = message.Header.Sequence;
             Frame frame = Pool.Rent();
-            if (!frame.Read(message) || frame.Count != Expected() || !frame.IsFinite())
+            if (!frame.Read(message) || frame.Count != ExpectedCount() || !frame.IsFinite())
             {
-                reason = character + ": a frame of " + kind + " that does not fit the character";
+                reason = character + ": received a frame of " + kind + " that does not match the scene";
                 Pool.Return(frame);
                 return;
             }
             frame.Scene = current;
             frame.Arrived = connection.Heard;
-            Keep(frame);
+            Enqueue(frame);
         }
 
-        int Expected()
+        int ExpectedCount()
         {
             switch (kind)
             {
@@ -351,7 +351,7 @@ namespace Puppetline
             }
         }
 
-        void Keep(Frame frame)
+        void Enqueue(Frame frame)
         {
             lock (frames)
             {

@@ -3,29 +3,29 @@ using System.Collections.Generic;
 
 namespace Puppetline
 {
-    /// <summary>A moment of a character: what stands in a message that comes each frame, its payload as numbers.</summary>
+    /// <summary>A frame of a character: the header of its message, and its payload as numbers.</summary>
     public sealed class Frame
     {
-        /// <summary>What stood in front of it.</summary>
+        /// <summary>The header of the message.</summary>
         public Header Header;
 
-        /// <summary>The scene that it belongs to; null for kinds that can be understood without.</summary>
+        /// <summary>The scene of the frame; null for kinds that do not need one.</summary>
         public Scene Scene;
 
-        /// <summary>When it came, on this machine's <see cref="Clock"/>.</summary>
+        /// <summary>Time of arrival on this machine's <see cref="Clock"/>.</summary>
         public double Arrived;
 
         /// <summary>
-        /// The numbers, of which the first <see cref="Count"/> count: 12 of each transform for controls; the residual and the
-        /// weights for morphs; positions and then normals for vertices of either kind; four of each joint; three of each handle.
+        /// The numbers, of which only the first <see cref="Count"/> are valid: 12 per transform for controls; the residual and
+        /// the weights for morphs; positions and then normals for both kinds of vertices; four per joint; three per handle.
         /// </summary>
         public float[] Values = new float[0];
 
-        /// <summary>How many numbers there are.</summary>
+        /// <summary>Number of valid numbers.</summary>
         public int Count;
 
         /// <summary>Read a message.</summary>
-        /// <returns>False if its payload is not one of its kind.</returns>
+        /// <returns>False if the payload does not match the kind.</returns>
         public bool Read(Message message)
         {
             Header = message.Header;
@@ -49,10 +49,10 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Become a mixture of two frames of one scene and kind; what is not a number is taken from the later one.</summary>
-        /// <param name="earlier">The one.</param>
-        /// <param name="later">The other, as many numbers.</param>
-        /// <param name="share">How much there is of the later one, 0 to 1.</param>
+        /// <summary>Interpolate two frames of the same scene and kind. All other values are taken from the later one.</summary>
+        /// <param name="earlier">The earlier frame.</param>
+        /// <param name="later">The later frame, with the same number of values.</param>
+        /// <param name="share">Weight of the later frame, from 0 to 1.</param>
         public void Mix(Frame earlier, Frame later, float share)
         {
             Header = later.Header;
@@ -70,10 +70,10 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Tell whether all of it can be drawn.</summary>
+        /// <summary>Return whether all numbers are finite.</summary>
         public bool IsFinite()
         {
-            // anything times zero is zero, but for what is not finite
+            // Zero times a finite number is zero; zero times any other is NaN.
             float sum = 0 * (Header.RootX + Header.RootY + Header.RootZ) + 0 * (float)Header.Time;
             float[] values = Values;
             for (int i = 0; i < Count; i++)
@@ -114,12 +114,12 @@ namespace Puppetline
                 return false;
             }
             Resize(6 * n);
-            ReadPlaces(payload.Array, payload.Offset, payload.Offset + Box, 3 * n);
-            ReadFolded(payload.Array, payload.Offset + Box + padded, n);
+            ReadQuantised(payload.Array, payload.Offset, payload.Offset + Box, 3 * n);
+            ReadOctahedral(payload.Array, payload.Offset + Box + padded, n);
             return true;
         }
 
-        void ReadPlaces(byte[] bytes, int box, int start, int count)
+        void ReadQuantised(byte[] bytes, int box, int start, int count)
         {
             for (int axis = 0; axis < 3; axis++)
             {
@@ -132,8 +132,8 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Unfold the octahedral encoding of normals.</summary>
-        void ReadFolded(byte[] bytes, int start, int n)
+        /// <summary>Decode normals from the octahedral encoding.</summary>
+        void ReadOctahedral(byte[] bytes, int start, int n)
         {
             for (int i = 0; i < n; i++)
             {
@@ -151,12 +151,12 @@ namespace Puppetline
         }
     }
 
-    /// <summary>Frames that are not used just now, so that none has to be made each time. Any thread may use it.</summary>
+    /// <summary>Pool of unused frames, which avoids allocations. It is thread-safe.</summary>
     public sealed class FramePool
     {
         readonly Stack<Frame> free = new Stack<Frame>();
 
-        /// <summary>Take a frame, whatever it holds.</summary>
+        /// <summary>Take a frame with arbitrary contents.</summary>
         public Frame Rent()
         {
             lock (free)
@@ -165,7 +165,7 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Give a frame back that nobody looks at any more.</summary>
+        /// <summary>Return a frame that is not used any more.</summary>
         public void Return(Frame frame)
         {
             frame.Scene = null;

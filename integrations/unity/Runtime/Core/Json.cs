@@ -5,10 +5,10 @@ using System.Text;
 
 namespace Puppetline
 {
-    /// <summary>What a value of JSON is.</summary>
+    /// <summary>Type of a JSON value.</summary>
     public enum JsonKind
     {
-        /// <summary>null, and whatever is not there.</summary>
+        /// <summary>null, or a missing value.</summary>
         Null,
 
         /// <summary>true or false.</summary>
@@ -17,27 +17,27 @@ namespace Puppetline
         /// <summary>A number.</summary>
         Number,
 
-        /// <summary>A text.</summary>
+        /// <summary>A string.</summary>
         Text,
 
         /// <summary>A list of values.</summary>
         List,
 
-        /// <summary>Values by names.</summary>
+        /// <summary>An object: values by names.</summary>
         Map,
     }
 
     /// <summary>
-    /// A value of JSON, read only. Asking for what is not there, or for another type than it has, gives the empty one:
-    /// <see cref="Null"/>, 0, false, an empty text. What somebody else has written can so be read without a fault.
+    /// A read-only JSON value. Reading a missing value, or one of another type, returns the empty value of the type:
+    /// <see cref="Null"/>, 0, false or an empty string. Untrusted JSON can therefore be read without exceptions.
     /// </summary>
     public sealed class Json
     {
-        // before Null, which is made of them
+        // These must be initialised before Null, which uses them.
         static readonly List<Json> Empty = new List<Json>();
         static readonly Dictionary<string, Json> Nameless = new Dictionary<string, Json>();
 
-        /// <summary>Nothing.</summary>
+        /// <summary>The value null.</summary>
         public static readonly Json Null = new Json(JsonKind.Null);
 
         readonly Dictionary<string, Json> map;
@@ -52,38 +52,38 @@ namespace Puppetline
             this.map = map ?? Nameless;
         }
 
-        /// <summary>What it is.</summary>
+        /// <summary>Type of the value.</summary>
         public JsonKind Kind { get; }
 
-        /// <summary>The number; 0 for anything else.</summary>
+        /// <summary>The number; 0 for other types.</summary>
         public double Number { get; }
 
-        /// <summary>The text; empty for anything else.</summary>
+        /// <summary>The string; empty for other types.</summary>
         public string Text { get; }
 
-        /// <summary>Whether it is true.</summary>
+        /// <summary>Whether the value is true.</summary>
         public bool True => Kind == JsonKind.Boolean && Number != 0;
 
-        /// <summary>How many values a list has.</summary>
+        /// <summary>Number of values in a list; 0 for other types.</summary>
         public int Count => list.Count;
 
-        /// <summary>The names that a map has.</summary>
+        /// <summary>Names of a map; empty for other types.</summary>
         public IEnumerable<string> Names => map.Keys;
 
-        /// <summary>A value of a list.</summary>
+        /// <summary>A value of a list; <see cref="Null"/> if there is none.</summary>
         public Json this[int index] => index >= 0 && index < list.Count ? list[index] : Null;
 
-        /// <summary>A value of a map.</summary>
+        /// <summary>A value of a map; <see cref="Null"/> if there is none.</summary>
         public Json this[string name] => map.TryGetValue(name, out Json value) ? value : Null;
 
-        /// <summary>Read a text.</summary>
+        /// <summary>Parse a string.</summary>
         /// <exception cref="FormatException">It is not JSON, or is nested too deep, or has too many values.</exception>
         public static Json Parse(string text)
         {
             return new Reader(text).Whole();
         }
 
-        /// <summary>Read UTF-8.</summary>
+        /// <summary>Parse UTF-8 bytes.</summary>
         /// <exception cref="FormatException">It is not JSON, or is nested too deep, or has too many values.</exception>
         public static Json Parse(ArraySegment<byte> utf8)
         {
@@ -99,13 +99,16 @@ namespace Puppetline
 
         static readonly UTF8Encoding Strict = new UTF8Encoding(false, true);
 
-        /// <summary>Reads a text once, from its beginning to its end.</summary>
+        /// <summary>Recursive-descent parser of one string.</summary>
         sealed class Reader
         {
-            const int Deepest = 32;
+            const int MaxDepth = 32;
 
-            /// <summary>A value takes some hundred bytes, and its text but two: this keeps a message from filling the memory.</summary>
-            const int MostValues = 200000;
+            /// <summary>
+            /// Maximum number of values. A value takes about a hundred bytes of memory, but its text only two, so a message
+            /// could otherwise exhaust the memory.
+            /// </summary>
+            const int MaxValues = 200000;
 
             readonly string text;
             int at;
@@ -125,13 +128,13 @@ namespace Puppetline
 
             Json Value(int depth)
             {
-                if (depth > Deepest)
+                if (depth > MaxDepth)
                 {
-                    throw new FormatException("JSON nested deeper than " + Deepest);
+                    throw new FormatException("JSON nested deeper than " + MaxDepth);
                 }
-                if (++values > MostValues)
+                if (++values > MaxValues)
                 {
-                    throw new FormatException("JSON of more than " + MostValues + " values");
+                    throw new FormatException("JSON of more than " + MaxValues + " values");
                 }
                 Space();
                 switch (at < text.Length ? text[at] : '\0')
@@ -223,7 +226,7 @@ namespace Puppetline
                 }
                 string digits = text.Substring(start, at - start);
                 bool read = double.TryParse(digits, NumberStyles.Float, CultureInfo.InvariantCulture, out double number);
-                return read && !double.IsInfinity(number) ? number : throw new FormatException("a number beyond all bounds");
+                return read && !double.IsInfinity(number) ? number : throw new FormatException("a number that is too large");
             }
 
             void SomeDigits()

@@ -3,10 +3,10 @@ using System.Text;
 
 namespace Puppetline
 {
-    /// <summary>What a message's payload is.</summary>
+    /// <summary>Type of a message's payload.</summary>
     public enum Kind : byte
     {
-        /// <summary>All of a character that does not change: <see cref="Puppetline.Scene"/>.</summary>
+        /// <summary>The constant data of a character: <see cref="Puppetline.Scene"/>.</summary>
         Scene = 1,
 
         /// <summary>Affine transforms that act on the rest pose: <see cref="Deformation"/>.</summary>
@@ -18,112 +18,112 @@ namespace Puppetline
         /// <summary>Positions and normals.</summary>
         Vertices = 4,
 
-        /// <summary>Positions and normals in less than half the bytes.</summary>
+        /// <summary>Quantised positions and normals, in less than half the bytes.</summary>
         Vertices16 = 5,
 
         /// <summary>The performer's joints.</summary>
         Joints = 6,
 
-        /// <summary>Where handles are to be.</summary>
+        /// <summary>Target positions of the handles.</summary>
         Handles = 7,
 
-        /// <summary>Who performs, in JSON.</summary>
+        /// <summary>The performer, in JSON.</summary>
         Performer = 8,
 
-        /// <summary>How the service is, in JSON.</summary>
+        /// <summary>Status of the service, in JSON.</summary>
         Status = 9,
 
-        /// <summary>Which characters there are, in JSON.</summary>
+        /// <summary>List of characters, in JSON.</summary>
         Characters = 10,
     }
 
-    /// <summary>What a performer does to a character.</summary>
+    /// <summary>State of a character's performer.</summary>
     public enum PerformerState : byte
     {
-        /// <summary>Nobody performs.</summary>
+        /// <summary>There is no performer.</summary>
         Waiting = 0,
 
         /// <summary>The performer's rest pose is being taken.</summary>
         Calibrating = 1,
 
-        /// <summary>The performer moves the character.</summary>
+        /// <summary>The performer drives the character.</summary>
         Performing = 2,
 
-        /// <summary>The performer has left, and the character eases to rest.</summary>
+        /// <summary>The performer has left, and the character eases into its rest pose.</summary>
         Leaving = 3,
     }
 
-    /// <summary>What stands in front of every payload.</summary>
+    /// <summary>Header of a message.</summary>
     public struct Header
     {
-        /// <summary>The user number of nobody.</summary>
+        /// <summary>User number of a message without a performer.</summary>
         public const int Nobody = -1;
 
-        /// <summary>What the payload is; a later minor version may have others.</summary>
+        /// <summary>Type of the payload; later minor versions can add types.</summary>
         public Kind Kind;
 
-        /// <summary>What the performer does.</summary>
+        /// <summary>State of the performer.</summary>
         public PerformerState State;
 
-        /// <summary>The source's number of the performer, or <see cref="Nobody"/>.</summary>
+        /// <summary>The source's user number of the performer, or <see cref="Nobody"/>.</summary>
         public int User;
 
-        /// <summary>Of the scene that the frame belongs to.</summary>
+        /// <summary>Revision of the scene that the frame belongs to.</summary>
         public uint Revision;
 
-        /// <summary>One more with each frame of the character.</summary>
+        /// <summary>Number of the frame; it increases by one with each frame of the character.</summary>
         public ulong Sequence;
 
-        /// <summary>Seconds on the source's clock.</summary>
+        /// <summary>Time of the frame on the source's clock, in seconds.</summary>
         public double Time;
 
-        /// <summary>Nanoseconds of the service's clock: when what moved the character came in there.</summary>
+        /// <summary>Time at which the service received the data of the frame, in nanoseconds of the service's clock.</summary>
         public ulong Received;
 
-        /// <summary>Nanoseconds of the service's clock: when the message was made.</summary>
+        /// <summary>Time at which the service made the message, in nanoseconds of the service's clock.</summary>
         public ulong Published;
 
-        /// <summary>How far the whole character has walked along x, file coordinates.</summary>
+        /// <summary>Displacement of the character by root motion along x, in file coordinates.</summary>
         public float RootX;
 
-        /// <summary>Along y.</summary>
+        /// <summary>Displacement of the character by root motion along y, in file coordinates.</summary>
         public float RootY;
 
-        /// <summary>Along z.</summary>
+        /// <summary>Displacement of the character by root motion along z, in file coordinates.</summary>
         public float RootZ;
     }
 
     /// <summary>
-    /// A message taken apart, its payload not yet. It points into the bytes that it was made of. Wire and Unity's
-    /// platforms are all little-endian, so numbers are read as they lie.
+    /// A message with its header decoded and its payload not yet decoded. It refers to the received bytes. The protocol
+    /// and all of Unity's platforms are little-endian, so numbers are read without conversion.
     /// </summary>
     public struct Message
     {
-        /// <summary>The protocol's version that this client speaks.</summary>
+        /// <summary>Major version of the protocol that this client supports.</summary>
         public const byte Major = 1;
 
-        const int TopicField = 64;
-        const int BeforePayload = 128;
+        const int TopicFieldLength = 64;
+        const int HeaderLength = 128;
 
-        /// <summary>What stands in front of the payload.</summary>
+        /// <summary>The header of the message.</summary>
         public Header Header;
 
         /// <summary>The topic's ASCII characters.</summary>
         public ArraySegment<byte> TopicBytes;
 
-        /// <summary>What the kind says.</summary>
+        /// <summary>The payload, whose format depends on the kind.</summary>
         public ArraySegment<byte> Payload;
 
         /// <summary>The topic.</summary>
         public string Topic => Encoding.ASCII.GetString(TopicBytes.Array, TopicBytes.Offset, TopicBytes.Count);
 
-        /// <summary>Tell the protocol's major version of a message; 0 of what is too short to say.</summary>
+        /// <summary>Return the major version of the protocol of a message; 0 if the message is too short.</summary>
         public static byte MajorOf(ArraySegment<byte> bytes)
         {
-            return bytes.Count < BeforePayload ? (byte)0 : bytes.Array[bytes.Offset + TopicField];
+            return bytes.Count < HeaderLength ? (byte)0 : bytes.Array[bytes.Offset + TopicFieldLength];
         }
 
-        /// <summary>Take a message apart; false if it is damaged, or of another major version.</summary>
+        /// <summary>Parse a message; return false if it is damaged or has another major version.</summary>
         public static bool TryParse(ArraySegment<byte> bytes, out Message message)
         {
             message = default;
@@ -132,15 +132,15 @@ namespace Puppetline
                 return false;
             }
             byte[] array = bytes.Array;
-            int at = bytes.Offset + TopicField;
+            int at = bytes.Offset + TopicFieldLength;
             int topic = TopicLength(array, bytes.Offset);
             uint length = BitConverter.ToUInt32(array, at + 12);
-            if (topic == 0 || array[at + 3] > (byte)PerformerState.Leaving || length > bytes.Count - BeforePayload)
+            if (topic == 0 || array[at + 3] > (byte)PerformerState.Leaving || length > bytes.Count - HeaderLength)
             {
                 return false;
             }
             message.TopicBytes = new ArraySegment<byte>(array, bytes.Offset, topic);
-            message.Payload = new ArraySegment<byte>(array, bytes.Offset + BeforePayload, (int)length);
+            message.Payload = new ArraySegment<byte>(array, bytes.Offset + HeaderLength, (int)length);
             message.Header = new Header
             {
                 Kind = (Kind)array[at + 2],
@@ -158,7 +158,7 @@ namespace Puppetline
             return true;
         }
 
-        /// <summary>Tell whether the message has exactly this topic.</summary>
+        /// <summary>Return whether the message has exactly this topic.</summary>
         public bool Has(byte[] topic)
         {
             if (topic == null || topic.Length != TopicBytes.Count)
@@ -175,22 +175,22 @@ namespace Puppetline
             return true;
         }
 
-        /// <summary>Return how many printable characters the field begins with; 0 if it is not padded with zeros.</summary>
+        /// <summary>Return the number of printable characters before the zero padding; 0 if the padding is invalid.</summary>
         static int TopicLength(byte[] array, int start)
         {
             int length = 0;
-            while (length < TopicField && array[start + length] >= 0x20 && array[start + length] < 0x7F)
+            while (length < TopicFieldLength && array[start + length] >= 0x20 && array[start + length] < 0x7F)
             {
                 length++;
             }
-            for (int i = length; i < TopicField; i++)
+            for (int i = length; i < TopicFieldLength; i++)
             {
                 if (array[start + i] != 0)
                 {
                     return 0;
                 }
             }
-            return length < TopicField ? length : 0;
+            return length < TopicFieldLength ? length : 0;
         }
     }
 }

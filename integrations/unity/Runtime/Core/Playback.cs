@@ -3,46 +3,46 @@ using System.Collections.Generic;
 namespace Puppetline
 {
     /// <summary>
-    /// Shows frames a little later than they come, and between two of them what is between them: motion is as even as it was
-    /// before the source, however unevenly it has travelled. One thread uses it.
+    /// Delays and interpolates frames, so that motion is smooth even if frames arrive at irregular times. It is not
+    /// thread-safe.
     /// </summary>
     public sealed class Playback
     {
-        /// <summary>Frames that are kept at most.</summary>
+        /// <summary>Maximum number of frames in the buffer.</summary>
         public const int Capacity = 64;
 
         /// <summary>
-        /// Seconds a second by which the estimate of the shortest journey grows, so that it finds a longer one, and clocks that
-        /// do not run alike.
+        /// Rate at which the estimate of the shortest transmission time grows, in seconds per second, so that it adapts to
+        /// longer transmission times and to clock drift.
         /// </summary>
         const double Drift = 0.005;
 
-        /// <summary>A frame that comes this many seconds later than others is no late frame: the source has stood still.</summary>
-        const double Pause = 0.5;
+        /// <summary>Minimum delay of a frame, in seconds, that is treated as a pause of the source and not as a late frame.</summary>
+        const double PauseSeconds = 0.5;
 
         readonly FramePool pool;
         readonly List<Frame> frames = new List<Frame>(Capacity);
         readonly Frame mixed = new Frame();
 
-        /// <summary>How far this machine's clock is ahead of the source's, the shortest journey included.</summary>
+        /// <summary>Offset of this machine's clock from the source's, including the shortest transmission time, in seconds.</summary>
         double ahead;
 
-        /// <summary>Make one that has nothing to show.</summary>
-        /// <param name="delay">Seconds that frames are shown late; 0 shows the newest one as it is.</param>
-        /// <param name="pool">Where frames go that are not needed any more.</param>
+        /// <summary>Make an empty buffer.</summary>
+        /// <param name="delay">Delay of the shown frames, in seconds; 0 shows the newest frame.</param>
+        /// <param name="pool">Pool for frames that are not used any more.</param>
         public Playback(double delay, FramePool pool)
         {
             Delay = delay;
             this.pool = pool;
         }
 
-        /// <summary>Seconds that frames are shown late; 0 shows the newest one as it is.</summary>
+        /// <summary>Delay of the shown frames, in seconds; 0 shows the newest frame.</summary>
         public double Delay { get; set; }
 
-        /// <summary>What is to be seen at the moment; null if nothing has come. It is one that was taken, or a mixture.</summary>
+        /// <summary>The frame to show, received or interpolated; null before the first frame.</summary>
         public Frame Shown { get; private set; }
 
-        /// <summary>Forget all frames.</summary>
+        /// <summary>Remove all frames.</summary>
         public void Clear()
         {
             foreach (Frame frame in frames)
@@ -53,12 +53,12 @@ namespace Puppetline
             Shown = null;
         }
 
-        /// <summary>Take a frame that has come.</summary>
+        /// <summary>Add a received frame.</summary>
         public void Add(Frame frame)
         {
             Frame newest = frames.Count > 0 ? frames[frames.Count - 1] : null;
             double lead = frame.Arrived - frame.Header.Time;
-            if (newest == null || frame.Scene != newest.Scene || frame.Header.Time < newest.Header.Time || lead - ahead > Pause)
+            if (newest == null || frame.Scene != newest.Scene || frame.Header.Time < newest.Header.Time || lead - ahead > PauseSeconds)
             {
                 Clear();
                 ahead = lead;
@@ -75,9 +75,9 @@ namespace Puppetline
             frames.Add(frame);
         }
 
-        /// <summary>Find out what is to be seen.</summary>
-        /// <param name="now">Of <see cref="Clock"/>.</param>
-        /// <returns>Whether that is something else than the last time.</returns>
+        /// <summary>Update <see cref="Shown"/>.</summary>
+        /// <param name="now">Current time of <see cref="Clock"/>.</param>
+        /// <returns>Whether the frame to show has changed.</returns>
         public bool Update(double now)
         {
             double time = now - ahead - Delay;

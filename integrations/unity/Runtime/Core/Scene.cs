@@ -3,7 +3,7 @@ using System.Collections.Generic;
 
 namespace Puppetline
 {
-    /// <summary>A part of a character: a primitive of its file, with a material of its own.</summary>
+    /// <summary>A part of a character: a primitive of its file, with its own material.</summary>
     public sealed class Part
     {
         internal Part(Json entry, int vertices, int triangles)
@@ -16,32 +16,32 @@ namespace Puppetline
             TriangleCount = Scene.Count(entry["triangles"][1], 0, triangles - FirstTriangle, "a part");
         }
 
-        /// <summary>What the file calls it.</summary>
+        /// <summary>Name of the part in the file.</summary>
         public string Name { get; }
 
-        /// <summary>glTF's plain values: name, base_color, metallic, roughness, emissive, alpha_mode, double_sided.</summary>
+        /// <summary>Material values of glTF: name, base_color, metallic, roughness, emissive, alpha_mode, double_sided.</summary>
         public Json Material { get; }
 
-        /// <summary>Its first vertex.</summary>
+        /// <summary>Index of the first vertex.</summary>
         public int FirstVertex { get; }
 
-        /// <summary>How many vertices it has.</summary>
+        /// <summary>Number of vertices.</summary>
         public int VertexCount { get; }
 
-        /// <summary>Its first triangle.</summary>
+        /// <summary>Index of the first triangle.</summary>
         public int FirstTriangle { get; }
 
-        /// <summary>How many triangles it has.</summary>
+        /// <summary>Number of triangles.</summary>
         public int TriangleCount { get; }
     }
 
     /// <summary>
-    /// All of a character that does not change, as the service has sent it: file coordinates, which are right-handed,
-    /// with counter-clockwise triangles. Arrays are flat, row after row.
+    /// The constant data of a character as sent by the service, in file coordinates, which are right-handed, with
+    /// counter-clockwise triangles. Arrays are flat, row after row.
     /// </summary>
     public sealed class Scene
     {
-        const int MostFields = 64, MostIsolines = 640;
+        const int MaxFields = 64, MaxIsolines = 640;
 
         readonly ArraySegment<byte> arrays;
 
@@ -59,11 +59,11 @@ namespace Puppetline
             Description = Json.Parse(new ArraySegment<byte>(payload.Array, payload.Offset + 4, (int)length));
             int start = 4 + (int)length;
             arrays = new ArraySegment<byte>(payload.Array, payload.Offset + start, payload.Count - start);
-            int most = arrays.Count / 4;
-            VertexCount = Count(Description["vertices"], 1, most, "vertices");
-            TriangleCount = Count(Description["triangles"], 1, most, "triangles");
-            FieldCount = Count(Description["fields"], 1, MostFields, "fields");
-            IsolineCount = Count(Description["isolines"], 2, MostIsolines, "isolines");
+            int maximum = arrays.Count / 4;
+            VertexCount = Count(Description["vertices"], 1, maximum, "vertices");
+            TriangleCount = Count(Description["triangles"], 1, maximum, "triangles");
+            FieldCount = Count(Description["fields"], 1, MaxFields, "fields");
+            IsolineCount = Count(Description["isolines"], 2, MaxIsolines, "isolines");
             Weights = Numbers(Description["weights"]);
             Triangles = new int[3 * TriangleCount];
             Fill(Triangles, "triangles", "u32", TriangleCount, 3);
@@ -74,78 +74,78 @@ namespace Puppetline
             Uv = Optional("uv", VertexCount, 2);
             Colors = Optional("colors", VertexCount, 3);
             Parts = ReadParts();
-            Morphs = Texts(Description["morphs"]);
+            Morphs = Strings(Description["morphs"]);
             arrays = default;
             Check();
         }
 
-        /// <summary>The description, with all that has no property here.</summary>
+        /// <summary>The whole description, including values without a property in this class.</summary>
         public Json Description { get; }
 
-        /// <summary>What frames that belong to it name.</summary>
+        /// <summary>Revision of the scene, which its frames refer to.</summary>
         public uint Revision { get; private set; }
 
-        /// <summary>n.</summary>
+        /// <summary>Number of vertices, n.</summary>
         public int VertexCount { get; }
 
-        /// <summary>t.</summary>
+        /// <summary>Number of triangles, t.</summary>
         public int TriangleCount { get; }
 
-        /// <summary>Fields of the reduced model.</summary>
+        /// <summary>Number of fields of the reduced model.</summary>
         public int FieldCount { get; }
 
-        /// <summary>Isolines of each field.</summary>
+        /// <summary>Number of isolines per field.</summary>
         public int IsolineCount { get; }
 
-        /// <summary>Each field's weight.</summary>
+        /// <summary>Weight of each field.</summary>
         public float[] Weights { get; }
 
-        /// <summary>t × 3 vertices.</summary>
+        /// <summary>t × 3 vertex indices.</summary>
         public int[] Triangles { get; }
 
-        /// <summary>n × 3, the rest pose.</summary>
+        /// <summary>n × 3 positions of the rest pose.</summary>
         public float[] Positions { get; }
 
-        /// <summary>n × 3 unit normals of the rest pose; zero for a vertex without a direction.</summary>
+        /// <summary>n × 3 unit normals of the rest pose; zero where the normal is undefined.</summary>
         public float[] Normals { get; }
 
-        /// <summary>n × fields ladder coordinates.</summary>
+        /// <summary>n × fields isoline coordinates.</summary>
         public float[] Ladder { get; }
 
-        /// <summary>n × fields × 2: how fast ladder coordinates change along two tangents.</summary>
+        /// <summary>n × fields × 2 slopes: derivatives of the isoline coordinates along two tangents.</summary>
         public float[] Slopes { get; }
 
-        /// <summary>n × 2 texture coordinates as glTF has them, from the upper left; null if there are none.</summary>
+        /// <summary>n × 2 texture coordinates of glTF, from the upper left; null if there are none.</summary>
         public float[] Uv { get; }
 
         /// <summary>n × 3 linear RGB: vertex colour × material × texture; null if there are none.</summary>
         public float[] Colors { get; }
 
-        /// <summary>The parts, in order.</summary>
+        /// <summary>The parts, in the order of the file.</summary>
         public IReadOnlyList<Part> Parts { get; }
 
         /// <summary>Names of the morph targets; empty if there are none.</summary>
         public IReadOnlyList<string> Morphs { get; }
 
-        /// <summary>The diagonal of the bounding box at rest.</summary>
+        /// <summary>Length of the diagonal of the bounding box at rest.</summary>
         public float Diagonal => (float)Description["diagonal"].Number;
 
-        /// <summary>Numbers that a payload of controls has.</summary>
+        /// <summary>Number of values in a payload of controls.</summary>
         public int ControlCount => FieldCount * IsolineCount * Deformation.TransformSize;
 
         /// <summary>Read the message of a scene.</summary>
-        /// <exception cref="FormatException">A length, place or number that the message does not bear out.</exception>
+        /// <exception cref="FormatException">The message is damaged: a length, an offset or a number is invalid.</exception>
         public static Scene Parse(Message message)
         {
             return new Scene(message.Payload) { Revision = message.Header.Revision };
         }
 
-        internal static int Count(Json value, int least, int most, string what)
+        internal static int Count(Json value, int minimum, int maximum, string what)
         {
             double number = value.Number;
-            if (value.Kind != JsonKind.Number || number < least || number > most || number != Math.Floor(number))
+            if (value.Kind != JsonKind.Number || number < minimum || number > maximum || number != Math.Floor(number))
             {
-                throw new FormatException("a scene that does not say how many " + what + " it has, or says " + number);
+                throw new FormatException("a scene with a missing or invalid number of " + what + " (" + number + ")");
             }
             return (int)number;
         }
@@ -155,7 +155,7 @@ namespace Puppetline
             int count = 1;
             foreach (int length in shape)
             {
-                // what cannot be there is found out before it takes memory
+                // The size is limited before memory is allocated.
                 count = (int)Math.Min((long)count * length, int.MaxValue / 4);
             }
             var values = new float[Math.Min(count, arrays.Count / 4)];
@@ -164,7 +164,7 @@ namespace Puppetline
             {
                 if (float.IsNaN(value) || float.IsInfinity(value))
                 {
-                    throw new FormatException("a scene whose " + name + " are not all numbers");
+                    throw new FormatException("a scene whose " + name + " are not all finite");
                 }
             }
             return values;
@@ -188,7 +188,7 @@ namespace Puppetline
             double offset = entry["offset"].Kind == JsonKind.Number ? entry["offset"].Number : -1;
             if (!fits || offset < 0 || offset % 4 != 0 || offset + bytes > arrays.Count)
             {
-                throw new FormatException("a scene whose " + name + " are not there or do not fit the rest");
+                throw new FormatException("a scene whose " + name + " are missing or have the wrong size");
             }
             Buffer.BlockCopy(arrays.Array, arrays.Offset + (int)offset, values, 0, (int)bytes);
         }
@@ -203,14 +203,14 @@ namespace Puppetline
             {
                 if ((uint)vertex >= (uint)VertexCount)
                 {
-                    throw new FormatException("a triangle of a vertex that is not there");
+                    throw new FormatException("a triangle with a vertex that does not exist");
                 }
             }
             foreach (float coordinate in Ladder)
             {
                 if (!(coordinate >= 0 && coordinate <= IsolineCount - 1))
                 {
-                    throw new FormatException("a ladder coordinate beyond the isolines");
+                    throw new FormatException("an isoline coordinate beyond the isolines");
                 }
             }
         }
@@ -236,14 +236,14 @@ namespace Puppetline
             return numbers;
         }
 
-        static string[] Texts(Json list)
+        static string[] Strings(Json list)
         {
-            var texts = new string[list.Count];
-            for (int i = 0; i < texts.Length; i++)
+            var strings = new string[list.Count];
+            for (int i = 0; i < strings.Length; i++)
             {
-                texts[i] = list[i].Text;
+                strings[i] = list[i].Text;
             }
-            return texts;
+            return strings;
         }
     }
 }

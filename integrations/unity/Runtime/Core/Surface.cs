@@ -2,40 +2,40 @@ using System.Runtime.InteropServices;
 
 namespace Puppetline
 {
-    /// <summary>Which way axes and triangles go.</summary>
+    /// <summary>Coordinate system and winding order of triangles.</summary>
     public enum Axes
     {
-        /// <summary>As the character's file: right-handed, counter-clockwise triangles.</summary>
+        /// <summary>File coordinates: right-handed, counter-clockwise triangles.</summary>
         File,
 
-        /// <summary>As Unity: x negated, left-handed, clockwise triangles.</summary>
+        /// <summary>Unity's coordinates: x negated, left-handed, clockwise triangles.</summary>
         Unity,
     }
 
-    /// <summary>A vertex as it lies in a vertex buffer.</summary>
+    /// <summary>A vertex in the layout of the vertex buffer.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct SurfaceVertex
     {
-        /// <summary>Its position, x.</summary>
+        /// <summary>Position, x.</summary>
         public float X;
 
-        /// <summary>Its position, y.</summary>
+        /// <summary>Position, y.</summary>
         public float Y;
 
-        /// <summary>Its position, z.</summary>
+        /// <summary>Position, z.</summary>
         public float Z;
 
-        /// <summary>Its unit normal, x; all zero if it has no direction.</summary>
+        /// <summary>Unit normal, x; all three are zero if the normal is undefined.</summary>
         public float NormalX;
 
-        /// <summary>Its unit normal, y.</summary>
+        /// <summary>Unit normal, y.</summary>
         public float NormalY;
 
-        /// <summary>Its unit normal, z.</summary>
+        /// <summary>Unit normal, z.</summary>
         public float NormalZ;
     }
 
-    /// <summary>A box around something, empty to begin with.</summary>
+    /// <summary>An axis-aligned bounding box.</summary>
     public struct Box
     {
         /// <summary>The lowest x.</summary>
@@ -56,7 +56,7 @@ namespace Puppetline
         /// <summary>The highest z.</summary>
         public float HighZ;
 
-        /// <summary>A box with nothing in it.</summary>
+        /// <summary>An empty box.</summary>
         public static Box Nothing => new Box
         {
             LowX = float.PositiveInfinity,
@@ -67,13 +67,13 @@ namespace Puppetline
             HighZ = float.NegativeInfinity,
         };
 
-        /// <summary>Whether nothing is in it.</summary>
+        /// <summary>Whether the box is empty.</summary>
         public bool IsEmpty => !(LowX <= HighX);
 
-        /// <summary>Take in a point.</summary>
+        /// <summary>Extend the box to a point.</summary>
         public void Add(float x, float y, float z)
         {
-            // on doubles, Math.Min and Max would be twice the work
+            // Math.Min and Math.Max take twice as long.
             if (x < LowX) { LowX = x; }
             if (x > HighX) { HighX = x; }
             if (y < LowY) { LowY = y; }
@@ -82,7 +82,7 @@ namespace Puppetline
             if (z > HighZ) { HighZ = z; }
         }
 
-        /// <summary>Return the same box in other axes than the file's.</summary>
+        /// <summary>Convert the box from file coordinates.</summary>
         public Box In(Axes axes)
         {
             Box turned = this;
@@ -95,16 +95,16 @@ namespace Puppetline
         }
     }
 
-    /// <summary>What there is to do with surfaces that came ready for drawing.</summary>
+    /// <summary>Functions that convert surfaces.</summary>
     public static class Surface
     {
-        /// <summary>Turn positions and normals in file coordinates, n × 3 each, into vertices.</summary>
-        /// <param name="positions">The array that holds positions.</param>
-        /// <param name="normals">The array that holds normals, which are brought to length 1; may be the same.</param>
-        /// <param name="normalsStart">Where the normals begin in it.</param>
-        /// <param name="axes">Which axes the vertices are to have.</param>
+        /// <summary>Convert positions and normals in file coordinates, n × 3 each, to vertices.</summary>
+        /// <param name="positions">The array of positions.</param>
+        /// <param name="normals">The array of normals, which are normalised; it can be the same array.</param>
+        /// <param name="normalsStart">Index of the first normal's x.</param>
+        /// <param name="axes">The axes of the result.</param>
         /// <param name="vertices">Receives n vertices.</param>
-        /// <returns>The box around them.</returns>
+        /// <returns>The bounding box of the vertices.</returns>
         public static Box Write(float[] positions, float[] normals, int normalsStart, Axes axes, SurfaceVertex[] vertices)
         {
             Box box = Box.Nothing;
@@ -125,13 +125,13 @@ namespace Puppetline
             return box;
         }
 
-        /// <summary>Return what a vector of this squared length is to be multiplied by; zero stays zero.</summary>
+        /// <summary>Return the factor that normalises a vector of this squared length; 0 for 0.</summary>
         internal static float OneOver(float squared)
         {
             return squared > 0 ? 1 / (float)System.Math.Sqrt(squared) : 0;
         }
 
-        /// <summary>Return triangles, three vertices each, with the side in front that was behind.</summary>
+        /// <summary>Return triangles with the opposite winding order.</summary>
         public static int[] TurnedOver(int[] triangles)
         {
             var turned = (int[])triangles.Clone();

@@ -5,20 +5,20 @@ using System.Text;
 
 namespace Puppetline
 {
-    /// <summary>A connection could not be made, was lost, or the other side does not speak ZMTP. One may try again.</summary>
+    /// <summary>A connection failed or was lost, or the peer does not support ZMTP. The client can retry.</summary>
     public class ZmtpException : Exception
     {
-        /// <summary>Say what was wrong.</summary>
+        /// <summary>Make an exception with a message.</summary>
         public ZmtpException(string message)
             : base(message)
         {
         }
     }
 
-    /// <summary>The other side does not let this client in. Trying again is of no use before something was changed.</summary>
+    /// <summary>The peer refuses the connection. Retrying does not help without a change.</summary>
     public sealed class RefusedException : ZmtpException
     {
-        /// <summary>Say why.</summary>
+        /// <summary>Make an exception with the reason.</summary>
         public RefusedException(string message)
             : base(message)
         {
@@ -26,15 +26,15 @@ namespace Puppetline
     }
 
     /// <summary>
-    /// ZMTP 3 over TCP, as much of it as the service needs: one peer, messages of one part, mechanism NULL or PLAIN.
-    /// Opening one and sending wait for the network, so all of it belongs on a thread of its own.
+    /// A ZMTP 3 connection over TCP, limited to what the service uses: one peer, messages of one part, mechanism NULL or
+    /// PLAIN. Opening and sending wait for the network, so use it on a separate thread.
     /// </summary>
     public sealed class ZmtpConnection : IDisposable
     {
-        const int ConnectPatience = 2000;
-        const int HandshakePatience = 5000;
-        const int Greeting = 64, Signature = 10;
-        const int LargestCommand = 65536;
+        const int ConnectTimeoutMilliseconds = 2000;
+        const int HandshakeTimeoutMilliseconds = 5000;
+        const int GreetingLength = 64, SignatureLength = 10;
+        const int MaxCommandBytes = 65536;
         const byte More = 1, Long = 2, Command = 4;
 
         readonly Socket socket;
@@ -42,10 +42,10 @@ namespace Puppetline
         byte[] buffer = new byte[16384];
         int start, end;
 
-        /// <summary>Bytes, with its head, of the frame that begins at start; 0 as long as that is not known.</summary>
+        /// <summary>Size of the frame that begins at start, including its header, in bytes; 0 while it is unknown.</summary>
         int expected;
 
-        int largest = LargestCommand;
+        int largest = MaxCommandBytes;
 
         ZmtpConnection(Socket socket, string where)
         {
@@ -53,24 +53,24 @@ namespace Puppetline
             this.where = where;
         }
 
-        /// <summary>When bytes came last, by <see cref="Clock"/>: of a long message, long before it is whole.</summary>
+        /// <summary>Time of <see cref="Clock"/> at which bytes were last received, also of an incomplete message.</summary>
         public double Heard { get; private set; }
 
-        /// <summary>Connect and shake hands.</summary>
-        /// <param name="host">A name or an address.</param>
+        /// <summary>Connect and perform the handshake.</summary>
+        /// <param name="host">A host name or an address.</param>
         /// <param name="port">A TCP port.</param>
         /// <param name="socketType">SUB or DEALER.</param>
         /// <param name="token">The password of PLAIN; null or empty for NULL.</param>
-        /// <param name="largestMessage">Bytes; a larger message ends the connection before it takes any memory.</param>
-        /// <exception cref="RefusedException">The token is wrong, missing, or one too many.</exception>
-        /// <exception cref="ZmtpException">Anything else that went wrong.</exception>
+        /// <param name="largestMessage">Maximum size of a message in bytes; a larger one ends the connection before memory is allocated.</param>
+        /// <exception cref="RefusedException">The token is wrong or missing, or the service has no token.</exception>
+        /// <exception cref="ZmtpException">The connection failed for another reason.</exception>
         public static ZmtpConnection Open(string host, int port, string socketType, string token, int largestMessage)
         {
             string where = host + ":" + port;
             var connection = new ZmtpConnection(Connect(host, port, where), where);
             try
             {
-                connection.ShakeHands(socketType, token ?? "");
+                connection.PerformHandshake(socketType, token ?? "");
                 connection.largest = largestMessage;
                 return connection;
             }
@@ -81,11 +81,11 @@ namespace Puppetline
             }
         }
 
-        /// <summary>Wait for the next message. It lies in a buffer of the connection until the next call.</summary>
-        /// <param name="milliseconds">How long to wait.</param>
-        /// <param name="message">The body.</param>
-        /// <returns>False if none has come whole in that time.</returns>
-        /// <exception cref="ZmtpException">The connection is lost, or what came is none of ZMTP.</exception>
+        /// <summary>Wait for the next message. It is valid until the next call, because it refers to an internal buffer.</summary>
+        /// <param name="milliseconds">Maximum time to wait.</param>
+        /// <param name="message">The body of the message.</param>
+        /// <returns>False if no complete message has arrived in that time.</returns>
+        /// <exception cref="ZmtpException">The connection is lost, or the received data is not valid ZMTP.</exception>
         public bool Receive(int milliseconds, out ArraySegment<byte> message)
         {
             int until = Environment.TickCount + milliseconds;
@@ -97,7 +97,7 @@ namespace Puppetline
                 }
                 if ((flags & More) != 0)
                 {
-                    throw new ZmtpException(where + " sends messages of several parts, which Puppetline does not");
+                    throw new ZmtpException(where + " sent a message of several parts; expected messages of one part");
                 }
                 if ((flags & Command) == 0)
                 {
@@ -116,21 +116,21 @@ namespace Puppetline
             SendFrame(0, body);
         }
 
-        /// <summary>Ask for the messages of exactly this topic.</summary>
+        /// <summary>Subscribe to exactly this topic.</summary>
         /// <exception cref="ZmtpException">The connection is lost.</exception>
         public void Subscribe(string topic)
         {
             Send(Encoding.ASCII.GetBytes("\u0001" + topic + "\0"));
         }
 
-        /// <summary>Ask for no more messages of this topic.</summary>
+        /// <summary>Cancel the subscription to this topic.</summary>
         /// <exception cref="ZmtpException">The connection is lost.</exception>
         public void Unsubscribe(string topic)
         {
             Send(Encoding.ASCII.GetBytes("\0" + topic + "\0"));
         }
 
-        /// <summary>Close it.</summary>
+        /// <summary>Close the connection.</summary>
         public void Dispose()
         {
             socket.Close();
@@ -145,22 +145,22 @@ namespace Puppetline
                 try
                 {
                     IAsyncResult connecting = socket.BeginConnect(address, port, null, null);
-                    if (connecting.AsyncWaitHandle.WaitOne(ConnectPatience))
+                    if (connecting.AsyncWaitHandle.WaitOne(ConnectTimeoutMilliseconds))
                     {
                         socket.EndConnect(connecting);
                         socket.NoDelay = true;
-                        socket.SendTimeout = HandshakePatience;
+                        socket.SendTimeout = HandshakeTimeoutMilliseconds;
                         return socket;
                     }
-                    reason = "does not answer";
+                    reason = "no answer";
                 }
-                catch (SocketException fault)
+                catch (SocketException error)
                 {
-                    reason = fault.Message;
+                    reason = error.Message;
                 }
                 socket.Close();
             }
-            throw new ZmtpException(where + ": " + reason + ". Does puppetline serve run there?");
+            throw new ZmtpException(where + ": " + reason + ". Check that puppetline serve is running there.");
         }
 
         static IPAddress[] Addresses(string host)
@@ -169,15 +169,15 @@ namespace Puppetline
             {
                 return Dns.GetHostAddresses(host);
             }
-            catch (SocketException fault)
+            catch (SocketException error)
             {
-                throw new ZmtpException(host + ": " + fault.Message);
+                throw new ZmtpException(host + ": " + error.Message);
             }
         }
 
-        void ShakeHands(string socketType, string token)
+        void PerformHandshake(string socketType, string token)
         {
-            int until = Environment.TickCount + HandshakePatience;
+            int until = Environment.TickCount + HandshakeTimeoutMilliseconds;
             string mechanism = token.Length == 0 ? "NULL" : "PLAIN";
             SendAll(OwnGreeting(mechanism));
             CheckGreeting(until, mechanism);
@@ -197,7 +197,7 @@ namespace Puppetline
 
         static byte[] OwnGreeting(string mechanism)
         {
-            var greeting = new byte[Greeting];
+            var greeting = new byte[GreetingLength];
             greeting[0] = 0xFF;
             greeting[9] = 0x7F;
             greeting[10] = 3;
@@ -209,30 +209,30 @@ namespace Puppetline
         {
             try
             {
-                while (end - start < Greeting)
+                while (end - start < GreetingLength)
                 {
                     if (!Fill(until))
                     {
-                        throw new ZmtpException(where + " does not greet as ZMTP does. Is it the port of puppetline serve?");
+                        throw new ZmtpException(where + " did not send a ZMTP greeting. Check the port.");
                     }
                 }
             }
-            catch (ZmtpException) when (end - start >= Signature && buffer[0] == 0xFF)
+            catch (ZmtpException) when (end - start >= SignatureLength && buffer[0] == 0xFF)
             {
-                // as libzmq does on another mechanism; but also, for all that one knows, a service that just ends
-                string token = mechanism == "NULL" ? "Does it want a token?" : "Has it perhaps no token?";
+                // libzmq does this if the mechanisms differ, but the service may also have ended.
+                string token = mechanism == "NULL" ? "It may require a token." : "It may have no token.";
                 throw new ZmtpException(where + " has closed the connection during the handshake. " + token);
             }
             if (buffer[0] != 0xFF || buffer[9] != 0x7F || buffer[10] < 3)
             {
-                throw new ZmtpException(where + " is something else than ZMTP 3. Is it the port of puppetline serve?");
+                throw new ZmtpException(where + " does not support ZMTP 3. Check the port.");
             }
             string theirs = Encoding.ASCII.GetString(buffer, 12, 20).TrimEnd('\0');
             if (theirs != mechanism)
             {
                 throw new RefusedException(where + Mismatch(theirs));
             }
-            start += Greeting;
+            start += GreetingLength;
         }
 
         static string Mismatch(string theirs)
@@ -240,11 +240,11 @@ namespace Puppetline
             switch (theirs)
             {
                 case "PLAIN":
-                    return " lets in nobody without its token. Set it.";
+                    return " requires a token. Set it.";
                 case "NULL":
-                    return " has no token. Leave it empty.";
+                    return " has no token. Leave the token empty.";
                 default:
-                    return " wants the mechanism " + theirs + ", which this client does not have. Serve with a token, or on this machine.";
+                    return " requires the mechanism " + theirs + ", which this client does not support. Configure a token on the service.";
             }
         }
 
@@ -252,19 +252,19 @@ namespace Puppetline
         {
             if (!ReadFrame(until, out byte flags, out ArraySegment<byte> body))
             {
-                throw new ZmtpException(where + " does not finish the handshake");
+                throw new ZmtpException(where + " did not complete the handshake");
             }
             if (IsError(flags, body))
             {
-                throw new RefusedException(where + " does not accept the token. Is it that of the service?");
+                throw new RefusedException(where + " does not accept the token. Set the token of the service.");
             }
             if ((flags & Command) == 0 || !Begins(body, name))
             {
-                throw new ZmtpException(where + " does not shake hands as ZMTP does. Is it the port of puppetline serve?");
+                throw new ZmtpException(where + " did not follow the ZMTP handshake. Check the port.");
             }
         }
 
-        /// <summary>Tell an ERROR, whose first byte is wrong in libzmq 4.3.5.</summary>
+        /// <summary>Return whether a frame is an ERROR command. Its first byte is wrong in libzmq 4.3.5.</summary>
         static bool IsError(byte flags, ArraySegment<byte> body)
         {
             return (flags & Command) != 0 && (Begins(body, "ERROR") || Begins(body, "RROR", 0x5E));
@@ -272,15 +272,15 @@ namespace Puppetline
 
         void Answer(ArraySegment<byte> command)
         {
-            const int PingHead = 7, MostContext = 16;
+            const int PingHeaderLength = 7, MaxContextLength = 16;
             if (IsError(Command, command))
             {
                 throw new RefusedException(where + " has ended the connection");
             }
-            if (Begins(command, "PING") && command.Count >= PingHead && command.Count <= PingHead + MostContext)
+            if (Begins(command, "PING") && command.Count >= PingHeaderLength && command.Count <= PingHeaderLength + MaxContextLength)
             {
-                var context = new byte[command.Count - PingHead];
-                Buffer.BlockCopy(command.Array, command.Offset + PingHead, context, 0, context.Length);
+                var context = new byte[command.Count - PingHeaderLength];
+                Buffer.BlockCopy(command.Array, command.Offset + PingHeaderLength, context, 0, context.Length);
                 SendFrame(Command, Join(Short("PONG"), context));
             }
         }
@@ -296,10 +296,10 @@ namespace Puppetline
                 && Encoding.ASCII.GetString(body.Array, body.Offset + 1, name.Length) == name;
         }
 
-        /// <summary>Wait for a whole frame; what belongs to one that is not whole yet stays for the next call.</summary>
+        /// <summary>Wait for a complete frame. The bytes of an incomplete frame stay in the buffer for the next call.</summary>
         bool ReadFrame(int until, out byte flags, out ArraySegment<byte> body)
         {
-            while (!Whole(out flags, out body))
+            while (!TryParseFrame(out flags, out body))
             {
                 if (!Fill(until))
                 {
@@ -309,14 +309,14 @@ namespace Puppetline
             return true;
         }
 
-        bool Whole(out byte flags, out ArraySegment<byte> body)
+        bool TryParseFrame(out byte flags, out ArraySegment<byte> body)
         {
             flags = end > start ? buffer[start] : (byte)0;
             body = default;
             int head = (flags & Long) != 0 ? 9 : 2;
             if ((flags & ~(More | Long | Command)) != 0)
             {
-                throw new ZmtpException(where + " sends something else than ZMTP");
+                throw new ZmtpException(where + " sent data that is not ZMTP");
             }
             if (end - start < head)
             {
@@ -325,7 +325,7 @@ namespace Puppetline
             ulong size = Size(head);
             if (size > (ulong)largest)
             {
-                throw new ZmtpException(where + " sends a message of " + size + " bytes; at most " + largest + " are taken");
+                throw new ZmtpException(where + " sent a message of " + size + " bytes; expected at most " + largest);
             }
             expected = head + (int)size;
             if (end - start < expected)
@@ -348,7 +348,7 @@ namespace Puppetline
             return size;
         }
 
-        /// <summary>Wait for more bytes; false if none came in time.</summary>
+        /// <summary>Wait for more bytes; return false if none arrived in time.</summary>
         bool Fill(int until)
         {
             int left = Math.Max(0, until - Environment.TickCount);
@@ -368,13 +368,15 @@ namespace Puppetline
                 Heard = Clock.Now;
                 return true;
             }
-            catch (SocketException fault)
+            catch (SocketException error)
             {
-                throw new ZmtpException(where + ": " + fault.Message);
+                throw new ZmtpException(where + ": " + error.Message);
             }
         }
 
-        /// <summary>Make room for at least one byte: no more than twice what has really come, whatever was announced.</summary>
+        /// <summary>
+        /// Make room for at least one byte. The buffer grows to at most twice the received bytes, whatever size was announced.
+        /// </summary>
         void MakeRoom()
         {
             if (start == end)
@@ -408,9 +410,9 @@ namespace Puppetline
                     sent += socket.Send(bytes, sent, bytes.Length - sent, SocketFlags.None);
                 }
             }
-            catch (SocketException fault)
+            catch (SocketException error)
             {
-                throw new ZmtpException(where + ": " + fault.Message);
+                throw new ZmtpException(where + ": " + error.Message);
             }
         }
 
@@ -419,11 +421,11 @@ namespace Puppetline
             return new[] { (byte)(number >> 24), (byte)(number >> 16), (byte)(number >> 8), (byte)number };
         }
 
-        /// <summary>Return a text with its length before it.</summary>
+        /// <summary>Return the bytes of a string with their length in front of them.</summary>
         static byte[] Short(string text)
         {
             byte[] bytes = Encoding.UTF8.GetBytes(text);
-            return bytes.Length < 256 ? Join(new[] { (byte)bytes.Length }, bytes) : throw new RefusedException("a token of more than 255 bytes");
+            return bytes.Length < 256 ? Join(new[] { (byte)bytes.Length }, bytes) : throw new RefusedException("The token has more than 255 bytes. Correct the token.");
         }
 
         static byte[] Join(params byte[][] parts)

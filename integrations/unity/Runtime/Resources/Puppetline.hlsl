@@ -1,21 +1,21 @@
-// Blends the transforms of a frame of controls, as docs/protocol.md says. All that is given and returned has Unity's axes;
-// in between, everything has those of the character's file, whose x goes the other way.
+// Blends the transforms of a frame of controls (docs/protocol.md). Inputs and results are in Unity's coordinates. The
+// computation uses file coordinates, whose x axis has the opposite direction.
 
 #ifndef PUPPETLINE_INCLUDED
 #define PUPPETLINE_INCLUDED
 
-// Rows of the transforms times the weight of their field; at most 80 transforms.
+// Rows of the transforms, multiplied by the weight of their field; at most 80 transforms.
 float4 _PuppetlineTransforms[240];
 
-// How many fields there are, and isolines of each; no fields leave the vertices as they are.
+// Number of fields, and number of isolines per field. With no fields, vertices are not changed.
 float4 _PuppetlineShape;
 
 struct PuppetlineRest
 {
     float3 position;
     float3 normal;
-    float4 ladder[2]; // TEXCOORD2 and 3
-    float4 slopes[4]; // TEXCOORD4 to 7: two for each ladder coordinate
+    float4 ladder[2]; // isoline coordinates, TEXCOORD2 and 3
+    float4 slopes[4]; // TEXCOORD4 to 7: two per isoline coordinate
 };
 
 struct PuppetlinePoint
@@ -29,14 +29,14 @@ float3 PuppetlineTurned(float3 v)
     return float3(-v.x, v.y, v.z);
 }
 
-// A vector of length 1, but zero stays zero.
+// The normalised vector; zero for zero.
 float3 PuppetlineUnit(float3 v)
 {
     float squared = dot(v, v);
     return squared > 0 ? v * (1 / sqrt(squared)) : v;
 }
 
-// The tangent that slopes are of: normalise(e x n), e being the axis in which |n| is smallest.
+// The first tangent of the slopes: normalise(e x n), where e is the axis with the smallest |n|.
 float3 PuppetlineTangent(float3 n)
 {
     float x = abs(n.x);
@@ -46,13 +46,13 @@ float3 PuppetlineTangent(float3 n)
     return PuppetlineUnit(crossed);
 }
 
-// The rows of a field's lower transform for a ladder coordinate begin here.
-int PuppetlineRow(int field, float ladder)
+// Index of the first row of a field's lower transform for an isoline coordinate.
+int PuppetlineRow(int field, float coordinate)
 {
-    return 3 * (field * (int)_PuppetlineShape.y + (int)min(floor(ladder), _PuppetlineShape.y - 2));
+    return 3 * (field * (int)_PuppetlineShape.y + (int)min(floor(coordinate), _PuppetlineShape.y - 2));
 }
 
-// Positions, and the surface's own normals.
+// Positions and exact normals of the surface.
 PuppetlinePoint PuppetlineBySlopes(PuppetlineRest rest)
 {
     float3 x = PuppetlineTurned(rest.position);
@@ -69,9 +69,9 @@ PuppetlinePoint PuppetlineBySlopes(PuppetlineRest rest)
     {
         if (i < (int)_PuppetlineShape.x)
         {
-            float ladder = rest.ladder[i / 4][i % 4];
-            int k = PuppetlineRow(i, ladder);
-            float share = ladder - min(floor(ladder), _PuppetlineShape.y - 2);
+            float coordinate = rest.ladder[i / 4][i % 4];
+            int k = PuppetlineRow(i, coordinate);
+            float share = coordinate - min(floor(coordinate), _PuppetlineShape.y - 2);
             float4 step0 = _PuppetlineTransforms[k + 3] - _PuppetlineTransforms[k];
             float4 step1 = _PuppetlineTransforms[k + 4] - _PuppetlineTransforms[k + 1];
             float4 step2 = _PuppetlineTransforms[k + 5] - _PuppetlineTransforms[k + 2];
@@ -98,7 +98,7 @@ PuppetlinePoint PuppetlineBySlopes(PuppetlineRest rest)
     return blended;
 }
 
-// Positions, and the rest normals turned by the blended transform; slopes are not looked at.
+// Positions, and rest normals rotated by the blended transform. Slopes are not used.
 PuppetlinePoint PuppetlineByCofactors(PuppetlineRest rest)
 {
     float3 x = PuppetlineTurned(rest.position);
@@ -111,9 +111,9 @@ PuppetlinePoint PuppetlineByCofactors(PuppetlineRest rest)
     {
         if (i < (int)_PuppetlineShape.x)
         {
-            float ladder = rest.ladder[i / 4][i % 4];
-            int k = PuppetlineRow(i, ladder);
-            float share = ladder - min(floor(ladder), _PuppetlineShape.y - 2);
+            float coordinate = rest.ladder[i / 4][i % 4];
+            int k = PuppetlineRow(i, coordinate);
+            float share = coordinate - min(floor(coordinate), _PuppetlineShape.y - 2);
             row0 = row0 + _PuppetlineTransforms[k] * (1 - share) + _PuppetlineTransforms[k + 3] * share;
             row1 = row1 + _PuppetlineTransforms[k + 1] * (1 - share) + _PuppetlineTransforms[k + 4] * share;
             row2 = row2 + _PuppetlineTransforms[k + 2] * (1 - share) + _PuppetlineTransforms[k + 5] * share;
@@ -124,7 +124,7 @@ PuppetlinePoint PuppetlineByCofactors(PuppetlineRest rest)
     float3 r2 = float3(row2.x, row2.y, row2.z);
     PuppetlinePoint blended;
     blended.position = PuppetlineTurned(float3(dot(row0, at), dot(row1, at), dot(row2, at)));
-    // the rows of the cofactor matrix are the cross products of those of the matrix
+    // The rows of the cofactor matrix are the cross products of the rows of the matrix.
     blended.normal = PuppetlineTurned(PuppetlineUnit(float3(dot(cross(r1, r2), n), dot(cross(r2, r0), n), dot(cross(r0, r1), n))));
     if (_PuppetlineShape.x < 1)
     {

@@ -1,4 +1,5 @@
-// For Unity's built-in render pipeline: metallic and smooth as the Standard shader, and blends the transforms of controls.
+// Shader for Unity's built-in render pipeline, with the lighting of the Standard shader. It blends the transforms of
+// controls.
 Shader "Puppetline/Controls"
 {
     Properties
@@ -27,8 +28,8 @@ Shader "Puppetline/Controls"
             float3 normal : NORMAL;
             float4 color : COLOR;
             float4 texcoord : TEXCOORD0;
-            float4 ladder0 : TEXCOORD2;
-            float4 ladder1 : TEXCOORD3;
+            float4 coordinates0 : TEXCOORD2;
+            float4 coordinates1 : TEXCOORD3;
             float4 slopes0 : TEXCOORD4;
             float4 slopes1 : TEXCOORD5;
             float4 slopes2 : TEXCOORD6;
@@ -51,8 +52,8 @@ Shader "Puppetline/Controls"
             PuppetlineRest rest;
             rest.position = v.vertex.xyz;
             rest.normal = v.normal;
-            rest.ladder[0] = v.ladder0;
-            rest.ladder[1] = v.ladder1;
+            rest.ladder[0] = v.coordinates0;
+            rest.ladder[1] = v.coordinates1;
             rest.slopes[0] = v.slopes0;
             rest.slopes[1] = v.slopes1;
             rest.slopes[2] = v.slopes2;

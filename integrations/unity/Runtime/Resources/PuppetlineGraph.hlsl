@@ -1,5 +1,6 @@
-// A Custom Function node of Shader Graph: type File, name PuppetlineBlend, inputs Position and Normal in object space, UV2 and
-// UV3. It goes between those nodes and Position and Normal of the Vertex stack. Graphs have no UV4 to 7: quick normals.
+// Custom Function node for Shader Graph: type File, name PuppetlineBlend, inputs Position and Normal in object space, UV2
+// and UV3. Connect its outputs to Position and Normal of the Vertex stack. Graphs cannot read UV4 to 7, so the normals are
+// the quick ones.
 
 #ifndef PUPPETLINE_GRAPH_INCLUDED
 #define PUPPETLINE_GRAPH_INCLUDED

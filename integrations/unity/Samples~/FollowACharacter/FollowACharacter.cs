@@ -1,13 +1,13 @@
 using Puppetline;
 using UnityEngine;
 
-/// <summary>Says on the screen how it stands with a puppet, and has buttons for what one can ask of the service.</summary>
+/// <summary>Shows the state of a puppet on the screen, and buttons that send requests to the service.</summary>
 public sealed class FollowACharacter : MonoBehaviour
 {
-    /// <summary>Whom to look at.</summary>
+    /// <summary>The puppet whose state is shown.</summary>
     public Puppet puppet;
 
-    string performer = "Nobody is there: step before the sensor and stand still for a second.";
+    string performer = "No performer. Step in front of the sensor and stand still for one second.";
     string take = "";
     bool mirrored;
 
@@ -56,12 +56,12 @@ public sealed class FollowACharacter : MonoBehaviour
 
     void Found(int user)
     {
-        performer = "Performer " + user + ": stand still for a second.";
+        performer = "Performer " + user + ": stand still for one second.";
     }
 
     void Calibrated(int user)
     {
-        performer = "Performer " + user + " is " + puppet.Character + ".";
+        performer = "Performer " + user + " drives " + puppet.Character + ".";
     }
 
     void Lost(int user)

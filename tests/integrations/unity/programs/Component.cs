@@ -6,7 +6,7 @@ using Puppetline;
 using UnityEngine;
 using UnityEngine.Rendering;
 
-/// <summary>Has a Puppet in a stand-in for Unity, tells it what standard input says, and says what it does.</summary>
+/// <summary>Runs a Puppet in a stand-in for Unity, executes the commands of standard input, and prints the results.</summary>
 static class Component
 {
     static readonly GameObject Owner = new GameObject();

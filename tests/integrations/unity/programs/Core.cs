@@ -5,7 +5,7 @@ using System.IO;
 using System.Threading;
 using Puppetline;
 
-/// <summary>Uses the plain core, without any part of Unity, as the tests tell it.</summary>
+/// <summary>Runs the plain core, without any part of Unity, by the commands of the tests.</summary>
 static class Core
 {
     static int Main(string[] arguments)
@@ -124,7 +124,7 @@ static class Core
         }
     }
 
-    /// <summary>Steps are [time, arrived, value] of a frame that comes, or a number: when to look.</summary>
+    /// <summary>Play back frames. A step is [time, arrived, value] of a frame, or the time of an update.</summary>
     static void Play(Json told)
     {
         var scene = Scene.Parse(Load(told["scene"].Text));
@@ -144,7 +144,7 @@ static class Core
         }
     }
 
-    /// <summary>Follow until standard input ends, and say what comes: of frames, those whose number can be divided by something.</summary>
+    /// <summary>Follow until standard input ends, and print received data; of frames, only those whose number is divisible by an argument.</summary>
     static void Follow(string[] arguments)
     {
         ulong every = ulong.Parse(arguments[6]);
@@ -214,7 +214,7 @@ static class Core
         return reading;
     }
 
-    /// <summary>Ask what standard input says, a map in JSON a line, all at once, and say the replies.</summary>
+    /// <summary>Send the requests from standard input together, one JSON object per line, and print the replies.</summary>
     static void Request(string[] arguments)
     {
         using (var client = new ControlClient(arguments[1], int.Parse(arguments[2]), arguments[3]))
@@ -269,7 +269,7 @@ static class Core
         return values;
     }
 
-    /// <summary>Say what a frame costs: milliseconds to evaluate when nothing else has the processor, and bytes that the collector will have to clear away.</summary>
+    /// <summary>Measure the cost of a frame: the evaluation time in milliseconds without other load, and the allocated bytes.</summary>
     static void Measure(string sceneFile, string controlsFile)
     {
         const int Frames = 200;

@@ -5,7 +5,7 @@ using System.Runtime.InteropServices;
 using System.Text;
 using Puppetline;
 
-/// <summary>How the programs talk to the tests: a line of JSON for each thing, arrays in base64.</summary>
+/// <summary>Output of the programs to the tests: one line of JSON per result, arrays in base64.</summary>
 static class Said
 {
     public static void Line(params object[] namesAndValues)

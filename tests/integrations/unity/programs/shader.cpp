@@ -1,5 +1,5 @@
-// Stand-ins for the vectors and functions of HLSL, as far as Puppetline.hlsl uses them, and the shader compiled as C++ with
-// them. Reads shape, rows, number of vertices, and the vertices as they lie in the streams; writes the points of both kinds.
+// Stand-ins for the vectors and functions of HLSL that Puppetline.hlsl uses, and the shader compiled as C++ with them. The
+// program reads shape, rows, number of vertices and the vertex streams, and writes the points of both functions.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

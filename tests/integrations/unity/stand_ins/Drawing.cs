@@ -17,7 +17,7 @@ namespace UnityEngine
         public float wholeBlendShape = 100;
         public bool dynamic;
 
-        /// <summary>How often and with how many bytes vertices were set.</summary>
+        /// <summary>Number of vertex uploads, and their size in bytes.</summary>
         public int uploads;
         public long uploadedBytes;
 

@@ -3,7 +3,7 @@ using System.Reflection;
 
 namespace UnityEngine
 {
-    /// <summary>What calls components, as Unity does by the names of their methods.</summary>
+    /// <summary>Calls the methods of components by name, as Unity does.</summary>
     public static class Player
     {
         public static void Call(MonoBehaviour component, string message)

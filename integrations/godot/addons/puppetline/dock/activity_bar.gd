@@ -1,10 +1,10 @@
 @tool
 extends Control
-## A line that is as long as something moves.
+## A bar whose length shows the activity of a handle.
 
 const Editor := preload("editor.gd")
 
-## From 0, at rest, to 1.
+## Activity from 0 (at rest) to 1.
 var share := 0.0:
 	set(value):
 		if share != value:

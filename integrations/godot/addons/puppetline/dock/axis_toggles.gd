@@ -1,12 +1,12 @@
 @tool
 extends HBoxContainer
-## Three buttons for the axes along which something moves, of the performer: x sideways, y up, z forwards.
+## Three toggle buttons for axes of the performer's motion: x sideways, y up, z forwards.
 
 signal edited(axes: String)
 
-const TIPS := {"x": "Sideways", "y": "Up and down", "z": "Forwards and back"}
+const TOOLTIPS := {"x": "Sideways", "y": "Up and down", "z": "Forwards and back"}
 
-## A subset of "xyz" in this order.
+## The selected axes, a subset of "xyz" in this order.
 var axes := "":
 	set(value):
 		axes = value
@@ -24,17 +24,17 @@ var _buttons: Dictionary = {}
 
 func _init() -> void:
 	add_theme_constant_override("separation", 0)
-	for axis: String in TIPS:
+	for axis: String in TOOLTIPS:
 		var button := Button.new()
 		button.text = axis.to_upper()
 		button.toggle_mode = true
-		button.tooltip_text = TIPS[axis]
+		button.tooltip_text = TOOLTIPS[axis]
 		button.toggled.connect(func(_on: bool) -> void: _edit())
 		_buttons[axis] = button
 		add_child(button)
 
 
-## The button of an axis, "x" say.
+## Return the button of an axis, for example "x".
 func button(axis: String) -> Button:
 	return _buttons[axis]
 

@@ -1,9 +1,9 @@
 @tool
 extends RefCounted
-## Values out of a reply, which may hold anything: what is missing or of another type is empty.
+## Functions that read values from an untrusted reply. A value that is missing or has another type is read as empty.
 
-## Items of a list, where nothing else limits it.
-const MOST := 256
+## Default maximum number of items that are read from a list.
+const MAX_ITEMS := 256
 
 
 static func table(from: Variant, key: String) -> Dictionary:
@@ -11,9 +11,9 @@ static func table(from: Variant, key: String) -> Dictionary:
 	return value if value is Dictionary else {}
 
 
-static func tables(from: Variant, key: String, most: int) -> Array[Dictionary]:
+static func tables(from: Variant, key: String, limit: int) -> Array[Dictionary]:
 	var found: Array[Dictionary] = []
-	for each: Variant in _list(from, key, most):
+	for each: Variant in _list(from, key, limit):
 		if each is Dictionary:
 			found.append(each)
 	return found
@@ -24,18 +24,18 @@ static func text(from: Variant, key: String) -> String:
 	return value if value is String else ""
 
 
-static func texts(from: Variant, key: String, most: int) -> PackedStringArray:
+static func texts(from: Variant, key: String, limit: int) -> PackedStringArray:
 	var found := PackedStringArray()
-	for each: Variant in _list(from, key, most):
+	for each: Variant in _list(from, key, limit):
 		if each is String:
 			found.append(each)
 	return found
 
 
-## A number, or [param otherwise] where there is none.
-static func number(from: Variant, key: String, otherwise: float) -> float:
+## Return a number, or [param default] if there is none.
+static func number(from: Variant, key: String, default: float) -> float:
 	var value: Variant = from.get(key) if from is Dictionary else null
-	return value if value is float and is_finite(value) else otherwise
+	return value if value is float and is_finite(value) else default
 
 
 static func flag(from: Variant, key: String) -> bool:
@@ -43,6 +43,6 @@ static func flag(from: Variant, key: String) -> bool:
 	return value if value is bool else false
 
 
-static func _list(from: Variant, key: String, most: int) -> Array:
+static func _list(from: Variant, key: String, limit: int) -> Array:
 	var value: Variant = from.get(key) if from is Dictionary else null
-	return value.slice(0, most) if value is Array else []
+	return value.slice(0, limit) if value is Array else []

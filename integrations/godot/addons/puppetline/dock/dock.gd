@@ -1,20 +1,22 @@
 @tool
 extends MarginContainer
-## Puppetline's dock: which service, which character, how it is doing, who performs, and what moves its handles.
+## Puppetline's dock, which shows a service, a character, its state and performer, and the mapping of its handles.
 
 const Service := preload("service.gd")
 const Discovery := preload("../wire/discovery.gd")
-const Role := preload("role.gd")
+const CharacterStatus := preload("character_status.gd")
 const Editor := preload("editor.gd")
 const MappingTable := preload("mapping_table.gd")
 const Puppet3DNode := preload("../puppet_3d.gd")
 
-const ADDRESS := "127.0.0.1:7400"
-const PORT := 7400
-## What the service says of a character, and what a person would.
-const STATES := {
-	"waiting": "Nobody performs",
-	"calibrating": "User %d is there: stand still for a second",
+const DEFAULT_ADDRESS := "127.0.0.1:7400"
+const DEFAULT_PORT := 7400
+## Tooltip of a service that requires CURVE keys.
+const CURVE_TOOLTIP := "The service requires CURVE keys, which the addon does not support. Add a token to the service."
+## Texts for the states of a character.
+const STATE_TEXTS := {
+	"waiting": "No performer",
+	"calibrating": "User %d detected: stand still for one second",
 	"performing": "User %d performs",
 	"leaving": "The performer has left",
 }
@@ -44,7 +46,7 @@ var _mapping := MappingTable.new()
 
 func _ready() -> void:
 	%MappingPlace.add_child(_mapping)
-	_address.text = Editor.recall("address", ADDRESS)
+	_address.text = Editor.recall("address", DEFAULT_ADDRESS)
 	_address.text_submitted.connect(func(_text: String) -> void: connect_to_service())
 	_token.text_submitted.connect(func(_text: String) -> void: connect_to_service())
 	%Connect.pressed.connect(connect_to_service)
@@ -72,7 +74,7 @@ func _ready() -> void:
 	_follow_visibility()
 
 
-## A dock is moved to another place by being taken out of the tree and put into it again.
+## The editor moves a dock by removing it from the tree and adding it again.
 func _enter_tree() -> void:
 	if is_node_ready():
 		_follow_visibility()
@@ -90,12 +92,12 @@ func _process(_delta: float) -> void:
 	_mapping.show_activity(service.activity.shares)
 
 
-## Follow the service whose address and token have been typed in.
+## Follow the service with the entered address and token.
 func connect_to_service() -> void:
 	var text := _address.text.strip_edges().trim_prefix("tcp://")
 	var colon := text.rfind(":")
 	var host := text.substr(0, colon) if colon >= 0 else text
-	var port := text.substr(colon + 1).to_int() if colon >= 0 else PORT
+	var port := text.substr(colon + 1).to_int() if colon >= 0 else DEFAULT_PORT
 	_open(host.trim_prefix("[").trim_suffix("]"), port, 0)
 
 
@@ -105,7 +107,7 @@ func _open(host: String, port: int, control_port: int) -> void:
 	service.open(host, port, _token.text.strip_edges(), control_port)
 
 
-## A dock that nobody sees asks nothing.
+## Disconnect while the dock is hidden.
 func _follow_visibility() -> void:
 	if not is_visible_in_tree():
 		service.close()
@@ -121,9 +123,7 @@ func _show_found() -> void:
 		menu.add_item("%s: %s" % [each.name, ", ".join(each.characters)])
 		if each.mechanism == "CURVE":
 			menu.set_item_disabled(-1, true)
-			menu.set_item_tooltip(
-				-1, "It wants keys, which this addon does not have: give the service a token as well."
-			)
+			menu.set_item_tooltip(-1, CURVE_TOOLTIP)
 	_found.disabled = menu.item_count == 0
 	_found.tooltip_text = (
 		"Services in this network" if menu.item_count else "No service announces itself in this network"
@@ -140,36 +140,38 @@ func _choose_found(index: int) -> void:
 
 func _show() -> void:
 	_connection.text = service.connection
-	var role := service.chosen
-	var names := service.roles.map(func(each: Role) -> String: return each.character)
+	var character := service.chosen
+	var names := service.characters.map(func(each: CharacterStatus) -> String: return each.name)
 	_set_items(_character, names, names)
 	for each: BaseButton in [_character, _performer, _mirror, _record, _calibrate, _add_to_scene]:
-		each.disabled = role == null
-	_record.disabled = _record.disabled or role.stage.is_empty()
-	_facts.visible = role != null
+		each.disabled = character == null
+	_record.disabled = _record.disabled or character.stage.is_empty()
+	_facts.visible = character != null
 	_show_mapping()
-	if role == null:
+	if character == null:
 		return
-	_character.select(names.find(role.character))
-	_facts.text = _told(role)
-	var users: Array = [Role.NOBODY]
-	users.append_array(role.users)
-	var titles := users.map(func(user: int) -> String: return "User %d" % user if user >= 0 else "whoever comes")
+	_character.select(names.find(character.name))
+	_facts.text = _facts_text(character)
+	var users: Array = [CharacterStatus.NO_USER]
+	users.append_array(character.users)
+	var titles := users.map(func(user: int) -> String: return "User %d" % user if user >= 0 else "Any performer")
 	_set_items(_performer, titles, users)
-	_performer.select(maxi(users.find(role.user), 0))
-	_mirror.set_pressed_no_signal(role.mirror)
-	_record.set_pressed_no_signal(not role.recording.is_empty())
-	_record.text = "Recording" if role.recording else "Record"
-	_record.tooltip_text = "Records the take %s" % role.recording if role.recording else "Record a take of the stage"
+	_performer.select(maxi(users.find(character.user), 0))
+	_mirror.set_pressed_no_signal(character.mirror)
+	_record.set_pressed_no_signal(not character.recording.is_empty())
+	_record.text = "Recording" if character.recording else "Record"
+	_record.tooltip_text = (
+		"Records the take %s" % character.recording if character.recording else "Record a take of the stage"
+	)
 
 
-func _told(role: Role) -> String:
-	var state: String = STATES.get(role.state, role.state)
-	var told := state % role.user if "%d" in state else state
-	told += "\n%.0f frames a second" % role.rate
-	if role.latency >= 0.0:
-		told += ", %.1f ms from sensor to network" % role.latency
-	return told
+func _facts_text(character: CharacterStatus) -> String:
+	var state: String = STATE_TEXTS.get(character.state, character.state)
+	var text := state % character.user if "%d" in state else state
+	text += "\n%.0f frames per second" % character.rate
+	if character.latency >= 0.0:
+		text += ", %.1f ms from sensor to network" % character.latency
+	return text
 
 
 func _show_mapping() -> void:
@@ -192,17 +194,17 @@ func _add_character() -> void:
 	if service.chosen == null:
 		return
 	var puppet: Puppet3D = Puppet3DNode.new()
-	puppet.name = service.chosen.character
+	puppet.name = service.chosen.name
 	puppet.host = service.host
 	puppet.port = service.port
 	puppet.token = service.token
-	puppet.character = service.chosen.character
+	puppet.character = service.chosen.name
 	var obstacle := Editor.add_to_scene(puppet)
 	if obstacle:
 		_show_trouble(obstacle)
 
 
-## Make these the items, unless they are already: an open menu stays as it is.
+## Set the items of a button. If they are unchanged, leave them, so that an open menu stays as it is.
 func _set_items(button: OptionButton, titles: Array, values: Array) -> void:
 	var before := range(button.item_count).map(func(i: int) -> Variant: return button.get_item_metadata(i))
 	if before == values:

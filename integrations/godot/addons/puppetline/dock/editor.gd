@@ -1,23 +1,23 @@
 @tool
 extends RefCounted
-## What the dock needs of the editor, and what there is instead where it runs without one.
+## Functions of the editor that the dock uses, with fallbacks for running without an editor.
 
 const _SECTION := "puppetline"
 
 
-## Pixels for one on a plain screen.
+## Return the scale of the editor's interface, 1 on a standard screen.
 static func scale() -> float:
 	return EditorInterface.get_editor_scale() if Engine.is_editor_hint() else 1.0
 
 
-## The colour of what is switched on.
+## Return the colour of active controls.
 static func accent(control: Control) -> Color:
 	if control.has_theme_color("accent_color", "Editor"):
 		return control.get_theme_color("accent_color", "Editor")
 	return control.get_theme_color("font_pressed_color", "Button")
 
 
-## Keep something for this project and user, outside the project's files.
+## Save a value for this project and user, outside of the project's files.
 static func remember(key: String, value: Variant) -> void:
 	if Engine.is_editor_hint():
 		EditorInterface.get_editor_settings().set_project_metadata(_SECTION, key, value)
@@ -29,12 +29,12 @@ static func recall(key: String, otherwise: Variant) -> Variant:
 	return EditorInterface.get_editor_settings().get_project_metadata(_SECTION, key, otherwise)
 
 
-## Put a node into the edited scene, under the node that is selected; return what is in the way, or nothing.
+## Add a node to the edited scene, below the selected node. Return an error text; empty on success.
 static func add_to_scene(node: Node) -> String:
 	var root := EditorInterface.get_edited_scene_root() if Engine.is_editor_hint() else null
 	if root == null:
 		node.free()
-		return "No scene is open. Open one, or make a new one, and add the character again."
+		return "No scene is open. Open or create a scene, and add the character again."
 	var selection := EditorInterface.get_selection()
 	var selected := selection.get_selected_nodes()
 	var parent: Node = selected[0] if selected.size() == 1 and root.is_ancestor_of(selected[0]) else root

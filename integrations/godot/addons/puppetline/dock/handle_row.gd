@@ -1,6 +1,6 @@
 @tool
 extends RefCounted
-## A row of the mapping's table: a handle, the joints whose mean motion it follows, along which axes, how far.
+## A row of the mapping table: a handle, the joints whose mean motion it follows, the axes and the gain.
 
 signal edited(changes: Dictionary)
 
@@ -9,11 +9,11 @@ const AxisToggles := preload("axis_toggles.gd")
 const NumberBox := preload("number_box.gd")
 const Mapping := preload("mapping.gd")
 
-const LARGEST_GAIN := 10.0
+const MAX_GAIN := 10.0
 
-## What it shows.
+## The handle that this row shows.
 var handle: Mapping.Handle
-## The cells, from left to right: which handle, and what moves it.
+## The cells from left to right: the handle, and its joints, axes and gain.
 var cells: Array[Control] = [VBoxContainer.new(), VBoxContainer.new()]
 ## Pressed while the figure shows the handle's joints.
 var title := Button.new()
@@ -31,22 +31,22 @@ func _init(all_joints: PackedStringArray, scale: float) -> void:
 		menu.add_check_item(joint)
 	menu.index_pressed.connect(func(index: int) -> void: toggle_joint(menu.get_item_text(index)))
 	gain.prefix = "×"
-	gain.min_value = -LARGEST_GAIN
-	gain.max_value = LARGEST_GAIN
+	gain.min_value = -MAX_GAIN
+	gain.max_value = MAX_GAIN
 	gain.allow_greater = true
 	gain.allow_lesser = true
-	gain.tooltip_text = "How far the handle goes for what its joints go; below 0 the other way"
+	gain.tooltip_text = "How far the handle moves relative to its joints; negative values reverse the direction"
 	axes.edited.connect(func(chosen: String) -> void: edited.emit({"axes": chosen}))
 	gain.edited.connect(func(number: float) -> void: edited.emit({"gain": number}))
 
 
-## Show a handle as it is.
+## Show the values of a handle.
 func show_handle(shown: Mapping.Handle) -> void:
 	handle = shown
 	title.text = handle.name
 	title.tooltip_text = handle.name
 	joints.text = ", ".join(handle.joints) if handle.joints else "none"
-	joints.tooltip_text = "Moved by %s" % ", ".join(handle.joints) if handle.joints else "It stays where it is"
+	joints.tooltip_text = "Moved by %s" % ", ".join(handle.joints) if handle.joints else "No joint moves this handle"
 	var menu := joints.get_popup()
 	for i in menu.item_count:
 		menu.set_item_checked(i, menu.get_item_text(i) in handle.joints)
@@ -55,7 +55,7 @@ func show_handle(shown: Mapping.Handle) -> void:
 	gain.show_number(handle.gain)
 
 
-## Have a joint move the handle, or no more.
+## Add a joint to the handle's joints, or remove it.
 func toggle_joint(joint: String) -> void:
 	var chosen := handle.joints.duplicate()
 	if joint in chosen:
@@ -85,7 +85,7 @@ func _lay_out(scale: float) -> void:
 	joints.flat = false
 	joints.icon_alignment = HORIZONTAL_ALIGNMENT_RIGHT
 	activity.custom_minimum_size.y = 3.0 * scale
-	activity.tooltip_text = "How much the handle moves just now"
+	activity.tooltip_text = "Current motion of the handle"
 	gain.size_flags_horizontal = Control.SIZE_EXPAND_FILL
 	cells[0].add_child(title)
 	cells[0].add_child(activity)

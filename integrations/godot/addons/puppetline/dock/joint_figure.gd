@@ -1,13 +1,14 @@
 @tool
 extends Control
-## The performer as in a mirror, joint by joint: those that move a handle are filled. A click on one takes it in or out.
+## A figure of the performer's joints, as in a mirror. The joints that move a handle are filled. A click on a joint adds
+## or removes it.
 
 signal joint_pressed(joint: String)
 
 const Editor := preload("editor.gd")
 
-## Where the joints are shown, from the left and the top, in heights of the figure.
-const PLACES := {
+## Positions of the joints, from the middle and the top, in heights of the figure. The right side mirrors the left side.
+const JOINT_POSITIONS := {
 	"head": Vector2(0.0, 0.05),
 	"shoulder_center": Vector2(0.0, 0.2),
 	"spine": Vector2(0.0, 0.4),
@@ -29,7 +30,7 @@ const BONES: Array[Array] = [
 	["hip_center", "hip_right", "knee_right", "ankle_right", "foot_right"],
 ]
 
-## The joints that are filled.
+## The filled joints.
 var chosen := PackedStringArray():
 	set(joints):
 		if chosen != joints:
@@ -39,12 +40,12 @@ var chosen := PackedStringArray():
 var _pointed := ""
 
 
-## Where a joint is shown; somewhere outside for one that is not known here.
-func place(joint: String) -> Vector2:
+## Return the position of a joint in this control; infinite for an unknown joint.
+func joint_position(joint: String) -> Vector2:
 	var left := joint.replace("_right", "_left")
-	if left not in PLACES:
+	if left not in JOINT_POSITIONS:
 		return Vector2(INF, INF)
-	var side: Vector2 = PLACES[left] * (Vector2.ONE if left == joint else Vector2(-1.0, 1.0))
+	var side: Vector2 = JOINT_POSITIONS[left] * (Vector2.ONE if left == joint else Vector2(-1.0, 1.0))
 	return Vector2(0.5 * size.x, 0.0) + side * size.y
 
 
@@ -75,16 +76,16 @@ func _draw() -> void:
 	var width := maxf(0.012 * size.y, 1.0)
 	for bone: Array in BONES:
 		for i in bone.size() - 1:
-			draw_line(place(bone[i]), place(bone[i + 1]), line, width, true)
+			draw_line(joint_position(bone[i]), joint_position(bone[i + 1]), line, width, true)
 	for joint in _joints():
 		var radius := _radius() * (1.25 if joint == _pointed else 1.0)
-		draw_circle(place(joint), radius, filled if joint in chosen else line)
+		draw_circle(joint_position(joint), radius, filled if joint in chosen else line)
 		if joint in chosen or joint == _pointed:
-			draw_arc(place(joint), radius, 0.0, TAU, 24, ground, width, true)
+			draw_arc(joint_position(joint), radius, 0.0, TAU, 24, ground, width, true)
 	var font := get_theme_default_font()
 	var font_size := get_theme_default_font_size()
 	for side: String in ["left", "right"]:
-		var at := place("hand_" + side) + Vector2(-0.25 * font_size, 0.09 * size.y + 0.5 * font_size)
+		var at := joint_position("hand_" + side) + Vector2(-0.25 * font_size, 0.09 * size.y + 0.5 * font_size)
 		draw_string(font, at, side[0].to_upper(), HORIZONTAL_ALIGNMENT_LEFT, -1.0, font_size, line)
 
 
@@ -94,21 +95,21 @@ func _radius() -> float:
 
 func _joints() -> PackedStringArray:
 	var joints := PackedStringArray()
-	for left: String in PLACES:
+	for left: String in JOINT_POSITIONS:
 		joints.append(left)
 		if left.ends_with("_left"):
 			joints.append(left.replace("_left", "_right"))
 	return joints
 
 
-## Return the joint nearest to a point, if it is near.
+## Return the joint nearest to a point; empty if none is close enough.
 func _joint_at(point: Vector2) -> String:
 	var nearest := ""
 	var distance := 1.8 * _radius()
 	for joint in _joints():
-		if place(joint).distance_to(point) < distance:
+		if joint_position(joint).distance_to(point) < distance:
 			nearest = joint
-			distance = place(joint).distance_to(point)
+			distance = joint_position(joint).distance_to(point)
 	return nearest
 
 

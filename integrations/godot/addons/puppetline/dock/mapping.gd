@@ -1,27 +1,27 @@
 @tool
 extends RefCounted
-## Which joints move which handle of a character, as the service says it (docs/control.md, "Editing a mapping").
+## The mapping of a character as reported by the service (docs/control.md, "Editing a mapping").
 
 const Checked := preload("checked.gd")
 
-## Rows that a dock has room for.
-const MOST_HANDLES := 256
-const MOST_JOINTS := 64
+## Maximum number of handles that are read.
+const MAX_HANDLES := 256
+const MAX_JOINTS := 64
 
 var character := ""
 var handles: Array[Handle] = []
-## The joint that carries the whole character; empty for none.
+## The root joint, which moves the whole character; empty for none.
 var root_joint := ""
 var root_axes := ""
-## The character's metres for one of the performer's; 0 for one that is found out.
+## Metres that the character moves per metre of the performer; 0 for the automatic scale.
 var scale := 0.0
-## All joints that there are.
+## Names of all joints.
 var joints := PackedStringArray()
-## Whether the puppet file says the same.
+## Whether the mapping equals the one in the puppet file.
 var saved := false
 
 
-## A point on the surface, and what moves it.
+## A handle and its mapping.
 class Handle:
 	var name := ""
 	var joints := PackedStringArray()
@@ -29,16 +29,16 @@ class Handle:
 	var gain := 1.0
 
 
-## [param result] is that of the command `puppet`.
+## [param result] is the result of the command `puppet`.
 func _init(result: Variant) -> void:
 	character = Checked.text(result, "character")
-	for each in Checked.tables(result, "handles", MOST_HANDLES):
+	for each in Checked.tables(result, "handles", MAX_HANDLES):
 		_add_handle(each)
 	var root := Checked.table(result, "root")
 	root_joint = Checked.text(root, "joint")
 	root_axes = Checked.text(root, "axes")
 	scale = Checked.number(result, "scale", 0.0)
-	joints = Checked.texts(result, "joints", MOST_JOINTS)
+	joints = Checked.texts(result, "joints", MAX_JOINTS)
 	saved = Checked.flag(result, "saved")
 
 
@@ -49,11 +49,11 @@ func handle_names() -> PackedStringArray:
 	return names
 
 
-func _add_handle(said: Dictionary) -> void:
+func _add_handle(entry: Dictionary) -> void:
 	var handle := Handle.new()
-	handle.name = Checked.text(said, "name")
-	handle.joints = Checked.texts(said, "joints", MOST_JOINTS)
-	handle.axes = Checked.text(said, "axes")
-	handle.gain = Checked.number(said, "gain", 1.0)
+	handle.name = Checked.text(entry, "name")
+	handle.joints = Checked.texts(entry, "joints", MAX_JOINTS)
+	handle.axes = Checked.text(entry, "axes")
+	handle.gain = Checked.number(entry, "gain", 1.0)
 	if handle.name not in handle_names():
 		handles.append(handle)

@@ -1,6 +1,6 @@
 @tool
 extends VBoxContainer
-## A mapping as a table, a row a handle, and a figure of the performer with the joints of one of them.
+## A table of a mapping with one row per handle, and a figure with the joints of the selected handle.
 
 signal handle_edited(handle: String, changes: Dictionary)
 signal root_edited(joint: String, axes: String)
@@ -14,7 +14,7 @@ const JointFigure := preload("joint_figure.gd")
 const Editor := preload("editor.gd")
 
 const NO_ROOT := "nothing"
-const USUAL_ROOT_AXES := "xz"
+const DEFAULT_ROOT_AXES := "xz"
 
 var root_joint := OptionButton.new()
 var root_axes := AxisToggles.new()
@@ -32,7 +32,7 @@ var _shown := ""  # the handle whose joints the figure shows
 func _init() -> void:
 	add_child(figure)
 	figure.custom_minimum_size.y = 170.0 * Editor.scale()
-	figure.tooltip_text = " "  # without one, none is asked for
+	figure.tooltip_text = " "  # _get_tooltip is called only if a text is set
 	figure.joint_pressed.connect(_press_joint)
 	_grid.columns = 2
 	add_child(_grid)
@@ -40,7 +40,7 @@ func _init() -> void:
 	_add_scale()
 
 
-## The row of a handle, null if there is none.
+## Return the row of a handle; null if there is none.
 func row(handle: String) -> HandleRow:
 	return _rows.get(handle)
 
@@ -64,7 +64,7 @@ func show_mapping(mapping: Mapping) -> void:
 	_show_joints()
 
 
-## Show how much the handles move, in their order, from 0 to 1.
+## Show the activity of the handles, from 0 to 1, in their order.
 func show_activity(shares: PackedFloat32Array) -> void:
 	var rows := _rows.values()
 	for i in rows.size():
@@ -83,7 +83,7 @@ func set_disabled(disabled: bool) -> void:
 
 func _add_root() -> void:
 	var line := HBoxContainer.new()
-	line.add_child(_label("Carried by"))
+	line.add_child(_label("Root joint"))
 	root_joint.add_item(NO_ROOT)
 	root_joint.size_flags_horizontal = Control.SIZE_EXPAND_FILL
 	root_joint.clip_text = true
@@ -99,14 +99,14 @@ func _add_scale() -> void:
 	var line := HBoxContainer.new()
 	line.add_child(_label("Scale"))
 	automatic.text = "automatic"
-	automatic.tooltip_text = "A limb that is stretched out takes its handle as far as it goes"
+	automatic.tooltip_text = "Choose the scale so that a stretched limb moves its handle to its greatest reach"
 	automatic.toggled.connect(func(on: bool) -> void: scale_edited.emit(0.0 if on else scale_value.number()))
 	scale_value.size_flags_horizontal = Control.SIZE_EXPAND_FILL
 	scale_value.min_value = 0.001
 	scale_value.max_value = 100.0
 	scale_value.allow_greater = true
 	scale_value.value = 1.0
-	scale_value.tooltip_text = "How many of the character's metres for one of the performer's"
+	scale_value.tooltip_text = "Metres that the character moves per metre of the performer"
 	scale_value.edited.connect(scale_edited.emit)
 	line.add_child(automatic)
 	line.add_child(scale_value)
@@ -167,8 +167,8 @@ func _edit(handle: String, changes: Dictionary) -> void:
 
 
 func _choose_root(_index: int) -> void:
-	if root_axes.disabled:  # there was none
-		root_axes.axes = USUAL_ROOT_AXES
+	if root_axes.disabled:  # there was no root joint
+		root_axes.axes = DEFAULT_ROOT_AXES
 	_edit_root()
 
 

@@ -1,6 +1,6 @@
 @tool
 extends SpinBox
-## A number of three decimals at most.
+## A box for a number with at most three decimals.
 
 signal edited(number: float)
 
@@ -13,12 +13,12 @@ func _init() -> void:
 	value_changed.connect(func(_value: float) -> void: edited.emit(number()))
 
 
-## Return what is to be seen: a SpinBox itself counts in steps, which are no round numbers.
+## Return the shown number. The value of a SpinBox is a multiple of its step, which is not exactly decimal.
 func number() -> float:
 	return String.num(value, _DECIMALS).to_float()
 
 
-## Show a number that somebody else has set.
+## Show a number without emitting [signal edited].
 func show_number(shown: float) -> void:
 	if String.num(shown, _DECIMALS).to_float() != number():
 		set_value_no_signal(shown)

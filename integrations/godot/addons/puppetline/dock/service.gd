@@ -1,51 +1,51 @@
 @tool
 extends RefCounted
-## A service as the dock sees it: what it says each second, and what is asked of it. There are no controls in here.
+## The dock's model of a service: its state, requested every second, and the requests of the dock. It has no controls.
 
-## Something is to be shown anew: [member connection], [member roles] or [member chosen].
+## Emitted when [member connection], [member characters] or [member chosen] has changed.
 signal changed
-## The mapping of the chosen character has come, or another one, or an edit of it was refused.
+## Emitted when [member mapping] has changed, or when an edit has been refused.
 signal mapping_changed
-## What was asked for cannot be done; a text for people.
+## Emitted with an error text when a request has failed.
 signal refused(text: String)
-## What was asked for has been done.
+## Emitted when a request has succeeded.
 signal done
 
 const Stream := preload("../wire/stream.gd")
 const Requests := preload("../wire/control.gd")
 const Message := preload("../wire/message.gd")
 const Checked := preload("checked.gd")
-const Role := preload("role.gd")
+const CharacterStatus := preload("character_status.gd")
 const Mapping := preload("mapping.gd")
 const Activity := preload("activity.gd")
 
-## Milliseconds from one look at the service to the next.
-const INTERVAL := 1000
+## Time between two requests of the service's state, in milliseconds.
+const REQUEST_INTERVAL_MS := 1000
 
 var host := ""
 var port := 0
 var token := ""
-## How the connection is, in a sentence.
+## State of the connection, as a sentence.
 var connection := ""
-var roles: Array[Role] = []
-## The character that is dealt with; null where there is none.
-var chosen: Role
-## Of the chosen character; null before it has come.
+var characters: Array[CharacterStatus] = []
+## The chosen character; null if there is none.
+var chosen: CharacterStatus
+## Mapping of the chosen character; null before it has arrived.
 var mapping: Mapping
 var activity := Activity.new()
 
 var _stream: Stream
 var _requests: Requests
-var _look_at := 0
-var _looking := 0  # replies that are missing
-var _wish := ""  # the character that is chosen as soon as it is there
+var _next_request_ms := 0
+var _missing_replies := 0
+var _wanted_character := ""  # the character to choose as soon as it exists
 var _followed := ""
-var _edits: Array[Dictionary] = []  # that have not been sent
+var _edits: Array[Dictionary] = []  # edits that have not been sent
 var _editing := false
 var _edited := 0
 
 
-## Follow a service, in place of the one before. [param control_port] is the one after [param to_port] if it is 0.
+## Follow a service instead of the previous one. If [param control_port] is 0, it is the port after [param to_port].
 func open(to_host: String, to_port: int, with_token: String, control_port := 0) -> void:
 	close()
 	host = to_host
@@ -58,7 +58,7 @@ func open(to_host: String, to_port: int, with_token: String, control_port := 0) 
 	_take_state(_stream.state)
 
 
-## Let go of the service; what was chosen is remembered.
+## Disconnect from the service; the choice of the character is kept.
 func close() -> void:
 	if _stream == null:
 		return
@@ -66,7 +66,7 @@ func close() -> void:
 	_stream.state_changed.disconnect(_take_state)
 	_stream = null
 	connection = "Not connected."
-	_forget()
+	_reset()
 	_requests = null
 	changed.emit()
 
@@ -79,55 +79,55 @@ func is_online() -> bool:
 	return _stream != null and _stream.state == Stream.State.CONNECTED
 
 
-## Do what there is to do now.
+## Exchange messages with the service as far as that is possible without waiting.
 func poll() -> void:
 	if _stream == null:
 		return
 	_stream.poll()
 	_requests.poll()
-	if is_online() and _looking == 0 and Time.get_ticks_msec() >= _look_at:
-		_look()
+	if is_online() and _missing_replies == 0 and Time.get_ticks_msec() >= _next_request_ms:
+		_request_state()
 
 
-## Deal with this character from now on.
+## Choose a character.
 func choose(character: String) -> void:
-	_wish = character
+	_wanted_character = character
 	_choose()
-	_look_at = 0
+	_next_request_ms = 0
 
 
 func calibrate() -> void:
-	_ask({"do": "calibrate"})
+	_request({"do": "calibrate"})
 
 
 func set_mirror(on: bool) -> void:
-	_ask({"do": "mirror", "on": on})
+	_request({"do": "mirror", "on": on})
 
 
-## Have a performer play the character; [constant Role.NOBODY] lets the service choose.
+## Let a performer drive the character; [constant CharacterStatus.NO_USER] lets the service choose the performer.
 func choose_user(user: int) -> void:
-	var asked: Variant = null if user == Role.NOBODY else user
-	_ask({"do": "choose_user", "user": asked})
+	var asked: Variant = null if user == CharacterStatus.NO_USER else user
+	_request({"do": "choose_user", "user": asked})
 
 
-## Begin or end a take of the stage that the character is on.
+## Start or finish a take of the character's stage.
 func set_recording(on: bool) -> void:
 	if chosen != null:
 		_requests.request({"do": "record_start" if on else "record_stop", "stage": chosen.stage}, _take_answer)
 
 
-## Change joints (a text with spaces, or null), axes or gain of a handle.
+## Change joints (a string with spaces, or null), axes or gain of a handle.
 func set_handle(handle: String, changes: Dictionary) -> void:
 	_edit(changes.merged({"do": "set_handle", "handle": handle}))
 
 
-## Have a joint carry the character along these axes; none if it is empty.
+## Set the root joint and its axes; an empty joint removes the root motion.
 func set_root(joint: String, axes: String) -> void:
 	var asked: Variant = null if joint.is_empty() else joint
 	_edit({"do": "set_root", "joint": asked, "axes": axes})
 
 
-## Set the character's metres for one of the performer's; 0 has them found out.
+## Set the metres that the character moves per metre of the performer; 0 for the automatic scale.
 func set_scale(scale: float) -> void:
 	var asked: Variant = "auto" if scale <= 0.0 else scale
 	_edit({"do": "set_scale", "scale": asked})
@@ -144,67 +144,67 @@ func revert() -> void:
 func _take_state(state: Stream.State) -> void:
 	match state:
 		Stream.State.CONNECTED:
-			connection = "Connected with %s:%d." % [host, port]
-			_look_at = 0
+			connection = "Connected to %s:%d." % [host, port]
+			_next_request_ms = 0
 		Stream.State.REFUSED:
 			connection = _stream.reason
-			_forget()
+			_reset()
 		Stream.State.CONNECTING:
-			connection = "Looking for %s:%d …" % [host, port]
+			connection = "Connecting to %s:%d …" % [host, port]
 		Stream.State.OFFLINE:
-			connection = "%s It is tried again and again." % _stream.reason if _stream.reason else "Not connected."
-			_forget()
+			connection = "%s Retrying." % _stream.reason if _stream.reason else "Not connected."
+			_reset()
 	changed.emit()
 
 
-## What has been asked for is given up: whoever answers later is another service.
-func _forget() -> void:
+## Cancel all requests and edits, because later replies come from another service or run.
+func _reset() -> void:
 	_requests.close()
-	roles.clear()
-	_looking = 0
+	characters.clear()
+	_missing_replies = 0
 	_edits.clear()
 	_editing = false
 	_choose()
 
 
-func _look() -> void:
-	_look_at = Time.get_ticks_msec() + INTERVAL
-	_looking = 1
-	_requests.request({"do": "describe"}, _take_roles)
+func _request_state() -> void:
+	_next_request_ms = Time.get_ticks_msec() + REQUEST_INTERVAL_MS
+	_missing_replies = 1
+	_requests.request({"do": "describe"}, _take_characters)
 	if chosen != null:
-		_looking = 2
-		_requests.request({"do": "puppet", "character": chosen.character}, _take_mapping.bind(_edited))
+		_missing_replies = 2
+		_requests.request({"do": "puppet", "character": chosen.name}, _take_mapping.bind(_edited))
 
 
-func _take_roles(reply: Dictionary) -> void:
-	_looking -= 1
+func _take_characters(reply: Dictionary) -> void:
+	_missing_replies -= 1
 	if reply.ok:
-		connection = "Connected with %s:%d." % [host, port]
-		_read_roles(reply.get("result"))
+		connection = "Connected to %s:%d." % [host, port]
+		_read_characters(reply.get("result"))
 		_choose()
 	else:
-		connection = "Its stream is there, but nothing can be asked. %s" % _told(reply)
+		connection = "Connected to the stream, but not to the control socket. %s" % _error_text(reply)
 	changed.emit()
 
 
-func _read_roles(result: Variant) -> void:
-	roles.clear()
-	for each in Checked.tables(result, "characters", Checked.MOST):
-		roles.append(Role.new(each, Checked.table(result, "status")))
+func _read_characters(result: Variant) -> void:
+	characters.clear()
+	for each in Checked.tables(result, "characters", Checked.MAX_ITEMS):
+		characters.append(CharacterStatus.new(each, Checked.table(result, "status")))
 
 
-## Find the character that is wished for among those who are there, the first one failing that.
+## Choose the wanted character if it exists, otherwise the first one.
 func _choose() -> void:
-	var before := chosen.character if chosen != null else ""
-	chosen = roles[0] if roles else null
-	for each in roles:
-		if each.character == _wish:
+	var before := chosen.name if chosen != null else ""
+	chosen = characters[0] if characters else null
+	for each in characters:
+		if each.name == _wanted_character:
 			chosen = each
-	var now := chosen.character if chosen != null else ""
+	var now := chosen.name if chosen != null else ""
 	if now != before:
 		_edits.clear()
 		mapping = null
-		_look_at = 0
+		_next_request_ms = 0
 		_follow(now)
 		mapping_changed.emit()
 
@@ -219,38 +219,38 @@ func _follow(character: String) -> void:
 
 
 func _take_mapping(reply: Dictionary, edited: int) -> void:
-	_looking -= 1
-	# What was said before the last edit is out of date.
+	_missing_replies -= 1
+	# A reply from before the last edit is outdated.
 	if reply.ok and edited == _edited:
 		_set_mapping(reply)
 
 
 func _set_mapping(reply: Dictionary) -> void:
-	var said := Mapping.new(reply.get("result"))
-	if chosen != null and said.character == chosen.character:
-		mapping = said
+	var reported := Mapping.new(reply.get("result"))
+	if chosen != null and reported.character == chosen.name:
+		mapping = reported
 		mapping_changed.emit()
 
 
-func _ask(body: Dictionary) -> void:
+func _request(body: Dictionary) -> void:
 	if chosen != null:
-		_requests.request(body.merged({"character": chosen.character}), _take_answer)
+		_requests.request(body.merged({"character": chosen.name}), _take_answer)
 
 
 func _take_answer(reply: Dictionary) -> void:
 	if reply.ok:
 		done.emit()
 	else:
-		refused.emit(_told(reply))
-	_look_at = 0
+		refused.emit(_error_text(reply))
+	_next_request_ms = 0
 	changed.emit()
 
 
-## Change the mapping when the edits before have been answered; of two of the same thing, the later one counts.
+## Queue an edit of the mapping until the previous one has been answered. It replaces a queued edit of the same value.
 func _edit(body: Dictionary) -> void:
 	if chosen == null:
 		return
-	body["character"] = chosen.character
+	body["character"] = chosen.name
 	_edited += 1
 	var last: Dictionary = _edits.back() if _edits else {}
 	if last.get("do") == body["do"] and last.get("handle") == body.get("handle"):
@@ -270,17 +270,17 @@ func _take_edit(reply: Dictionary) -> void:
 	_editing = false
 	if not reply.ok:
 		_edits.clear()
-		refused.emit(_told(reply))
+		refused.emit(_error_text(reply))
 		mapping_changed.emit()
 	elif _edits.is_empty():
 		_set_mapping(reply)
 		done.emit()
-	_look_at = 0
+	_next_request_ms = 0
 	_send_edit()
 
 
-## Put an error into a sentence.
-func _told(reply: Dictionary) -> String:
+## Return the error of a reply as a sentence.
+func _error_text(reply: Dictionary) -> String:
 	var error: Variant = reply.get("error")
 	var parts: Array = []
 	for key: String in ["where", "found", "expected", "fix"]:

@@ -1,42 +1,42 @@
 extends Node3D
-## What shows a character: what is common to the three ways in which it can be done.
+## Base of the three nodes that show a character: by controls, vertices or morph targets.
 
 const SharedScene := preload("shared_scene.gd")
 const Message := preload("../wire/message.gd")
 
 ## The scene that belongs to the frames.
 var shared: SharedScene
-## Whether the character walks, or stays where it is.
+## Whether root motion moves the character, or it stays in place.
 var follow_root := true
-## What is wrong, for people; empty if nothing is.
+## Description of an error for the user; empty if there is none.
 var problem := ""
 
 
-## Return what has to be followed: the second half of the topic.
-func word() -> String:
+## Return the second half of the topic to follow.
+func payload_name() -> String:
 	return ""
 
 
-## Return how many bytes of payload each frame must have.
+## Return the size that the payload of each frame must have, in bytes.
 func frame_size() -> int:
 	return 0
 
 
-## Put materials in the place of the character's own, by surface; null keeps the own.
-func dress(_materials: Array[Material]) -> void:
+## Replace the materials of the character, by surface; null keeps the character's own.
+func set_materials(_materials: Array[Material]) -> void:
 	pass
 
 
-## Show what lies between two frames, a share of the way from the earlier to the later one.
+## Show the interpolation of two frames: the earlier one at share 0, the later one at share 1.
 func show_frames(_earlier: Message, _later: Message, _share: float) -> void:
 	pass
 
 
-## Compute the positions that are shown just now, in the order of the scene and the space of this node.
+## Compute the positions that are shown, in the order of the scene and the coordinates of this node.
 func evaluate() -> PackedVector3Array:
 	return PackedVector3Array()
 
 
-## Return what has to be added to all that is shown between two frames.
+## Return the displacement that is added to the interpolation of two frames.
 func shift(earlier: Message, later: Message, share: float) -> Vector3:
 	return Vector3.ZERO if follow_root else -earlier.root.lerp(later.root, share)

@@ -1,5 +1,5 @@
 extends "body.gd"
-## A character that the graphics card moves: each frame is some 80 transforms, whatever the mesh.
+## A character that the graphics card deforms. Each frame has about 80 transforms, whatever the size of the mesh.
 
 const RestMesh := preload("rest_mesh.gd")
 const Surfaces := preload("surfaces.gd")
@@ -7,25 +7,25 @@ const Materials := preload("materials.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 const OwnMesh := preload("own_mesh.gd")
 
-## Bytes of a transform.
-const _TRANSFORM := 48
+## Size of a transform, in bytes.
+const _TRANSFORM_BYTES := 48
 
 var _surfaces: Surfaces
 var _bounds: IsolineBounds
-var _transforms := 0
-## Two frames are on the graphics card, and one of them stays there when the time between the next two begins.
+var _transform_count := 0
+## Textures of the two frames on the graphics card. One of them stays there for the interpolation with the next frame.
 var _textures: Array[ImageTexture] = []
-var _held: Array[Message] = [null, null]
+var _frames: Array[Message] = [null, null]
 var _boxes: Array[AABB] = [AABB(), AABB()]
 var _weight := 0.0  # of the second one
 var _shift := Vector3.ZERO
 
 
-## `source` is the user's own character, which becomes a child of this node, or null for the mesh of the scene. That is
-## shown as well where there is a problem with the user's own.
+## [param source] is the character from `mesh_source`, which becomes a child of this node, or null for the mesh of the
+## scene. If [param source] has a problem, the mesh of the scene is shown instead.
 func _init(of: SharedScene, source: Node3D) -> void:
 	shared = of
-	_transforms = shared.scene.field_count * shared.scene.isoline_count
+	_transform_count = shared.scene.field_count * shared.scene.isoline_count
 	_bounds = shared.bounds
 	var empty := PackedByteArray()
 	empty.resize(frame_size())
@@ -46,22 +46,22 @@ func _init(of: SharedScene, source: Node3D) -> void:
 	_surfaces.set_parameter(&"puppet_by_vertices", false)
 
 
-func word() -> String:
+func payload_name() -> String:
 	return "controls"
 
 
 func frame_size() -> int:
-	return _transforms * _TRANSFORM
+	return _transform_count * _TRANSFORM_BYTES
 
 
-func dress(materials: Array[Material]) -> void:
-	_surfaces.dress(materials)
+func set_materials(materials: Array[Material]) -> void:
+	_surfaces.set_materials(materials)
 
 
 func show_frames(earlier: Message, later: Message, share: float) -> void:
-	var first := 1 if _held[1] == earlier or (_held[0] == later and earlier != later) else 0
-	var uploaded := _hold(first, earlier)
-	uploaded = _hold(1 - first, later) or uploaded
+	var first := 1 if _frames[1] == earlier or (_frames[0] == later and earlier != later) else 0
+	var uploaded := _upload(first, earlier)
+	uploaded = _upload(1 - first, later) or uploaded
 	_weight = share if first == 0 else 1.0 - share
 	_surfaces.set_parameter(&"puppet_share", _weight)
 	_shift = shift(earlier, later, share)
@@ -72,7 +72,7 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 
 
 func evaluate() -> PackedVector3Array:
-	if _held[0] == null:
+	if _frames[0] == null:
 		return PackedVector3Array()
 	var transforms := _mixed_transforms()
 	var scene := shared.scene
@@ -83,10 +83,10 @@ func evaluate() -> PackedVector3Array:
 		var rest := scene.positions[vertex]
 		var position := _shift
 		for field in scene.field_count:
-			var rung := scene.ladder[vertex * scene.field_count + field]
-			var isoline := clampi(int(rung), 0, last)
+			var coordinate := scene.isoline_coordinates[vertex * scene.field_count + field]
+			var isoline := clampi(int(coordinate), 0, last)
 			var transform := field * scene.isoline_count + isoline
-			var between := (transforms[transform] * rest).lerp(transforms[transform + 1] * rest, rung - isoline)
+			var between := (transforms[transform] * rest).lerp(transforms[transform + 1] * rest, coordinate - isoline)
 			position += scene.weights[field] * between
 		positions[vertex] = position
 	return positions
@@ -99,11 +99,11 @@ func _add_scene() -> void:
 	_surfaces.add(instance, Materials.of_scene(shared.scene), Basis.IDENTITY)
 
 
-## Have a frame on the graphics card; true if it was not there.
-func _hold(i: int, frame: Message) -> bool:
-	if _held[i] == frame:
+## Upload a frame to the graphics card; return false if it was already there.
+func _upload(i: int, frame: Message) -> bool:
+	if _frames[i] == frame:
 		return false
-	_held[i] = frame
+	_frames[i] = frame
 	_textures[i].update(_image(frame.payload))
 	var box := _bounds.around(frame.payload)
 	if not box.is_finite():
@@ -114,16 +114,16 @@ func _hold(i: int, frame: Message) -> bool:
 	return true
 
 
-## A row for each transform, of its three rows.
+## Return an image with one row per transform, whose pixels are the three rows of its matrix.
 func _image(payload: PackedByteArray) -> Image:
-	return Image.create_from_data(3, _transforms, false, Image.FORMAT_RGBAF, payload)
+	return Image.create_from_data(3, _transform_count, false, Image.FORMAT_RGBAF, payload)
 
 
 func _mixed_transforms() -> Array[Transform3D]:
-	var first := _held[0].payload.to_float32_array()
-	var second := _held[1].payload.to_float32_array()
+	var first := _frames[0].payload.to_float32_array()
+	var second := _frames[1].payload.to_float32_array()
 	var transforms: Array[Transform3D] = []
-	for i in _transforms:
+	for i in _transform_count:
 		var rows: Array[Vector4] = []
 		for at in range(12 * i, 12 * i + 12, 4):
 			var row := Vector4(first[at], first[at + 1], first[at + 2], first[at + 3])

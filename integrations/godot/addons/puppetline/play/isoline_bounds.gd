@@ -1,58 +1,59 @@
 extends RefCounted
-## A box around a character that is computed on the graphics card, at a cost that does not depend on its vertices.
+## Bounding box of a character that the graphics card deforms. Its cost does not depend on the number of vertices.
 ##
-## Each field puts a vertex between where the transforms of two isolines put it, and the weights of the fields add up
-## to 1. For vertices that lie between the same isolines at nearly the same places, the transform of the places in the
-## middle says where they are, but for what the transforms change over the rest of the places. A single transform may
-## be far from where the character is; their mean is not, and their changes are small over a small piece.
+## Each field interpolates a vertex between the transforms of two isolines, and the weights of the fields add up to 1.
+## The vertices are divided into pieces with similar isoline coordinates. The mean transform of a piece, at the middle
+## of its coordinates, approximates the positions of its vertices. The change of the transforms over its coordinates
+## bounds the error. A single transform can be far away from the character, but the mean is not, and the change is small
+## within a small piece.
 
 const Scene := preload("../wire/scene.gd")
 
-## Floats of a transform.
-const _TRANSFORM := 12
-## Pieces that the character is divided into.
-const _PIECES := 48
-## Vertices that decide where they are divided.
-const _LOOKED_AT := 2000
-## Spread of places, in isolines, that is none.
-const _NONE := 1e-6
+## Number of floats in a transform.
+const _TRANSFORM_FLOATS := 12
+## Maximum number of pieces.
+const _PIECE_COUNT := 48
+## Approximate number of vertices from which the cuts between pieces are computed.
+const _SAMPLE_COUNT := 2000
+## Minimum spread of isoline coordinates, in isolines; smaller ones count as zero.
+const _MIN_SPREAD := 1e-6
 
 var _pieces: Array[_Piece] = []
-## The columns of each transform.
+## Columns of each transform.
 var _x := PackedVector3Array()
 var _y := PackedVector3Array()
 var _z := PackedVector3Array()
 var _origin := PackedVector3Array()
 
 
-## Vertices that lie at nearly the same places between the isolines of all fields.
+## Vertices with similar isoline coordinates in all fields.
 class _Piece:
 	var center: Vector3
 	var half: Vector3
-	## The transforms whose mean is that of the middle, and the share of each.
+	## The transforms whose weighted mean belongs to the middle of the piece, and their weights.
 	var isolines := PackedInt32Array()
 	var shares := PackedFloat32Array()
-	## Gaps between two isolines over which places spread, each named by the lower one.
+	## Gaps between two isolines that contain coordinates of the piece, each as the index of the lower isoline.
 	var gaps := PackedInt32Array()
-	## How far places spread in each gap, below and above the middle, times the weight of the field.
+	## Spread of the coordinates in each gap, below and above the middle, times the weight of the field.
 	var below := PackedFloat32Array()
 	var above := PackedFloat32Array()
 	## Number of gaps of each field.
 	var counts := PackedInt32Array()
 
 
-## The places of a field beyond some place are a piece of their own.
+## A cut: vertices with a greater coordinate in one field become a new piece.
 class _Cut:
 	var field := 0
-	var place := 0.0
-	## How far the places spread that it divides, times the weight of the field.
+	var coordinate := 0.0
+	## Spread of the coordinates that the cut divides, times the weight of the field.
 	var spread := 0.0
 	var piece_beyond := 0
-	## The cuts that come after, on this side of it and beyond.
+	## The next cuts on this side and beyond.
 	var next: _Cut = null
 	var next_beyond: _Cut = null
 
-	## Let a cut of one of the two pieces come after this one.
+	## Append a cut of one of the two pieces.
 	func follow(piece: int, cut: _Cut) -> void:
 		if piece == piece_beyond:
 			next_beyond = cut
@@ -61,11 +62,11 @@ class _Cut:
 
 
 func _init(scene: Scene) -> void:
-	for vertices in _divided(scene):
+	for vertices in _divide(scene):
 		_pieces.append(_piece(scene, vertices))
 
 
-## Return a box that no vertex leaves, for the controls of a frame: 3 × 4 floats a transform, row by row.
+## Return a box that contains all vertices, for the controls of a frame: 3 × 4 floats per transform, row by row.
 func around(controls: PackedByteArray) -> AABB:
 	_read(controls.to_float32_array())
 	var low := Vector3.INF
@@ -91,7 +92,7 @@ func around(controls: PackedByteArray) -> AABB:
 	return AABB(low, high - low)
 
 
-## Return how far the vertices of a piece are at most from where the transform of the middle puts them.
+## Return the maximum distance, by axis, of the vertices of a piece from their positions by the mean transform.
 func _spread(piece: _Piece) -> Vector3:
 	var center := piece.center
 	var half := piece.half
@@ -115,19 +116,19 @@ func _spread(piece: _Piece) -> Vector3:
 
 
 func _read(numbers: PackedFloat32Array) -> void:
-	var count := numbers.size() / _TRANSFORM
+	var count := numbers.size() / _TRANSFORM_FLOATS
 	for columns: PackedVector3Array in [_x, _y, _z, _origin]:
 		columns.resize(count)
 	for i in count:
-		var at := i * _TRANSFORM
+		var at := i * _TRANSFORM_FLOATS
 		_x[i] = Vector3(numbers[at], numbers[at + 4], numbers[at + 8])
 		_y[i] = Vector3(numbers[at + 1], numbers[at + 5], numbers[at + 9])
 		_z[i] = Vector3(numbers[at + 2], numbers[at + 6], numbers[at + 10])
 		_origin[i] = Vector3(numbers[at + 3], numbers[at + 7], numbers[at + 11])
 
 
-## Divide the vertices into pieces, by the cuts that suit some of them.
-static func _divided(scene: Scene) -> Array[PackedInt32Array]:
+## Divide the vertices into pieces, by the cuts that were computed from samples.
+static func _divide(scene: Scene) -> Array[PackedInt32Array]:
 	var cuts := _cuts(scene)
 	var fields := scene.field_count
 	var pieces: Array[PackedInt32Array] = []
@@ -137,7 +138,7 @@ static func _divided(scene: Scene) -> Array[PackedInt32Array]:
 		var at := 0
 		var cut: _Cut = null if cuts.is_empty() else cuts[0]
 		while cut != null:
-			var beyond := scene.ladder[vertex * fields + cut.field] > cut.place
+			var beyond := scene.isoline_coordinates[vertex * fields + cut.field] > cut.coordinate
 			at = cut.piece_beyond if beyond else at
 			cut = cut.next_beyond if beyond else cut.next
 		pieces[at].append(vertex)
@@ -148,24 +149,26 @@ static func _divided(scene: Scene) -> Array[PackedInt32Array]:
 	return filled
 
 
-## Cut the piece whose places spread most at the middle of them, again and again, for some of the vertices.
+## Repeatedly cut the piece with the greatest spread of coordinates at its middle, using samples of the vertices.
 static func _cuts(scene: Scene) -> Array[_Cut]:
-	var some := PackedInt32Array(range(0, scene.vertex_count, ceili(float(scene.vertex_count) / _LOOKED_AT)))
-	var pieces: Array[PackedInt32Array] = [some]
-	var best: Array[_Cut] = [_best_cut(scene, some)]
+	var samples := PackedInt32Array(range(0, scene.vertex_count, ceili(float(scene.vertex_count) / _SAMPLE_COUNT)))
+	var pieces: Array[PackedInt32Array] = [samples]
+	var best: Array[_Cut] = [_best_cut(scene, samples)]
 	var last: Array[_Cut] = [null]  # the cut that made each piece
 	var cuts: Array[_Cut] = []
-	while pieces.size() < _PIECES:
+	while pieces.size() < _PIECE_COUNT:
 		var most := 0
 		for i in best.size():
 			if best[i].spread > best[most].spread:
 				most = i
 		var cut := best[most]
-		if cut.spread <= _NONE:
+		if cut.spread <= _MIN_SPREAD:
 			break
 		var halves: Array[PackedInt32Array] = [PackedInt32Array(), PackedInt32Array()]
 		for vertex in pieces[most]:
-			halves[int(scene.ladder[vertex * scene.field_count + cut.field] > cut.place)].append(vertex)
+			halves[int(scene.isoline_coordinates[vertex * scene.field_count + cut.field] > cut.coordinate)].append(
+				vertex
+			)
 		cut.piece_beyond = pieces.size()
 		if last[most] != null:
 			last[most].follow(most, cut)
@@ -179,28 +182,28 @@ static func _cuts(scene: Scene) -> Array[_Cut]:
 	return cuts
 
 
-## Return the cut of the field in which the places of some vertices spread most.
+## Return the cut in the field with the greatest spread of coordinates of these vertices.
 static func _best_cut(scene: Scene, vertices: PackedInt32Array) -> _Cut:
 	var best := _Cut.new()
 	for field in scene.field_count:
-		var places := _range(scene, vertices, field)
-		var spread := (places.y - places.x) * scene.weights[field]
+		var interval := _range(scene, vertices, field)
+		var spread := (interval.y - interval.x) * scene.weights[field]
 		if spread > best.spread:
 			best.spread = spread
 			best.field = field
-			best.place = (places.x + places.y) / 2.0
+			best.coordinate = (interval.x + interval.y) / 2.0
 	return best
 
 
-## Return the least and greatest place of some vertices in a field.
+## Return the least and greatest coordinate of these vertices in a field.
 static func _range(scene: Scene, vertices: PackedInt32Array, field: int) -> Vector2:
 	var low := INF
 	var high := -INF
 	var fields := scene.field_count
 	for vertex in vertices:
-		var place := scene.ladder[vertex * fields + field]
-		low = minf(low, place)
-		high = maxf(high, place)
+		var coordinate := scene.isoline_coordinates[vertex * fields + field]
+		low = minf(low, coordinate)
+		high = maxf(high, coordinate)
 	var top := scene.isoline_count - 1.0
 	return Vector2(clampf(low, 0.0, top), clampf(high, 0.0, top))
 
@@ -217,16 +220,16 @@ static func _piece(scene: Scene, vertices: PackedInt32Array) -> _Piece:
 	for field in scene.field_count:
 		var base := field * scene.isoline_count
 		var weight := scene.weights[field]
-		var places := _range(scene, vertices, field)
-		var middle := (places.x + places.y) / 2.0
+		var interval := _range(scene, vertices, field)
+		var middle := (interval.x + interval.y) / 2.0
 		var lower := mini(int(middle), scene.isoline_count - 2)
 		piece.isolines.append_array([base + lower, base + lower + 1])
 		piece.shares.append_array([weight * (lower + 1 - middle), weight * (middle - lower)])
 		var count := 0
 		for gap in scene.isoline_count - 1:
-			var below := minf(gap + 1, middle) - maxf(gap, places.x)
-			var above := minf(gap + 1, places.y) - maxf(gap, middle)
-			if maxf(below, above) > _NONE:
+			var below := minf(gap + 1, middle) - maxf(gap, interval.x)
+			var above := minf(gap + 1, interval.y) - maxf(gap, middle)
+			if maxf(below, above) > _MIN_SPREAD:
 				piece.gaps.append(base + gap)
 				piece.below.append(weight * maxf(below, 0.0))
 				piece.above.append(weight * maxf(above, 0.0))

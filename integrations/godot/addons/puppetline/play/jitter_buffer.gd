@@ -1,59 +1,61 @@
 extends RefCounted
-## Frames that have come and are not shown yet, so that a picture can be made for each refresh of the display.
+## Buffer of received frames, from which each refresh of the display gets an interpolated pose.
 ##
-## Frames come unevenly, and not as often as the display wants pictures. So what is shown lies [member delay] behind
-## what comes, between two frames, at the times that the source gave to them. Where nothing comes the last frame stays.
+## Frames arrive at irregular times, and at another rate than the display's. They are therefore shown with a [member
+## delay], interpolated by the source's times. If no frames arrive, the last one stays.
 
 const Message := preload("../wire/message.gd")
 
-## Frames that are kept at most.
-const MOST_FRAMES := 64
-## Seconds of the source's clock between two frames from which on nothing is shown in between: it is another motion.
-const LONGEST_GAP := 0.5
-## Seconds over which the frame is sought that was the quickest to come: by it the source's clock is read.
-const WINDOW := 1.0
-## How much quicker or slower than the source, at most, it is played while its clock drifts.
-const SLEW := 0.05
-## Seconds that may be caught up with in that way; what is more is jumped over.
-const LARGEST_DRIFT := 0.25
+## Maximum number of frames in the buffer.
+const MAX_FRAMES := 64
+## Maximum time between two consecutive frames, in seconds of the source's clock. After a longer gap, a new motion
+## begins without interpolation.
+const MAX_GAP_SECONDS := 0.5
+## Period in which the frame with the shortest transmission time is determined, in seconds. It defines the offset of the
+## source's clock.
+const WINDOW_SECONDS := 1.0
+## Maximum relative change of the playback speed that corrects clock drift.
+const MAX_RATE_CHANGE := 0.05
+## Maximum drift that the speed corrects, in seconds; playback skips larger differences.
+const MAX_GRADUAL_DRIFT_SECONDS := 0.25
 
-## Seconds by which what is shown lies behind what comes.
+## Time by which the shown pose lags behind the received frames, in seconds.
 var delay := 0.05
-## The frame before now and the one after; the same one where there is only one; null before the first.
+## The frames before and after the shown time; the same frame if there is only one; null before the first.
 var earlier: Message
 var later: Message
-## How far it is from [member earlier] to [member later]: 0 to 1.
+## Position of the shown time between [member earlier] (0) and [member later] (1).
 var share := 0.0
-## Frames that were lost on the way, by gaps in their numbers.
+## Number of frames that were lost in transmission, from gaps in their numbers.
 var lost := 0
 
 var _frames: Array[Message] = []
-var _lag := 0.0  # the local clock minus the source's, as it is played
-var _quickest := PackedFloat64Array([INF, INF])  # the same, of the quickest frame: of this window and of the one before
-var _window_ends := -INF
-var _shown_at := 0.0
+var _lag := 0.0  # local clock minus source's clock, as used for playback
+var _smallest_lags := PackedFloat64Array([INF, INF])  # of all frames in this window, and in the one before
+var _window_end := -INF
+var _last_advance := 0.0
 
 
-## Take a frame in that has come now, in seconds of the local clock.
+## Add a frame that arrived at the time [param now], in seconds of the local clock.
 func push(frame: Message, now: float) -> void:
-	if not _follows(frame):
+	if not _continues(frame):
 		clear()
 	if _frames.is_empty():
 		_lag = now - frame.time
-		_shown_at = now
+		_last_advance = now
 	else:
 		lost += frame.sequence - _frames[-1].sequence - 1
 	_frames.append(frame)
-	if _frames.size() > MOST_FRAMES:
+	if _frames.size() > MAX_FRAMES:
 		_frames.pop_front()
-	_compare_clocks(now - frame.time, now)
+	_record_lag(now - frame.time, now)
 
 
-## Find out what is to be shown now, in seconds of the local clock; false before the first frame.
+## Determine the frames to show at the time [param now], in seconds of the local clock; return false before the first.
 func advance(now: float) -> bool:
 	if _frames.is_empty():
 		return earlier != null
-	_follow_clock(now)
+	_adjust_lag(now)
 	var playhead := now - _lag - delay
 	while _frames.size() > 1 and _frames[1].time <= playhead:
 		_frames.pop_front()
@@ -63,38 +65,38 @@ func advance(now: float) -> bool:
 	return true
 
 
-## Forget all but what is shown.
+## Remove all frames; the shown ones stay in [member earlier] and [member later].
 func clear() -> void:
 	_frames.clear()
-	_quickest.fill(INF)
-	_window_ends = -INF
+	_smallest_lags.fill(INF)
+	_window_end = -INF
 
 
-## Return how many frames wait to be shown.
+## Return the number of frames that have not been shown yet.
 func waiting() -> int:
 	return maxi(_frames.size() - 1, 0)
 
 
-## Tell whether a frame goes on with the motion of the one before.
-func _follows(frame: Message) -> bool:
+## Return whether a frame continues the motion of the previous one.
+func _continues(frame: Message) -> bool:
 	if _frames.is_empty():
 		return false
 	var before := _frames[-1]
-	var passed := frame.time - before.time
-	return frame.sequence > before.sequence and passed > 0.0 and passed <= LONGEST_GAP
+	var elapsed := frame.time - before.time
+	return frame.sequence > before.sequence and elapsed > 0.0 and elapsed <= MAX_GAP_SECONDS
 
 
-func _compare_clocks(difference: float, now: float) -> void:
-	if now >= _window_ends:
-		_quickest = PackedFloat64Array([INF, _quickest[0]])
-		_window_ends = now + WINDOW
-	_quickest[0] = minf(_quickest[0], difference)
+func _record_lag(difference: float, now: float) -> void:
+	if now >= _window_end:
+		_smallest_lags = PackedFloat64Array([INF, _smallest_lags[0]])
+		_window_end = now + WINDOW_SECONDS
+	_smallest_lags[0] = minf(_smallest_lags[0], difference)
 
 
-func _follow_clock(now: float) -> void:
-	var aim := minf(_quickest[0], _quickest[1])
-	if absf(aim - _lag) > LARGEST_DRIFT:
-		_lag = aim
+func _adjust_lag(now: float) -> void:
+	var target := minf(_smallest_lags[0], _smallest_lags[1])
+	if absf(target - _lag) > MAX_GRADUAL_DRIFT_SECONDS:
+		_lag = target
 	else:
-		_lag = move_toward(_lag, aim, SLEW * (now - _shown_at))
-	_shown_at = now
+		_lag = move_toward(_lag, target, MAX_RATE_CHANGE * (now - _last_advance))
+	_last_advance = now

@@ -1,13 +1,13 @@
 extends RefCounted
-## Materials that move with a character: shaders made of standard materials, so that these look as they did.
+## Materials that deform with a character: shaders that reproduce the look of standard materials.
 ##
-## Godot does not tell scripts the shaders of its standard materials. Here they are written anew, for what glTF has and
-## what is commonly set by hand. Uniforms bear the names of the properties that they are filled from.
+## Scripts cannot read the shaders of Godot's standard materials. This script writes them for the features of glTF and
+## other common ones. Each uniform has the name of the property that provides its value.
 
 const RestMesh := preload("rest_mesh.gd")
 const Scene := preload("../wire/scene.gd")
 const SharedScene := preload("shared_scene.gd")
-## Also makes it part of an exported game, whose shaders include it.
+## The include file of the shaders; preloading it also adds it to exported games.
 const INCLUDE := preload("puppet.gdshaderinc")
 
 const _FILTERS: Array[String] = [
@@ -33,8 +33,8 @@ const _CHANNELS: Array[String] = [
 const _ROUGHNESS_HINTS: Array[String] = [
 	"hint_roughness_r", "hint_roughness_g", "hint_roughness_b", "hint_roughness_a", "hint_roughness_gray"
 ]
-## What a material may have that is left out, and the property that says so.
-const _LEFT_OUT: Dictionary = {
+## Unsupported features of materials, by the property that enables them.
+const _UNSUPPORTED: Dictionary = {
 	"heightmap_enabled": "height map",
 	"refraction_enabled": "refraction",
 	"detail_enabled": "detail",
@@ -53,8 +53,8 @@ const _LEFT_OUT: Dictionary = {
 static var _shaders: Dictionary = {}  # code: WeakRef
 
 
-## Return the standard material of a part of a scene, as Godot's own importer would have made it. `colored` tells that
-## the scene has colours, which are everything but the opacity.
+## Return the standard material of a part of a scene, equal to the one from Godot's importer. If [param colored], the
+## scene has vertex colours, which replace the base colour except for its opacity.
 static func of_part(description: Dictionary, colored: bool) -> StandardMaterial3D:
 	var material := StandardMaterial3D.new()
 	var base: Array = description["base_color"]
@@ -78,7 +78,7 @@ static func of_part(description: Dictionary, colored: bool) -> StandardMaterial3
 	return material
 
 
-## Return the standard materials of the surfaces of a scene.
+## Return the standard material of each surface of a scene.
 static func of_scene(scene: Scene) -> Array[Material]:
 	var materials: Array[Material] = []
 	for part in RestMesh.drawn_parts(scene):
@@ -86,19 +86,21 @@ static func of_scene(scene: Scene) -> Array[Material]:
 	return materials
 
 
-## Return the material that shows the same and moves, or null for one that cannot. `colored` tells that vertex colours
+## Return a material with the same look that deforms, or null if that is impossible. If [param colored], vertex colours
 ## come from the scene and not from the mesh.
 static func moving(material: Material, colored: bool) -> ShaderMaterial:
-	var made := _moving_shader(material) if material is ShaderMaterial else _moving_standard(material, colored)
-	if made == null:
+	var moving_material := (
+		_moving_shader(material) if material is ShaderMaterial else _moving_standard(material, colored)
+	)
+	if moving_material == null:
 		return null
-	made.render_priority = material.render_priority
+	moving_material.render_priority = material.render_priority
 	if material.next_pass != null:
-		made.next_pass = moving(material.next_pass, colored)
-	return made
+		moving_material.next_pass = moving(material.next_pass, colored)
+	return moving_material
 
 
-## Set what is the same in each frame.
+## Set the uniforms that are the same in all frames.
 static func prepare(material: ShaderMaterial, shared: SharedScene) -> void:
 	var scene := shared.scene
 	var weights := scene.weights.duplicate()
@@ -114,13 +116,13 @@ static func prepare(material: ShaderMaterial, shared: SharedScene) -> void:
 	material.set_shader_parameter(&"puppet_weights_1", Vector4(weights[4], weights[5], weights[6], weights[7]))
 
 
-## Copy a user's own shader material, so that each node can set its own frames; null if it does not move.
+## Copy a custom shader material, so that each node can set its own frames; return null if it does not deform.
 static func _moving_shader(material: ShaderMaterial) -> ShaderMaterial:
 	if material.shader == null or not material.shader.code.contains("puppet_vertex"):
 		push_warning(
 			(
-				"Puppetline: the shader of the material %s does not call puppet_vertex(), so what it draws cannot move. %s"
-				% [_named(material), "Include %s; how is said there." % INCLUDE.resource_path]
+				"Puppetline: the shader of the material %s does not call puppet_vertex(), so its surface cannot move. %s"
+				% [_name(material), "Include %s, which has instructions." % INCLUDE.resource_path]
 			)
 		)
 		return null
@@ -128,19 +130,19 @@ static func _moving_shader(material: ShaderMaterial) -> ShaderMaterial:
 
 
 static func _moving_standard(material: BaseMaterial3D, colored: bool) -> ShaderMaterial:
-	var left_out := PackedStringArray()
-	for property: String in _LEFT_OUT:
+	var unsupported := PackedStringArray()
+	for property: String in _UNSUPPORTED:
 		if material.get(property):
-			left_out.append(_LEFT_OUT[property])
-	if not left_out.is_empty():
-		push_warning("Puppetline: the material %s is drawn without: %s." % [_named(material), ", ".join(left_out)])
-	var made := ShaderMaterial.new()
-	made.resource_name = material.resource_name
-	var text := _Text.new(material, colored)
-	made.shader = _shader(text.code())
-	for property in text.properties:
-		made.set_shader_parameter(property, material.get(property))
-	return made
+			unsupported.append(_UNSUPPORTED[property])
+	if not unsupported.is_empty():
+		push_warning("Puppetline: the material %s is drawn without: %s." % [_name(material), ", ".join(unsupported)])
+	var moving_material := ShaderMaterial.new()
+	moving_material.resource_name = material.resource_name
+	var writer := _ShaderWriter.new(material, colored)
+	moving_material.shader = _shader(writer.code())
+	for property in writer.properties:
+		moving_material.set_shader_parameter(property, material.get(property))
+	return moving_material
 
 
 static func _shader(code: String) -> Shader:
@@ -152,13 +154,13 @@ static func _shader(code: String) -> Shader:
 	return shader
 
 
-static func _named(material: Material) -> String:
+static func _name(material: Material) -> String:
 	return material.resource_name if material.resource_name else material.resource_path
 
 
-## The shader of one standard material.
-class _Text:
-	## What is to be filled from properties of the same names.
+## Writer of the shader of one standard material.
+class _ShaderWriter:
+	## The properties that provide the values of uniforms with the same names.
 	var properties: Array[StringName] = []
 
 	var _material: BaseMaterial3D

@@ -1,19 +1,19 @@
 extends RefCounted
-## A mesh of the user's own character that has the morph targets of the service.
+## A mesh in `mesh_source` that has the morph targets of the service.
 
-## By which targets are exaggerated to measure them, so that what they start from does not count.
+## Weight of a target while its extent is measured. It is large, so that the rest pose hardly affects the result.
 const _EXAGGERATION := 1024.0
 
 var instance: MeshInstance3D
-## By surface: what it wears by itself, or null for what is in the mesh.
+## Override material of each surface; null if the material of the mesh is used.
 var own_materials: Array[Material] = []
 
-var _shapes := PackedInt32Array()  # by target: the number of the blend shape here
-var _reaches: Array[AABB] = []  # by target: how far it moves anything, at most, to either side
+var _shapes := PackedInt32Array()  # by target: the index of the blend shape in this mesh
+var _reaches: Array[AABB] = []  # by target: box of the displacements of its vertices
 var _rest := AABB()
 
 
-## Tell whether the mesh has all of the targets, and remember where they are.
+## Find the targets in the mesh; return false if any is missing.
 func find(names: Array) -> bool:
 	for name: String in names:
 		var shape := instance.find_blend_shape_by_name(name)
@@ -32,7 +32,7 @@ func find(names: Array) -> bool:
 	return true
 
 
-## Set how far each target is in, and the box that nothing leaves then.
+## Set the weights of all targets, and a bounding box for them.
 func set_weights(weights: PackedFloat32Array) -> void:
 	var low := _rest.position
 	var high := _rest.end
@@ -45,7 +45,7 @@ func set_weights(weights: PackedFloat32Array) -> void:
 	instance.custom_aabb = box if box.is_finite() else _rest
 
 
-## Compute the positions that are shown just now, in the mesh's own space.
+## Compute the positions that are shown, in the coordinates of the mesh.
 func positions() -> PackedVector3Array:
 	var found := PackedVector3Array()
 	var baked := instance.bake_mesh_from_current_blend_shape_mix()

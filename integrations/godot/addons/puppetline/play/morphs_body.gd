@@ -1,5 +1,5 @@
 extends "body.gd"
-## A character moved by morph targets, those of a .glb that `puppetline bake` has made.
+## A character that is deformed by the morph targets of a .glb from `puppetline bake`.
 
 const OwnMesh := preload("own_mesh.gd")
 const MorphMesh := preload("morph_mesh.gd")
@@ -7,14 +7,14 @@ const MorphMesh := preload("morph_mesh.gd")
 var _source: Node3D
 var _meshes: Array[MorphMesh] = []
 var _names: Array = []
-var _earlier: Message  # whose weights are in _from
+var _earlier: Message  # its weights are in _from
 var _later: Message
 var _from := PackedFloat32Array()
 var _to := PackedFloat32Array()
 var _weights := PackedFloat32Array()
 
 
-## `source` is the user's own character, which becomes a child of this node, or null.
+## [param source] is the character from `mesh_source`, which becomes a child of this node, or null.
 func _init(of: SharedScene, source: Node3D) -> void:
 	shared = of
 	_source = source
@@ -24,22 +24,22 @@ func _init(of: SharedScene, source: Node3D) -> void:
 		_names = shared.scene.morphs
 	_weights.resize(_names.size())
 	if _names.is_empty():
-		problem = "the service has no morph targets of it: give it what `puppetline bake` made (--morphs)"
+		problem = "the service has no morph targets for it; start it with --morphs and the .glb from `puppetline bake`"
 	elif source == null:
-		problem = "there is no mesh_source: it wants the .glb that `puppetline bake` made"
+		problem = "the mode MORPHS requires a mesh_source; import the .glb from `puppetline bake` and assign it"
 	else:
 		_find_targets()
 
 
-func word() -> String:
+func payload_name() -> String:
 	return "morphs"
 
 
 func frame_size() -> int:
-	return 4 * (1 + _names.size())  # before the weights stands the residual
+	return 4 * (1 + _names.size())  # the residual comes before the weights
 
 
-func dress(materials: Array[Material]) -> void:
+func set_materials(materials: Array[Material]) -> void:
 	var surface := 0
 	for mesh in _meshes:
 		for i in mesh.own_materials.size():
@@ -62,8 +62,7 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 		_source.position = earlier.root.lerp(later.root, share)
 
 
-## The order is that of the meshes and their vertices as Godot's importer has them, which may be another than the
-## scene's.
+## The order is that of the meshes and vertices from Godot's importer, which can differ from the scene's order.
 func evaluate() -> PackedVector3Array:
 	var positions := PackedVector3Array()
 	for mesh in _meshes:
@@ -78,4 +77,7 @@ func _find_targets() -> void:
 		if mesh.find(_names):
 			_meshes.append(mesh)
 	if _meshes.is_empty():
-		problem = "no mesh in mesh_source has the targets of the service, %s: bake it anew" % ", ".join(_names)
+		problem = (
+			"no mesh in mesh_source has the morph targets of the service (%s); run `puppetline bake` again"
+			% ", ".join(_names)
+		)

@@ -1,21 +1,21 @@
 extends RefCounted
-## The meshes of a user's own character that carry ladder coordinates, which `puppetline shader-mesh` makes.
+## Functions for the meshes in `mesh_source` that have isoline coordinates, as written by `puppetline shader-mesh`.
 
 const Scene := preload("../wire/scene.gd")
 const Surfaces := preload("surfaces.gd")
 
-## What a ladder coordinate may differ from the scene's: what the file and the importer round.
-const _ROUNDING := 1e-3
-## Vertices of a surface that are compared with the scene.
-const _SAMPLES := 64
-const _NEEDED := Mesh.ARRAY_FORMAT_CUSTOM0 | Mesh.ARRAY_FORMAT_CUSTOM1 | Mesh.ARRAY_FORMAT_CUSTOM2
+## Maximum difference of an isoline coordinate from the scene's, caused by rounding in the file and the importer.
+const _TOLERANCE := 1e-3
+## Approximate number of vertices per surface that are compared with the scene.
+const _SAMPLE_COUNT := 64
+const _REQUIRED_FORMAT := Mesh.ARRAY_FORMAT_CUSTOM0 | Mesh.ARRAY_FORMAT_CUSTOM1 | Mesh.ARRAY_FORMAT_CUSTOM2
 
 
-## Take the meshes below `source` in, so that they stand where the character does. Return what is wrong; empty if
-## nothing is.
+## Add the meshes below [param source] to [param surfaces], and align them with the character. Return a description of
+## the problem; empty if there is none.
 static func find(source: Node3D, scene: Scene, surfaces: Surfaces) -> String:
 	for instance: MeshInstance3D in meshes_below(source):
-		if _carries_ladder(instance.mesh):
+		if _has_isoline_coordinates(instance.mesh):
 			var problem := _difference(instance.mesh, scene)
 			if problem:
 				return problem
@@ -23,11 +23,11 @@ static func find(source: Node3D, scene: Scene, surfaces: Surfaces) -> String:
 			instance.transform = instance.transform * to_file.affine_inverse()
 			surfaces.add(instance, _materials(instance), to_file.basis)
 	if surfaces.instances.is_empty():
-		return "no mesh in mesh_source carries ladder coordinates: make it with `puppetline shader-mesh`"
+		return "no mesh in mesh_source has isoline coordinates; make it with `puppetline shader-mesh`"
 	return ""
 
 
-## Return all mesh instances below a node, and the node itself if it is one.
+## Return all mesh instances below a node, including the node itself.
 static func meshes_below(source: Node) -> Array[MeshInstance3D]:
 	var found: Array[MeshInstance3D] = []
 	for node: Node in [source] + source.find_children("*", "MeshInstance3D", true, false):
@@ -36,30 +36,30 @@ static func meshes_below(source: Node) -> Array[MeshInstance3D]:
 	return found
 
 
-static func _carries_ladder(mesh: Mesh) -> bool:
+static func _has_isoline_coordinates(mesh: Mesh) -> bool:
 	if not mesh is ArrayMesh:
 		return false
 	for surface in mesh.get_surface_count():
-		if mesh.surface_get_format(surface) & _NEEDED != _NEEDED:
+		if mesh.surface_get_format(surface) & _REQUIRED_FORMAT != _REQUIRED_FORMAT:
 			return false
 	return mesh.get_surface_count() > 0
 
 
-## Say in what a mesh differs from the one that the service moves.
+## Return how a mesh differs from the service's mesh; empty if it does not.
 static func _difference(mesh: ArrayMesh, scene: Scene) -> String:
 	for surface in mesh.get_surface_count():
 		var arrays := mesh.surface_get_arrays(surface)
-		var ladder: PackedFloat32Array = arrays[Mesh.ARRAY_CUSTOM0]
+		var coordinates: PackedFloat32Array = arrays[Mesh.ARRAY_CUSTOM0]
 		var numbers: PackedFloat32Array = arrays[Mesh.ARRAY_CUSTOM2]
 		var count: int = arrays[Mesh.ARRAY_VERTEX].size()
-		for vertex in range(0, count, maxi(1, count / _SAMPLES)):
+		for vertex in range(0, count, maxi(1, count / _SAMPLE_COUNT)):
 			var number := roundi(numbers[vertex * (numbers.size() / count)])
 			var same := number >= 0 and number < scene.vertex_count
 			for field in mini(4, scene.field_count) if same else 0:
-				var expected := scene.ladder[number * scene.field_count + field]
-				same = same and absf(ladder[vertex * 4 + field] - expected) <= _ROUNDING
+				var expected := scene.isoline_coordinates[number * scene.field_count + field]
+				same = same and absf(coordinates[vertex * 4 + field] - expected) <= _TOLERANCE
 			if not same:
-				return "mesh_source is another mesh than the service has: make it anew with `puppetline shader-mesh`"
+				return "mesh_source is another mesh than the service has; run `puppetline shader-mesh` again"
 	return ""
 
 
@@ -72,7 +72,7 @@ static func _materials(instance: MeshInstance3D) -> Array[Material]:
 	return materials
 
 
-## Return where a node stands, in the space that the node `above` itself stands in.
+## Return the transform of a node relative to the parent of its ancestor [param above].
 static func transform_within(node: Node3D, above: Node3D) -> Transform3D:
 	var transform := node.transform
 	var parent: Node = node

@@ -1,18 +1,18 @@
 extends RefCounted
-## What the graphics card is given once of a character: the mesh in its rest pose, and textures by vertex number.
+## The constant data of a character on the graphics card: the mesh in its rest pose, and textures by vertex number.
 ##
-## Each part of the scene is a surface. Ladder coordinates lie in CUSTOM0 and CUSTOM1, the vertex's number in CUSTOM2.x.
-## The shader reads positions and normals from a texture, as exact as they came: in a mesh, Godot rounds normals, and
-## the importer positions as well.
+## Each part of the scene is a surface. CUSTOM0 and CUSTOM1 contain the isoline coordinates, CUSTOM2.x the vertex
+## number. The shader reads positions and normals from a texture, which keeps them exact. In a mesh, Godot rounds
+## normals, and the importer also rounds positions.
 
 const Scene := preload("../wire/scene.gd")
 
-## Fields that there is room for in CUSTOM0 and CUSTOM1.
-const MOST_FIELDS := 8
-## Rows of a texture that any graphics card takes.
-const MOST_ROWS := 16384
-## Texels a row; every graphics card takes as many.
-const _WIDTH := 2048
+## Maximum number of fields, whose isoline coordinates fit into CUSTOM0 and CUSTOM1.
+const MAX_FIELDS := 8
+## Maximum number of rows of a texture that every graphics card supports.
+const MAX_TEXTURE_ROWS := 16384
+## Number of texels per row, which every graphics card supports.
+const _TEXTURE_WIDTH := 2048
 const _FORMAT := (
 	(Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM0_SHIFT)
 	| (Mesh.ARRAY_CUSTOM_RGBA_FLOAT << Mesh.ARRAY_FORMAT_CUSTOM1_SHIFT)
@@ -20,11 +20,11 @@ const _FORMAT := (
 )
 
 
-## Make the mesh of a scene; `flags` are those of [enum Mesh.ArrayFormat].
+## Make the mesh of a scene, with additional flags of [enum Mesh.ArrayFormat].
 static func build(scene: Scene, flags := 0) -> ArrayMesh:
 	var mesh := ArrayMesh.new()
-	var ladder_0 := _ladder_columns(scene, 0)
-	var ladder_1 := _ladder_columns(scene, 4)
+	var coordinates_0 := _isoline_coordinate_columns(scene, 0)
+	var coordinates_1 := _isoline_coordinate_columns(scene, 4)
 	var numbers := PackedFloat32Array(range(scene.vertex_count))
 	for part in drawn_parts(scene):
 		var first: int = part["vertices"][0]
@@ -37,16 +37,16 @@ static func build(scene: Scene, flags := 0) -> ArrayMesh:
 		if not scene.uv.is_empty():
 			arrays[Mesh.ARRAY_TEX_UV] = scene.uv.slice(first, end)
 			arrays[Mesh.ARRAY_TANGENT] = _tangents(arrays)
-		arrays[Mesh.ARRAY_CUSTOM0] = ladder_0.slice(4 * first, 4 * end)
-		arrays[Mesh.ARRAY_CUSTOM1] = ladder_1.slice(4 * first, 4 * end)
+		arrays[Mesh.ARRAY_CUSTOM0] = coordinates_0.slice(4 * first, 4 * end)
+		arrays[Mesh.ARRAY_CUSTOM1] = coordinates_1.slice(4 * first, 4 * end)
 		arrays[Mesh.ARRAY_CUSTOM2] = numbers.slice(first, end)
 		mesh.add_surface_from_arrays(Mesh.PRIMITIVE_TRIANGLES, arrays, [], {}, _FORMAT | flags)
 		mesh.surface_set_name(mesh.get_surface_count() - 1, part["name"])
 	return mesh
 
 
-## Return the parts that have anything to draw: the surfaces of the mesh. If there are more than a mesh has room for,
-## the last surface is all those left.
+## Return the parts with triangles, which become the surfaces of the mesh. If there are more than a mesh can have, the
+## last surface contains all remaining parts.
 static func drawn_parts(scene: Scene) -> Array[Dictionary]:
 	var drawn: Array[Dictionary] = scene.parts.filter(
 		func(part: Dictionary) -> bool: return part["vertices"][1] > 0 and part["triangles"][1] > 0
@@ -62,33 +62,36 @@ static func drawn_parts(scene: Scene) -> Array[Dictionary]:
 	return drawn
 
 
-## Make the texture of positions, normals and colours, each from a new row on.
+## Make the texture of positions, normals and colours. Each begins in a new row.
 static func rest_texture(scene: Scene) -> ImageTexture:
-	var bytes := whole_rows(scene.positions.to_byte_array(), 12)
-	bytes.append_array(whole_rows(scene.normals.to_byte_array(), 12))
-	bytes.append_array(whole_rows(scene.colors.to_byte_array(), 12))
+	var bytes := pad_rows(scene.positions.to_byte_array(), 12)
+	bytes.append_array(pad_rows(scene.normals.to_byte_array(), 12))
+	bytes.append_array(pad_rows(scene.colors.to_byte_array(), 12))
 	return texture(bytes, Image.FORMAT_RGBF, 12)
 
 
-## Make the texture of slopes: two a field of a vertex.
+## Make the texture of slopes: two per vertex and field.
 static func slopes_texture(scene: Scene) -> ImageTexture:
-	return texture(whole_rows(scene.slopes.to_byte_array(), 8), Image.FORMAT_RGF, 8)
+	return texture(pad_rows(scene.slopes.to_byte_array(), 8), Image.FORMAT_RGF, 8)
 
 
-## Say why a character cannot be moved by its controls on the graphics card; empty if it can.
+## Return why the graphics card cannot evaluate the controls of a character; empty if it can.
 static func obstacle(scene: Scene) -> String:
-	if scene.field_count > MOST_FIELDS:
-		return "it has %d fields, and vertices have room for %d" % [scene.field_count, MOST_FIELDS]
-	if rows(scene.vertex_count * scene.field_count) > MOST_ROWS or 3 * rows(scene.vertex_count) > MOST_ROWS:
-		return "its %d vertices are more than a texture has room for" % scene.vertex_count
-	if scene.field_count * scene.isoline_count > MOST_ROWS:
-		return "its %d transforms are more than a texture has room for" % (scene.field_count * scene.isoline_count)
+	if scene.field_count > MAX_FIELDS:
+		return "it has %d fields, more than the maximum of %d" % [scene.field_count, MAX_FIELDS]
+	if (
+		rows(scene.vertex_count * scene.field_count) > MAX_TEXTURE_ROWS
+		or 3 * rows(scene.vertex_count) > MAX_TEXTURE_ROWS
+	):
+		return "its %d vertices do not fit into a texture" % scene.vertex_count
+	if scene.field_count * scene.isoline_count > MAX_TEXTURE_ROWS:
+		return "its %d transforms do not fit into a texture" % (scene.field_count * scene.isoline_count)
 	return ""
 
 
-## Fill the last row of a texture up with zeros.
-static func whole_rows(bytes: PackedByteArray, texel: int) -> PackedByteArray:
-	bytes.resize(rows(bytes.size() / texel) * _WIDTH * texel)
+## Pad the last row of a texture with zeros.
+static func pad_rows(bytes: PackedByteArray, texel: int) -> PackedByteArray:
+	bytes.resize(rows(bytes.size() / texel) * _TEXTURE_WIDTH * texel)
 	return bytes
 
 
@@ -97,19 +100,19 @@ static func texture(bytes: PackedByteArray, format: Image.Format, texel: int) ->
 
 
 static func image(bytes: PackedByteArray, format: Image.Format, texel: int) -> Image:
-	return Image.create_from_data(_WIDTH, bytes.size() / (_WIDTH * texel), false, format, bytes)
+	return Image.create_from_data(_TEXTURE_WIDTH, bytes.size() / (_TEXTURE_WIDTH * texel), false, format, bytes)
 
 
-## Return how many rows so many texels take.
+## Return the number of rows for a number of texels.
 static func rows(texels: int) -> int:
-	return (texels + _WIDTH - 1) / _WIDTH
+	return (texels + _TEXTURE_WIDTH - 1) / _TEXTURE_WIDTH
 
 
-## Return four ladder coordinates a vertex, from a field on, zero where there are no more: a picture's columns, cut out
-## without a loop in script.
-static func _ladder_columns(scene: Scene, first: int) -> PackedFloat32Array:
+## Return the isoline coordinates of four fields per vertex, zero for missing fields. They are cut out as columns of an
+## image, which needs no loop in script.
+static func _isoline_coordinate_columns(scene: Scene, first: int) -> PackedFloat32Array:
 	var columns := Image.create_from_data(
-		scene.field_count, scene.vertex_count, false, Image.FORMAT_RF, scene.ladder.to_byte_array()
+		scene.field_count, scene.vertex_count, false, Image.FORMAT_RF, scene.isoline_coordinates.to_byte_array()
 	)
 	var wanted := clampi(scene.field_count - first, 0, 4)
 	if wanted == 0:
@@ -120,8 +123,8 @@ static func _ladder_columns(scene: Scene, first: int) -> PackedFloat32Array:
 	return columns.get_data().to_float32_array()
 
 
-## Return a part's triangles as its surface wants them: Godot's front faces are clockwise. What a scene may say of
-## vertices of other parts is kept off the graphics card.
+## Return the triangles of a part in clockwise order, as Godot requires. Indices of vertices outside of the part are
+## clamped.
 static func _clockwise(scene: Scene, part: Dictionary) -> PackedInt32Array:
 	var first_vertex: int = part["vertices"][0]
 	var last_vertex: int = part["vertices"][1] - 1
@@ -135,7 +138,7 @@ static func _clockwise(scene: Scene, part: Dictionary) -> PackedInt32Array:
 	return indices
 
 
-## Return the tangents that normal maps want, of a user's own materials.
+## Return the tangents that normal maps of custom materials require.
 static func _tangents(arrays: Array) -> PackedFloat32Array:
 	var tool := SurfaceTool.new()
 	tool.create_from_arrays(arrays)

@@ -1,7 +1,7 @@
 extends RefCounted
-## The scene of one character of a service, and what is made of it once for all nodes that show this character.
+## The scene of one character of a service, and the resources made from it, shared by all nodes that show the character.
 
-## There is a scene, or another one.
+## Emitted when a scene has arrived or changed.
 signal changed
 
 const SharedScene := preload("shared_scene.gd")
@@ -11,17 +11,20 @@ const Scene := preload("../wire/scene.gd")
 const RestMesh := preload("rest_mesh.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 
-## Milliseconds between two questions, and while something comes in that may be the answer: on a slow line, each
-## question puts a whole scene more into the queue.
-const _ASK_INTERVAL := 1000
-const _PATIENCE := 16_000
+## Time between two requests of the scene, in milliseconds.
+const _REQUEST_INTERVAL_MS := 1000
+## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
+## request queues another whole scene.
+## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
+## request queues another whole scene.
+const _RECEIVING_INTERVAL_MS := 16_000
 
-static var _all: Dictionary = {}  # key: WeakRef
+static var _scenes: Dictionary = {}  # key: WeakRef
 
-## Null before it has come.
+## The scene; null before it has arrived.
 var scene: Scene
 
-## What can be drawn of it: made when somebody asks, and kept.
+## Resources made from the scene on first use.
 var mesh: ArrayMesh:
 	get:
 		if mesh == null:
@@ -45,57 +48,57 @@ var bounds: IsolineBounds:
 
 var _key := ""
 var _stream: Stream
-var _receiver: Callable  # once this is being freed, it cannot be had any more
+var _receiver: Callable  # a new Callable cannot be made while this object is freed
 var _topic := ""
-var _came := PackedInt64Array()  # what tells one scene message from another
-var _wanted := true
-var _asked := 0
+var _signature := PackedInt64Array()  # distinguishes scene messages
+var _is_requested := true
+var _requested_ms := 0
 
 
 func _init(stream: Stream, character: String) -> void:
 	_stream = stream
 	_topic = "%s/scene/%08x%08x" % [character, randi(), randi()]
-	_receiver = _take
+	_receiver = _take_scene
 	_stream.follow(_topic, _receiver)
-	_asked = Time.get_ticks_msec()
+	_requested_ms = Time.get_ticks_msec()
 
 
-## Return the scene of a character; there is one for each stream and name, as long as anybody holds it.
+## Return the scene of a character: one object per stream and name, as long as a reference to it exists.
 static func shared(stream: Stream, character: String) -> SharedScene:
 	var key := "%d/%s" % [stream.get_instance_id(), character]
-	var found: SharedScene = _all[key].get_ref() if key in _all else null
+	var found: SharedScene = _scenes[key].get_ref() if key in _scenes else null
 	if found == null:
 		found = SharedScene.new(stream, character)
 		found._key = key
-		_all[key] = weakref(found)
+		_scenes[key] = weakref(found)
 	return found
 
 
-## Have the scene sent again: a frame has come that belongs to another one.
+## Request the scene again, because a frame of another revision has arrived.
 func ask() -> void:
-	_wanted = true
+	_is_requested = true
 
 
-## Ask as often as it is allowed, until it comes.
+## Send requests at the allowed rate until the scene arrives.
 func poll() -> void:
-	var pause := _PATIENCE if _stream.is_receiving() else _ASK_INTERVAL
-	if _wanted and Time.get_ticks_msec() >= _asked + pause and _stream.state == Stream.State.CONNECTED:
-		_asked = Time.get_ticks_msec()
+	var pause := _RECEIVING_INTERVAL_MS if _stream.is_receiving() else _REQUEST_INTERVAL_MS
+	if _is_requested and Time.get_ticks_msec() >= _requested_ms + pause and _stream.state == Stream.State.CONNECTED:
+		_requested_ms = Time.get_ticks_msec()
 		_stream.ask(_topic)
 
 
 func _notification(what: int) -> void:
 	if what == NOTIFICATION_PREDELETE and _stream != null:
 		_stream.unfollow(_topic, _receiver)
-		_all.erase(_key)
+		_scenes.erase(_key)
 
 
-func _take(message: Message) -> void:
-	_wanted = false
-	var came := PackedInt64Array([message.revision, message.payload.size(), hash(message.payload)])
-	if came == _came:
+func _take_scene(message: Message) -> void:
+	_is_requested = false
+	var signature := PackedInt64Array([message.revision, message.payload.size(), hash(message.payload)])
+	if signature == _signature:
 		return
-	_came = came
+	_signature = signature
 	var found := Scene.parse(message.payload)
 	if found == null:
 		return

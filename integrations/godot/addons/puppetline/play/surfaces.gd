@@ -1,5 +1,5 @@
 extends RefCounted
-## Mesh instances whose surfaces move, and the materials that move them.
+## Mesh instances whose surfaces deform, and the materials that deform them.
 
 const SharedScene := preload("shared_scene.gd")
 const Materials := preload("materials.gd")
@@ -7,9 +7,9 @@ const Materials := preload("materials.gd")
 var instances: Array[MeshInstance3D] = []
 
 var _shared: SharedScene
-var _own: Array[Material] = []  # by surface, as they came
+var _own: Array[Material] = []  # by surface, the original ones
 var _colored: bool
-var _to_file: Array[Basis] = []  # by instance: from the space of its mesh
+var _to_file: Array[Basis] = []  # by instance: from the coordinates of its mesh
 var _moving: Array[ShaderMaterial] = []
 var _parameters: Dictionary = {}
 
@@ -19,15 +19,15 @@ func _init(shared: SharedScene, colored: bool) -> void:
 	_colored = colored
 
 
-## Take an instance in: it stands where the character does, and `own` are the materials of its surfaces.
+## Add an instance that is aligned with the character. [param own] are the original materials of its surfaces.
 func add(instance: MeshInstance3D, own: Array[Material], to_file: Basis) -> void:
 	instances.append(instance)
 	_own.append_array(own)
 	_to_file.append(to_file)
 
 
-## Put materials on all surfaces; where there is null or none for a surface, it keeps its own.
-func dress(materials: Array[Material]) -> void:
+## Set the materials of all surfaces. A surface with null or without a material keeps its original one.
+func set_materials(materials: Array[Material]) -> void:
 	_moving.clear()
 	var surface := 0
 	for i in instances.size():
@@ -41,20 +41,20 @@ func dress(materials: Array[Material]) -> void:
 			surface += 1
 
 
-## Set a uniform of all materials, and of those to come.
+## Set a uniform of all materials, including those that are set later.
 func set_parameter(parameter: StringName, value: Variant) -> void:
 	_parameters[parameter] = value
 	for material in _moving:
 		material.set_shader_parameter(parameter, value)
 
 
-## Set the box that nothing leaves.
+## Set the bounding box of all instances.
 func set_bounds(box: AABB) -> void:
 	for instance in instances:
 		instance.custom_aabb = box
 
 
-## Return a material that moves and all that it draws after itself.
+## Return the deforming version of a material and of its next passes.
 func _made(material: Material, to_file: Basis) -> Material:
 	var made := Materials.moving(material, _colored)
 	if made == null:

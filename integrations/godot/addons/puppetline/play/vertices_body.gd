@@ -1,14 +1,14 @@
 extends "body.gd"
-## A character whose vertices come from the service, frame by frame: for meshes that controls have no room for.
+## A character whose vertices come from the service in each frame, for meshes that exceed the limits of controls.
 ##
-## What is shown is the frame before now, and nothing between two frames: that would cost another upload of each.
+## It shows the earlier frame without interpolation, which would require another upload of each frame.
 
 const RestMesh := preload("rest_mesh.gd")
 const Surfaces := preload("surfaces.gd")
 const Materials := preload("materials.gd")
 
-## Bytes of a position, and of a normal.
-const _VECTOR := 12
+## Size of a position or a normal, in bytes.
+const _VECTOR_BYTES := 12
 
 var _instance := MeshInstance3D.new()
 var _mesh: ArrayMesh
@@ -22,7 +22,7 @@ func _init(of: SharedScene) -> void:
 	shared = of
 	_mesh = RestMesh.build(shared.scene, Mesh.ARRAY_FLAG_USE_DYNAMIC_UPDATE)
 	_normals = RestMesh.texture(
-		RestMesh.whole_rows(shared.scene.normals.to_byte_array(), _VECTOR), Image.FORMAT_RGBF, _VECTOR
+		RestMesh.pad_rows(shared.scene.normals.to_byte_array(), _VECTOR_BYTES), Image.FORMAT_RGBF, _VECTOR_BYTES
 	)
 	_instance.mesh = _mesh
 	add_child(_instance)
@@ -32,16 +32,16 @@ func _init(of: SharedScene) -> void:
 	_surfaces.set_parameter(&"puppet_by_vertices", true)
 
 
-func word() -> String:
+func payload_name() -> String:
 	return "vertices"
 
 
 func frame_size() -> int:
-	return 2 * _VECTOR * shared.scene.vertex_count
+	return 2 * _VECTOR_BYTES * shared.scene.vertex_count
 
 
-func dress(materials: Array[Material]) -> void:
-	_surfaces.dress(materials)
+func set_materials(materials: Array[Material]) -> void:
+	_surfaces.set_materials(materials)
 
 
 func show_frames(earlier: Message, _later: Message, _share: float) -> void:
@@ -59,21 +59,21 @@ func evaluate() -> PackedVector3Array:
 	return Transform3D(Basis.IDENTITY, _shift) * _positions() if _shown != null else PackedVector3Array()
 
 
-## Positions lie in the mesh as they come, one surface after another; normals go into a texture, as they would have to
-## be written anew for a mesh.
+## Positions have the same layout in the mesh as in the payload, one surface after another. Normals go into a texture,
+## because a mesh requires another encoding.
 func _upload(payload: PackedByteArray) -> void:
 	var parts := RestMesh.drawn_parts(shared.scene)
 	for surface in parts.size():
 		var first: int = parts[surface]["vertices"][0]
 		var end: int = first + parts[surface]["vertices"][1]
 		RenderingServer.mesh_surface_update_vertex_region(
-			_mesh.get_rid(), surface, 0, payload.slice(first * _VECTOR, end * _VECTOR)
+			_mesh.get_rid(), surface, 0, payload.slice(first * _VECTOR_BYTES, end * _VECTOR_BYTES)
 		)
-	var normals := RestMesh.whole_rows(payload.slice(payload.size() / 2), _VECTOR)
-	_normals.update(RestMesh.image(normals, Image.FORMAT_RGBF, _VECTOR))
+	var normals := RestMesh.pad_rows(payload.slice(payload.size() / 2), _VECTOR_BYTES)
+	_normals.update(RestMesh.image(normals, Image.FORMAT_RGBF, _VECTOR_BYTES))
 
 
-## Return the positions that have come, read as what [method @GlobalScope.var_to_bytes] would have written: without a
+## Return the received positions. They are decoded in the format of [method @GlobalScope.var_to_bytes], which needs no
 ## loop.
 func _positions() -> PackedVector3Array:
 	var written := PackedByteArray()
@@ -84,7 +84,7 @@ func _positions() -> PackedVector3Array:
 	return bytes_to_var(written)
 
 
-## Have the engine find the box of points: a loop in script would take long.
+## Return the bounding box of points. The engine computes it, because a loop in script would be slow.
 static func _box_around(points: PackedVector3Array) -> AABB:
 	var arrays := []
 	arrays.resize(Mesh.ARRAY_MAX)

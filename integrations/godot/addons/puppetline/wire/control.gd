@@ -1,27 +1,29 @@
 extends RefCounted
-## Requests to a service over its control socket (docs/control.md). Each gets one reply, from the service or, where that
-## does not answer, from here in the same form. Whoever holds it calls [method poll] in each process frame.
+## Client of a service's control socket (docs/control.md). Each request gets one reply: from the service or, if that
+## does not answer, an error of the same form from this client. The owner calls [method poll] in each process frame.
 
 const Connection := preload("zmtp_connection.gd")
 
-## Seconds that a reply may take.
-const PATIENCE := 5.0
-## Requests that may be on their way; more wait here until there are replies.
-const MOST_WAITING := 16
-const LARGEST_REPLY := 1 << 24
+## Maximum time to a reply, in seconds.
+const REPLY_TIMEOUT_SECONDS := 5.0
+## Maximum number of sent requests without a reply. Further requests wait until replies arrive.
+const MAX_PENDING_REQUESTS := 16
+## Maximum size of a reply, in bytes.
+## Maximum size of a reply, in bytes.
+const MAX_REPLY_BYTES := 1 << 24
 
 var host: String
 var port: int
 
 var _connection: Connection
-var _waiting: Dictionary = {}  # id: _Request
+var _pending: Dictionary = {}  # id: _Request
 var _next_id := 1
 
 
 class _Request:
 	var body: PackedByteArray
 	var done: Callable
-	var give_up: int
+	var deadline_ms: int
 	var sent := false
 
 
@@ -29,23 +31,24 @@ func _init(to_host: String, to_port: int, token := "") -> void:
 	host = to_host
 	port = to_port
 	_connection = Connection.new("DEALER", token)
-	_connection.largest_message = LARGEST_REPLY
+	_connection.max_message_bytes = MAX_REPLY_BYTES
 
 
-## Ask for something, `{"do": "mirror", "character": "dog", "on": true}` say. [param done] is called with the reply in a
-## later [method poll]: `{"ok": true, "result": …}`, or `{"ok": false, "error": {"where", "found", "expected", "fix"}}`.
+## Send a request, for example `{"do": "mirror", "character": "dog", "on": true}`. A later [method poll] calls [param
+## done] with the reply: `{"ok": true, "result": …}`, or `{"ok": false, "error": {"where", "found", "expected",
+## "fix"}}`.
 func request(body: Dictionary, done: Callable) -> void:
 	var made := _Request.new()
 	made.body = JSON.stringify(body.merged({"id": _next_id}, true)).to_utf8_buffer()
 	made.done = done
-	made.give_up = Time.get_ticks_msec() + int(1000 * PATIENCE)
-	_waiting[_next_id] = made
+	made.deadline_ms = Time.get_ticks_msec() + int(1000 * REPLY_TIMEOUT_SECONDS)
+	_pending[_next_id] = made
 	_next_id += 1
 
 
-## Do what there is to do now: connect where something is to be asked, send, and call back those who have a reply.
+## Connect if there are requests, send them, and call the callbacks of the replies that have arrived.
 func poll() -> void:
-	if _waiting.is_empty() and _connection.state == Connection.State.CLOSED:
+	if _pending.is_empty() and _connection.state == Connection.State.CLOSED:
 		return
 	_connection.poll()
 	match _connection.state:
@@ -56,27 +59,27 @@ func poll() -> void:
 			_take_replies()
 		Connection.State.REFUSED, Connection.State.FAILED:
 			_take_replies()
-			give_up(_connection.reason)
-	_give_up_late_ones()
+			fail_all("no connection (%s)" % _connection.reason.trim_suffix("."))
+	_fail_late_requests()
 
 
-## Close, and call back those who wait for a reply at once: with an error that says why.
-func give_up(why: String) -> void:
+## Close the connection, and reply to all pending requests with an error that gives the reason.
+func fail_all(reason: String) -> void:
 	_connection.close()
-	for id: int in _waiting.keys():
-		if id in _waiting:  # whoever has been called back may have closed all this
-			_fail(id, why, "a connection to the control socket")
+	for id: int in _pending.keys():
+		if id in _pending:  # a callback may have closed this client
+			_fail(id, reason, "a connection to the control socket")
 
 
-## Close; those who wait for a reply are not called back any more.
+## Close the connection. Callbacks of pending requests are not called any more.
 func close() -> void:
 	_connection.close()
-	_waiting.clear()
+	_pending.clear()
 
 
 func _send() -> void:
-	for id: int in _waiting.keys().slice(0, MOST_WAITING):  # which is the order of the requests
-		var each: _Request = _waiting[id]
+	for id: int in _pending.keys().slice(0, MAX_PENDING_REQUESTS):  # in the order of the requests
+		var each: _Request = _pending[id]
 		if not each.sent:
 			each.sent = true
 			_connection.send(each.body)
@@ -89,28 +92,28 @@ func _take_replies() -> void:
 			continue
 		var reply: Dictionary = reader.data
 		var id: Variant = reply.get("id")
-		if id is float and reply.get("ok") is bool and int(id) in _waiting:
+		if id is float and reply.get("ok") is bool and int(id) in _pending:
 			_answer(int(id), reply)
 
 
-func _give_up_late_ones() -> void:
+func _fail_late_requests() -> void:
 	var now := Time.get_ticks_msec()
-	for id: int in _waiting.keys():
-		if id in _waiting and now > _waiting[id].give_up:
-			_fail(id, "no reply within %d s" % PATIENCE, "a reply")
-			# A connection that has died without a word is not used again.
+	for id: int in _pending.keys():
+		if id in _pending and now > _pending[id].deadline_ms:
+			_fail(id, "no reply within %d s" % REPLY_TIMEOUT_SECONDS, "a reply")
+			# The connection may be dead without an error, so it is not used again.
 			_connection.close()
 
 
 func _fail(id: int, found: String, expected: String) -> void:
 	var where := "the control socket, %s:%d" % [host, port]
-	var fix := "See whether the service runs, and whether its control socket has this address."
+	var fix := "Check that the service is running and that its control socket has this address."
 	var error := {"where": where, "found": found, "expected": expected, "fix": fix}
 	_answer(id, {"id": id, "ok": false, "error": error})
 
 
 func _answer(id: int, reply: Dictionary) -> void:
-	var done: Callable = _waiting[id].done
-	_waiting.erase(id)
+	var done: Callable = _pending[id].done
+	_pending.erase(id)
 	if done.is_valid():
 		done.call(reply)

@@ -1,20 +1,22 @@
 extends RefCounted
-## A message of the stream taken apart: topic, header, payload (docs/protocol.md, "Messages").
+## A message of the stream: topic, header and payload (docs/protocol.md, "Messages").
 
-## What a payload is.
+## Type of a payload.
 enum Kind { SCENE = 1, CONTROLS, MORPHS, VERTICES, VERTICES16, JOINTS, HANDLES, PERFORMER, STATUS, CHARACTERS }
-## Nobody performs; the rest pose is being taken; the performer moves the character; it eases to rest.
+## There is no performer; the performer is being calibrated; the performer drives the character; the character eases
+## into its rest pose.
 enum PerformerState { WAITING, CALIBRATING, PERFORMING, LEAVING }
 
 const Message := preload("message.gd")
 
-## The version of the protocol that this addon speaks. Of a message of another one, only topic and version are read.
+## Major version of the protocol that this addon supports. Of messages of other versions, only topic and version are
+## read.
 const MAJOR := 1
-## The user of a message that nobody performs.
-const NOBODY := -1
+## User number of a message without a performer.
+const NO_USER := -1
 
-const _TOPIC := 64
-const _BEFORE_PAYLOAD := 128
+const _TOPIC_BYTES := 64
+const _HEADER_BYTES := 128
 
 var topic := ""
 var major := 0
@@ -23,53 +25,53 @@ var minor := 0
 var kind := 0
 ## One of [enum PerformerState].
 var state := 0
-## The source's number of the performer, or [constant NOBODY].
-var user := NOBODY
-## Of the scene that the message belongs to.
+## The source's user number of the performer, or [constant NO_USER].
+var user := NO_USER
+## Revision of the scene that the message belongs to.
 var revision := 0
-## One more with each frame of the character.
+## Number of the frame; it increases by one with each frame of the character.
 var sequence := 0
-## Seconds on the source's clock.
+## Time of the frame on the source's clock, in seconds.
 var time := 0.0
-## Nanoseconds of the service's clock: when what moved the character came in there.
+## Time at which the service received the data that moved the character, in nanoseconds of the service's clock.
 var received := 0
-## Nanoseconds of the service's clock: when this message was made.
+## Time at which the service made this message, in nanoseconds of the service's clock.
 var published := 0
-## How far the whole character has walked, file coordinates.
+## Displacement of the whole character by root motion, in file coordinates.
 var root := Vector3.ZERO
 var payload := PackedByteArray()
 
 
 ## Read a message; null if it is damaged.
 static func parse(bytes: PackedByteArray) -> Message:
-	if bytes.size() < _BEFORE_PAYLOAD:
+	if bytes.size() < _HEADER_BYTES:
 		return null
 	var message := Message.new()
 	message.topic = _read_topic(bytes)
 	if message.topic.is_empty():
 		return null
-	message.major = bytes[_TOPIC]
-	message.minor = bytes[_TOPIC + 1]
+	message.major = bytes[_TOPIC_BYTES]
+	message.minor = bytes[_TOPIC_BYTES + 1]
 	if message.major == 0 or (message.major == MAJOR and not message._read(bytes)):
 		return null
 	return message
 
 
-## Tell whether this is part of the motion, and not said only when it changes or is asked for.
+## Return whether this message is a frame of the motion. Other messages are sent on changes or on request.
 func is_frame() -> bool:
 	return kind >= Kind.CONTROLS and kind <= Kind.HANDLES
 
 
-## Read a payload of JSON; null if it is damaged.
+## Return the JSON value of the payload; null if it is damaged.
 func json() -> Variant:
 	var reader := JSON.new()
 	return reader.data if reader.parse(payload.get_string_from_utf8()) == OK else null
 
 
-## Return the printable characters that end with the first of the zeros; nothing if there is anything else.
+## Return the printable characters before the zero padding; empty if the field contains anything else.
 static func _read_topic(bytes: PackedByteArray) -> String:
 	var end := bytes.find(0)
-	if end >= _TOPIC or bytes.slice(end, _TOPIC).count(0) < _TOPIC - end:
+	if end >= _TOPIC_BYTES or bytes.slice(end, _TOPIC_BYTES).count(0) < _TOPIC_BYTES - end:
 		return ""
 	for i in end:
 		if bytes[i] < 0x20 or bytes[i] > 0x7E:
@@ -78,21 +80,21 @@ static func _read_topic(bytes: PackedByteArray) -> String:
 
 
 func _read(bytes: PackedByteArray) -> bool:
-	kind = bytes[_TOPIC + 2]
-	state = bytes[_TOPIC + 3]
-	user = bytes.decode_s32(_TOPIC + 4)
-	revision = bytes.decode_u32(_TOPIC + 8)
-	var length := bytes.decode_u32(_TOPIC + 12)
-	sequence = bytes.decode_u64(_TOPIC + 16)
-	time = bytes.decode_double(_TOPIC + 24)
-	received = bytes.decode_u64(_TOPIC + 32)
-	published = bytes.decode_u64(_TOPIC + 40)
-	root.x = bytes.decode_float(_TOPIC + 48)
-	root.y = bytes.decode_float(_TOPIC + 52)
-	root.z = bytes.decode_float(_TOPIC + 56)
+	kind = bytes[_TOPIC_BYTES + 2]
+	state = bytes[_TOPIC_BYTES + 3]
+	user = bytes.decode_s32(_TOPIC_BYTES + 4)
+	revision = bytes.decode_u32(_TOPIC_BYTES + 8)
+	var length := bytes.decode_u32(_TOPIC_BYTES + 12)
+	sequence = bytes.decode_u64(_TOPIC_BYTES + 16)
+	time = bytes.decode_double(_TOPIC_BYTES + 24)
+	received = bytes.decode_u64(_TOPIC_BYTES + 32)
+	published = bytes.decode_u64(_TOPIC_BYTES + 40)
+	root.x = bytes.decode_float(_TOPIC_BYTES + 48)
+	root.y = bytes.decode_float(_TOPIC_BYTES + 52)
+	root.z = bytes.decode_float(_TOPIC_BYTES + 56)
 	if state > PerformerState.LEAVING or not is_finite(time) or not root.is_finite():
 		return false
-	if length > bytes.size() - _BEFORE_PAYLOAD:
+	if length > bytes.size() - _HEADER_BYTES:
 		return false
-	payload = bytes.slice(_BEFORE_PAYLOAD, _BEFORE_PAYLOAD + length)
+	payload = bytes.slice(_HEADER_BYTES, _HEADER_BYTES + length)
 	return true

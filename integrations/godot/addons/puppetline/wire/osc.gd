@@ -1,27 +1,27 @@
 extends RefCounted
-## OSC 1.0 datagrams, read within bounds and written.
+## Reader and writer of OSC 1.0 datagrams. Reading never goes beyond the datagram.
 
 const Texts := preload("texts.gd")
 
-## Bundles in bundles.
-const DEEPEST := 4
-## Messages and bundles in one datagram.
-const MOST_MESSAGES := 1024
-## Bytes.
-const LONGEST_ADDRESS := 255
+## Maximum nesting depth of bundles.
+const MAX_BUNDLE_DEPTH := 4
+## Maximum number of messages in one datagram.
+const MAX_MESSAGES := 1024
+## Maximum length of an address, in characters.
+const MAX_ADDRESS_LENGTH := 255
 
 const _BUNDLE := "#bundle"
 
 
-## Read a datagram: an array of [address, arguments] a message, those of bundles in their order. It is empty if
-## anything about the datagram is wrong.
+## Read a datagram: an array with [address, arguments] per message, in the order of the bundles. It is empty if any part
+## of the datagram is invalid.
 static func parse(packet: PackedByteArray) -> Array:
 	var messages: Array = []
 	return messages if _read_packet(packet, 0, messages) else []
 
 
 ## Write a message: int as i (h beyond 32 bits), float as f, String as s, PackedByteArray as b, true, false and null as
-## T, F and N, PackedFloat32Array as an f a number.
+## T, F and N, PackedFloat32Array as one f per number.
 static func encode(address: String, arguments: Array) -> PackedByteArray:
 	var tags := ","
 	var data := StreamPeerBuffer.new()
@@ -32,13 +32,13 @@ static func encode(address: String, arguments: Array) -> PackedByteArray:
 
 
 static func _read_packet(packet: PackedByteArray, depth: int, messages: Array) -> bool:
-	if packet.is_empty() or packet.size() % 4 or messages.size() >= MOST_MESSAGES:
+	if packet.is_empty() or packet.size() % 4 or messages.size() >= MAX_MESSAGES:
 		return false
 	if packet.slice(0, 8) != _padded(_BUNDLE):
 		var message := _read_message(packet)
 		messages.append(message)
 		return not message.is_empty()
-	if packet.size() < 16 or depth == DEEPEST:
+	if packet.size() < 16 or depth == MAX_BUNDLE_DEPTH:
 		return false
 	var at := 16
 	while at < packet.size():
@@ -51,12 +51,12 @@ static func _read_packet(packet: PackedByteArray, depth: int, messages: Array) -
 	return true
 
 
-## Return [address, arguments], or nothing if it is damaged.
+## Return [address, arguments], or an empty array if the message is damaged.
 static func _read_message(packet: PackedByteArray) -> Array:
 	var reader := _Reader.new(packet)
 	var address := reader.text()
 	var tags := reader.text()
-	if not address.begins_with("/") or address.length() > LONGEST_ADDRESS or not tags.begins_with(","):
+	if not address.begins_with("/") or address.length() > MAX_ADDRESS_LENGTH or not tags.begins_with(","):
 		return []
 	var arguments := reader.arguments(tags.substr(1))
 	return [address, arguments] if reader.is_whole() else []
@@ -90,7 +90,9 @@ static func _write(argument: Variant, data: StreamPeerBuffer) -> String:
 			return "f".repeat(argument.size())
 		TYPE_NIL:
 			return "N"
-	push_error("Puppetline: OSC has no %s; an argument was left out." % type_string(typeof(argument)))
+	push_error(
+		"Puppetline: skipped an argument of the type %s, which OSC does not support." % type_string(typeof(argument))
+	)
 	return ""
 
 
@@ -104,7 +106,7 @@ static func _u32(bytes: PackedByteArray, at: int) -> int:
 	return bytes[at] << 24 | bytes[at + 1] << 16 | bytes[at + 2] << 8 | bytes[at + 3]
 
 
-## Reads one message from its start to its end; where something is wrong it says so at last, and gives zeros meanwhile.
+## Reads one message from start to end. After an error it returns zeros, and [method is_whole] returns false.
 class _Reader:
 	var _bytes: PackedByteArray
 	var _at := 0
@@ -140,7 +142,7 @@ class _Reader:
 			i += run
 		return read
 
-	## Read numbers that follow each other all at once: reversed, their bytes are little-endian.
+	## Read consecutive numbers together: in reversed order, their bytes are little-endian.
 	func _floats(count: int) -> Array:
 		var bytes := _take(4 * count)
 		bytes.reverse()

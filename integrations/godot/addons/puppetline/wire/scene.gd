@@ -1,67 +1,67 @@
 extends RefCounted
-## All of a character that does not change (docs/protocol.md, "Scene"): what a client needs to draw it and to follow its
+## The constant data of a character (docs/protocol.md, "Scene"), which a client needs to draw it and to evaluate its
 ## controls.
 
 const Scene := preload("scene.gd")
 
-const MOST_VERTICES := 1 << 24
-## More than any number of a description can sensibly be, and well within 32 bits.
-const LARGEST_NUMBER := 1e30
-## Bytes; a part takes some 300.
-const LARGEST_DESCRIPTION := 1 << 22
+const MAX_VERTICES := 1 << 24
+## Maximum magnitude of a number in the description: more than any meaningful value, and well within 32-bit floats.
+const MAX_MAGNITUDE := 1e30
+## Maximum size of the description, in bytes. A part takes about 300 bytes.
+const MAX_DESCRIPTION_BYTES := 1 << 22
 
-## The description as it came. What is in the members below has been checked; of the rest nothing has.
+## The description as received. Only the values in the members below have been checked.
 var description: Dictionary = {}
 var revision := 0
 var vertex_count := 0
 var triangle_count := 0
 var field_count := 0
 var isoline_count := 0
-## One a field; they add up to 1.
+## One weight per field; their sum is 1.
 var weights := PackedFloat32Array()
-## Three vertices a triangle, counter-clockwise seen from outside: Godot wants them the other way round.
+## Three vertices per triangle, counter-clockwise seen from outside. Godot requires the opposite order.
 var triangles := PackedInt32Array()
-## The rest pose.
+## Positions of the rest pose.
 var positions := PackedVector3Array()
 var normals := PackedVector3Array()
-## Ladder coordinates, [member field_count] a vertex. They are not checked: who looks up isolines by them keeps within
-## those that there are.
-var ladder := PackedFloat32Array()
-## Two a ladder coordinate.
+## Isoline coordinates, [member field_count] per vertex. They are not checked: code that looks up isolines must clamp
+## them.
+var isoline_coordinates := PackedFloat32Array()
+## Two slopes per isoline coordinate.
 var slopes := PackedFloat32Array()
-## Empty if the character has none.
+## Texture coordinates; empty if the character has none.
 var uv := PackedVector2Array()
-## Linear RGB, three a vertex; empty if there are none.
+## Linear RGB, three numbers per vertex; empty if the character has no colours.
 var colors := PackedFloat32Array()
-## Dictionaries of `name` (String), `vertices` and `triangles` ([first, count]) and `material`, which has all that the
-## protocol names: `name`, `base_color` (4 numbers), `metallic`, `roughness`, `emissive` (3 numbers), `alpha_mode`,
+## Dictionaries of `name` (String), `vertices` and `triangles` ([first, count]) and `material`, which has all values of
+## the protocol: `name`, `base_color` (4 numbers), `metallic`, `roughness`, `emissive` (3 numbers), `alpha_mode`,
 ## `double_sided`.
 var parts: Array[Dictionary] = []
-## Of the rest pose.
+## Bounding box of the rest pose.
 var bounds := AABB()
 var diagonal := 0.0
 ## Dictionaries of `name`, `position` (Vector3) and `joints` (names).
 var handles: Array = []
-## Names.
+## Names of the joints.
 var joints: Array = []
 ## Names of the morph targets, or null.
 var morphs: Variant = null
 
-var _arrays := 0
-var _fault := ""
+var _arrays_start := 0
+var _error := ""
 
 
-## Read the payload of a scene message; null, and a warning that says why, if it is damaged.
+## Read the payload of a scene message. If it is damaged, return null and print a warning with the reason.
 static func parse(payload: PackedByteArray) -> Scene:
 	var scene := Scene.new()
 	if scene._read(payload):
 		return scene
-	var fault := scene._fault if scene._fault else "something in it is not as it should be"
-	push_warning("Puppetline: a scene came that cannot be used: %s. Is this the service's port?" % fault)
+	var error := scene._error if scene._error else "it has an invalid value"
+	push_warning("Puppetline: received a damaged scene: %s. Check the port." % error)
 	return null
 
 
-## Each step says at its end that it went well, so that one which does not get there has not.
+## Each step returns true at its end. A script error within a step therefore counts as failure.
 func _read(payload: PackedByteArray) -> bool:
 	return (
 		_read_description(payload)
@@ -74,72 +74,72 @@ func _read(payload: PackedByteArray) -> bool:
 	)
 
 
-## Keep the first fault; what is read after it is not used.
-func _fail(fault: String) -> bool:
-	if _fault.is_empty():
-		_fault = fault
+## Keep the first error; values that are read after it are not used.
+func _fail(error: String) -> bool:
+	if _error.is_empty():
+		_error = error
 	return false
 
 
 func _read_description(payload: PackedByteArray) -> bool:
 	var length := payload.decode_u32(0) if payload.size() >= 4 else 0
-	_arrays = 4 + length
-	if length == 0 or length > LARGEST_DESCRIPTION or _arrays > payload.size():
-		return _fail("its description has %d bytes, and all of it %d" % [length, payload.size()])
+	_arrays_start = 4 + length
+	if length == 0 or length > MAX_DESCRIPTION_BYTES or _arrays_start > payload.size():
+		return _fail("its description has %d bytes, and the whole payload %d" % [length, payload.size()])
 	var reader := JSON.new()
-	if reader.parse(payload.slice(4, _arrays).get_string_from_utf8()) != OK or not reader.data is Dictionary:
-		return _fail("its description is no JSON object")
+	if reader.parse(payload.slice(4, _arrays_start).get_string_from_utf8()) != OK or not reader.data is Dictionary:
+		return _fail("its description is not a JSON object")
 	description = reader.data
 	return true
 
 
 func _read_counts() -> bool:
-	revision = _whole(description, "revision", 0, 0xFFFFFFFF)
-	vertex_count = _whole(description, "vertices", 1, MOST_VERTICES)
-	triangle_count = _whole(description, "triangles", 1, 2 * MOST_VERTICES)
-	field_count = _whole(description, "fields", 1, 1024)
-	isoline_count = _whole(description, "isolines", 2, 1024)
+	revision = _integer(description, "revision", 0, 0xFFFFFFFF)
+	vertex_count = _integer(description, "vertices", 1, MAX_VERTICES)
+	triangle_count = _integer(description, "triangles", 1, 2 * MAX_VERTICES)
+	field_count = _integer(description, "fields", 1, 1024)
+	isoline_count = _integer(description, "isolines", 2, 1024)
 	diagonal = _number(description.get("diagonal"))
 	if diagonal <= 0.0:
 		_fail("its diagonal is %s" % str(description.get("diagonal")).left(80))
 	var found := _numbers(description.get("weights"), field_count)
 	if found.is_empty() or found.min() < 0.0 or found.max() > 1.0 + 1e-6:
-		_fail("its %d fields have no weights from 0 to 1" % field_count)
+		_fail("its %d fields do not all have weights from 0 to 1" % field_count)
 	weights = PackedFloat32Array(found)
-	return _fault.is_empty()
+	return _error.is_empty()
 
 
 func _read_arrays(payload: PackedByteArray) -> bool:
 	triangles = _bytes(payload, "triangles", "u32", [triangle_count, 3]).to_int32_array()
 	positions = _vectors(_bytes(payload, "positions", "f32", [vertex_count, 3]), TYPE_PACKED_VECTOR3_ARRAY, 12)
 	normals = _vectors(_bytes(payload, "normals", "f32", [vertex_count, 3]), TYPE_PACKED_VECTOR3_ARRAY, 12)
-	ladder = _bytes(payload, "ladder", "f32", [vertex_count, field_count]).to_float32_array()
+	isoline_coordinates = _bytes(payload, "ladder", "f32", [vertex_count, field_count]).to_float32_array()
 	slopes = _bytes(payload, "slopes", "f32", [vertex_count, field_count, 2]).to_float32_array()
-	if _directory().has("uv"):
+	if _array_entries().has("uv"):
 		uv = _vectors(_bytes(payload, "uv", "f32", [vertex_count, 2]), TYPE_PACKED_VECTOR2_ARRAY, 8)
-	if _directory().has("colors"):
+	if _array_entries().has("colors"):
 		colors = _bytes(payload, "colors", "f32", [vertex_count, 3]).to_float32_array()
-	var ladders := vertex_count * field_count
-	var are_whole := positions.size() == vertex_count and normals.size() == vertex_count
-	return _fault.is_empty() and are_whole and ladder.size() == ladders and slopes.size() == 2 * ladders
+	var count := vertex_count * field_count
+	var are_complete := positions.size() == vertex_count and normals.size() == vertex_count
+	return _error.is_empty() and are_complete and isoline_coordinates.size() == count and slopes.size() == 2 * count
 
 
 func _check_triangles() -> bool:
-	var sorted := triangles.duplicate()  # the lowest and the highest without a loop in script
+	var sorted := triangles.duplicate()  # finds minimum and maximum without a loop in script
 	sorted.sort()
 	if sorted[0] < 0 or sorted[-1] >= vertex_count:
-		return _fail("a triangle has a vertex that is not there")
+		return _fail("a triangle has a vertex that does not exist")
 	return true
 
 
 func _read_bounds() -> bool:
 	var corners: Variant = description.get("bounds")
 	if not corners is Array or corners.size() != 2:
-		return _fail("its bounds are no two corners")
+		return _fail("its bounds are not two corners")
 	var low := _numbers(corners[0], 3)
 	var high := _numbers(corners[1], 3)
 	if low.is_empty() or high.is_empty():
-		return _fail("its bounds are no two corners")
+		return _fail("its bounds are not two corners")
 	var lowest := Vector3(low[0], low[1], low[2])
 	bounds = AABB(lowest, Vector3(high[0], high[1], high[2]) - lowest).abs()
 	return true
@@ -150,7 +150,7 @@ func _read_parts() -> bool:
 	var triangles_left := triangle_count
 	for found: Variant in _list(description, "parts"):
 		if not found is Dictionary:
-			return _fail("a part is no object")
+			return _fail("a part is not an object")
 		(
 			parts
 			. append(
@@ -165,8 +165,8 @@ func _read_parts() -> bool:
 		vertices_left -= parts[-1]["vertices"][1]
 		triangles_left -= parts[-1]["triangles"][1]
 		if vertices_left < 0 or triangles_left < 0:
-			return _fail("its parts have more vertices or triangles than there are")
-	return _fault.is_empty()
+			return _fail("its parts have more vertices or triangles than the scene")
+	return _error.is_empty()
 
 
 func _read_names() -> bool:
@@ -176,39 +176,39 @@ func _read_names() -> bool:
 	for found: Variant in _list(description, "handles"):
 		if not found is Dictionary or _numbers(found.get("position"), 3).is_empty():
 			return _fail("a handle has no position")
-		var place := _numbers(found.position, 3)
+		var position := _numbers(found.position, 3)
 		handles.append(
 			{
 				"name": str(found.get("name", "")),
-				"position": Vector3(place[0], place[1], place[2]),
+				"position": Vector3(position[0], position[1], position[2]),
 				"joints": _list(found, "joints").map(func(name: Variant) -> String: return str(name)),
 			}
 		)
-	return _fault.is_empty()
+	return _error.is_empty()
 
 
-func _directory() -> Dictionary:
+func _array_entries() -> Dictionary:
 	var found: Variant = description.get("arrays")
 	return found if found is Dictionary else {}
 
 
-## Return the bytes of an array, or none if it is not there as it should be.
+## Return the bytes of an array; empty if the array is missing or has another type or shape.
 func _bytes(payload: PackedByteArray, name: String, type: String, shape: Array[int]) -> PackedByteArray:
-	if not _fault.is_empty():
+	if not _error.is_empty():
 		return PackedByteArray()
-	var entry: Variant = _directory().get(name)
-	if not entry is Dictionary or str(entry.get("type")) != type or not _same(entry.get("shape"), shape):
-		_fail("its array %s is not %s of the shape %s" % [name, type, shape])
+	var entry: Variant = _array_entries().get(name)
+	if not entry is Dictionary or str(entry.get("type")) != type or not _is_shape(entry.get("shape"), shape):
+		_fail("its array %s does not have the type %s and the shape %s" % [name, type, shape])
 		return PackedByteArray()
 	var size: int = shape.reduce(func(product: int, count: int) -> int: return product * count, 4)
-	var start := _arrays + _whole(entry, "offset", 0, payload.size())
+	var start := _arrays_start + _integer(entry, "offset", 0, payload.size())
 	if start + size > payload.size():
-		_fail("its array %s goes beyond its end" % name)
+		_fail("its array %s extends beyond the end of the payload" % name)
 		return PackedByteArray()
 	return payload.slice(start, start + size)
 
 
-## Turn bytes into an array of vectors without a loop in script: as what [method @GlobalScope.var_to_bytes] would write.
+## Convert bytes to an array of vectors without a loop in script, in the format of [method @GlobalScope.var_to_bytes].
 func _vectors(bytes: PackedByteArray, type: Variant.Type, size: int) -> Variant:
 	var written := PackedByteArray()
 	written.resize(8)
@@ -221,7 +221,7 @@ func _vectors(bytes: PackedByteArray, type: Variant.Type, size: int) -> Variant:
 func _range(part: Dictionary, name: String, count: int) -> Array[int]:
 	var found := _numbers(part.get(name), 2)
 	if found.is_empty() or found[0] < 0 or found[1] < 0 or found[0] + found[1] > count:
-		_fail("a part's %s are not among the %d" % [name, count])
+		_fail("a part's %s are outside of the scene's %d" % [name, count])
 		return [0, 0]
 	return [int(found[0]), int(found[1])]
 
@@ -230,24 +230,26 @@ func _material(found: Variant) -> Dictionary:
 	var material: Dictionary = found if found is Dictionary else {}
 	return {
 		"name": str(material.get("name", "")),
-		"base_color": _or(_numbers(material.get("base_color"), 4), [1.0, 1.0, 1.0, 1.0]),
+		"base_color": _numbers_or(_numbers(material.get("base_color"), 4), [1.0, 1.0, 1.0, 1.0]),
 		"metallic": clampf(_number(material.get("metallic"), 1.0), 0.0, 1.0),
 		"roughness": clampf(_number(material.get("roughness"), 1.0), 0.0, 1.0),
-		"emissive": _or(_numbers(material.get("emissive"), 3), [0.0, 0.0, 0.0]),
+		"emissive": _numbers_or(_numbers(material.get("emissive"), 3), [0.0, 0.0, 0.0]),
 		"alpha_mode": str(material.get("alpha_mode", "OPAQUE")),
 		"double_sided": material.get("double_sided") is bool and material["double_sided"],
 	}
 
 
-func _or(found: Array[float], otherwise: Array[float]) -> Array[float]:
-	return otherwise if found.is_empty() else found
+func _numbers_or(found: Array[float], default: Array[float]) -> Array[float]:
+	return default if found.is_empty() else found
 
 
-func _whole(from: Dictionary, name: String, least: int, most: int) -> int:
+func _integer(from: Dictionary, name: String, minimum: int, maximum: int) -> int:
 	var number := _number(from.get(name), NAN)
-	if not (number >= least and number <= most and number == floorf(number)):
-		_fail("its %s is %s, and not a number from %d to %d" % [name, str(from.get(name)).left(80), least, most])
-		return least
+	if not (number >= minimum and number <= maximum and number == floorf(number)):
+		_fail(
+			"its %s is %s instead of an integer from %d to %d" % [name, str(from.get(name)).left(80), minimum, maximum]
+		)
+		return minimum
 	return int(number)
 
 
@@ -255,17 +257,17 @@ func _list(from: Dictionary, name: String) -> Array:
 	var found: Variant = from.get(name)
 	if found is Array:
 		return found
-	_fail("its %s are no list" % name)
+	_fail("its %s is not a list" % name)
 	return []
 
 
-func _number(found: Variant, otherwise := 0.0) -> float:
-	if (found is float or found is int) and absf(found) <= LARGEST_NUMBER:
+func _number(found: Variant, default := 0.0) -> float:
+	if (found is float or found is int) and absf(found) <= MAX_MAGNITUDE:
 		return found
-	return otherwise
+	return default
 
 
-## Return so many numbers, or none.
+## Return an array of exactly this many numbers; empty if it is anything else.
 func _numbers(found: Variant, count: int) -> Array[float]:
 	var numbers: Array[float] = []
 	if not found is Array or found.size() != count:
@@ -277,7 +279,7 @@ func _numbers(found: Variant, count: int) -> Array[float]:
 	return numbers
 
 
-func _same(found: Variant, shape: Array[int]) -> bool:
+func _is_shape(found: Variant, shape: Array[int]) -> bool:
 	var numbers := _numbers(found, shape.size())
 	for i in numbers.size():
 		if numbers[i] != shape[i]:

@@ -1,12 +1,12 @@
 extends RefCounted
-## Texts in datagrams from anybody: the engine prints an error for each that is not what it should be.
+## Decoding of strings in untrusted datagrams. The engine's own functions would print an error for each invalid string.
 
 
-## Read UTF-8; empty if it is none, or has zero bytes in it.
+## Decode UTF-8; empty if the bytes are not valid UTF-8 or contain a zero byte.
 static func read(bytes: PackedByteArray) -> String:
 	if bytes.is_empty():
 		return ""
-	var sorted := bytes.duplicate()  # the lowest and the highest without a loop in script
+	var sorted := bytes.duplicate()  # finds minimum and maximum without a loop in script
 	sorted.sort()
 	if sorted[0] == 0 or (sorted[-1] > 0x7F and not _is_utf8(bytes)):
 		return ""
@@ -24,14 +24,14 @@ static func _is_utf8(bytes: PackedByteArray) -> bool:
 			if bytes[at + k] & 0xC0 != 0x80:
 				return false
 			code = code << 6 | bytes[at + k] & 0x3F
-		# Too long for what it says, half of a pair, or beyond the last character.
+		# The encoding is too long, half of a surrogate pair, or beyond the last character.
 		if (length == 3 and code < 0x800) or (length == 4 and code < 0x10000) or code >> 11 == 27 or code > 0x10FFFF:
 			return false
 		at += length
 	return true
 
 
-## Return how many bytes a character has that begins with this one, 0 if none does.
+## Return the number of bytes of a character that begins with this byte; 0 if no character does.
 static func _length(first: int) -> int:
 	if first < 0x80:
 		return 1

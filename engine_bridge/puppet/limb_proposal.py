@@ -34,6 +34,10 @@ spread at rest would intersect the body if a raised arm moved them fully."""
 UPRIGHT_COSINE = np.cos(np.radians(40))
 """Cosine of the largest angle between up and the trunk, or the head, of an upright body."""
 
+MAX_STUB_SHARE = 0.25
+"""Maximum length of a stub of a leg, from hip to ankle, as a share of that from the hips to the crown. A stub that does
+not point down turns as the performer's leg does: pointing it down would twist the body around it."""
+
 
 def limb_tables(limbs: Limbs, character: CharacterTable) -> list[LimbTable]:
     """Choose the joints that drive each limb, and whether it follows their directions or their turns.
@@ -68,6 +72,11 @@ def _follow(name: str, points: Mapping[str, NDArray[np.float64]], up: NDArray[np
     body = trunk if np.linalg.norm(trunk) > np.linalg.norm(head) else points["head"][-1] - points["trunk"][0]
     if not is_upright(body) or name in ("tail", "neck", "left wing", "right wing"):
         return "turn"
+    if name.endswith("leg"):
+        legs = np.mean([points[f"{side} leg"][0] - points[f"{side} leg"][2] for side in ("left", "right")], axis=0)
+        size = np.linalg.norm(points["head"][-1] - points["trunk"][0])
+        if np.linalg.norm(legs) < MAX_STUB_SHARE * size and not is_upright(legs):
+            return "turn"
     return "turn" if name == "head" and not is_upright(head) else "direction"
 
 

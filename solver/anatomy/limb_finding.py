@@ -17,7 +17,7 @@ from solver.anatomy.hidden_limbs import hidden_arm, lengthened
 from solver.anatomy.limb_branches import SHOULDER_SHARE, LimbBranches
 from solver.anatomy.limb_chain import LimbChain, Limbs, evenly
 from solver.anatomy.limb_curve import LimbCurve, arm_joints, shoulder_ways
-from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, Points
+from solver.anatomy.limb_ends import MAX_FOOT_HEIGHT, MAX_NECK_RATIO, Points
 from solver.surface.mesh import SolverMesh
 
 HEAD_DOUBT_MARGIN = 0.15
@@ -141,7 +141,7 @@ class _Finder(LimbBranches):
             low = (found[f"left {legs}"][0] + found[f"right {legs}"][0]) / 2
         if f"left {arms}" in found:
             high = (found[f"left {arms}"][0] + found[f"right {arms}"][0]) / 2
-        place = int(near.query(high)[1])
+        place = self._narrow_neck(int(near.query(high)[1]))
         start = int(near.query(low)[1])
         high = trunk.points[place]
         result = {"trunk": np.array([low, trunk.points[(start + place) // 2], high])}
@@ -156,6 +156,15 @@ class _Finder(LimbBranches):
                 way = trunk.points[place : trunk.index(trunk.along[place] + neck) + 1]
                 return result | {"neck": evenly(way, 3), "head": np.array([way[-1], crown])}
         return result | {"head": np.array([high, crown])}
+
+    def _narrow_neck(self, shoulders: int) -> int:
+        """Return the index of the neck on the curve of an upright trunk, or that of the shoulders if none is narrow."""
+        depth = self.trunk.depth
+        if self.four_legged or self.skull <= shoulders:
+            return shoulders
+        neck = shoulders + int(depth[shoulders : self.skull + 1].argmin())
+        narrow = depth[neck] < MAX_NECK_RATIO * min(depth[self.skull], depth[: neck + 1].max())
+        return neck if narrow else shoulders
 
     def _crown(self, neck: Points) -> Points:
         """Return the top of a head that is upright on a neck: above its middle, whatever the brim of a cap adds."""

@@ -5,6 +5,7 @@ the rest of the character and rises from bone to bone gives a limb all isolines 
 other limb uses.
 """
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,11 @@ SURFACE_FIELD_COUNT = 3
 """Number of the surface's smoothest fields that are kept besides those of the limbs, for the trunk and its bends."""
 
 BLUR_DIAGONALS = 0.006
-"""Length over which a limb's field is smoothed, as a fraction of the diagonal: about 1 cm on a person."""
+"""Minimum length over which a limb's field is smoothed, as a fraction of the diagonal: about 1 cm on a person."""
+
+BLUR_RADII = 0.3
+"""The same length in radii of the limb's first bone, because the surface around a thick joint moves farther. It is
+rounded to `BLUR_DIAGONALS` times a power of two, because each length takes a factorisation."""
 
 MAX_SEAM_DIAGONALS = 1e-3
 """Greatest distance at which two parts are sewn together, as a fraction of the diagonal: 2 mm on a person."""
@@ -47,8 +52,8 @@ def limb_fields(
     """Make fields that rise along the limbs of a character.
 
     A field is 0 outside its limb, (1 + k + s) / (1 + n) at the share s of the length of the limb's bone k of n, and 1
-    on the limb's children; then it is smoothed over `BLUR_DIAGONALS`. If there is a skin, each vertex has the mean of
-    its bones, and s stays within the middle `BONE_RISE_SHARE`, so that the field rises at the joints as the skin does.
+    on the limb's children; then it is smoothed. If there is a skin, each vertex has the mean of its bones, and s stays
+    within the middle `BONE_RISE_SHARE`, so that the field rises at the joints as the skin does.
 
     If there are more limbs than fields, the limbs with the fewest bones share a field in pairs, one of them with a
     negative sign. Limbs beyond two per field have none.
@@ -72,16 +77,23 @@ def limb_fields(
     -------
     (n, count) float64
     """
-    within = 1.0 if shares is None else BONE_RISE_SHARE
-    if shares is None:
-        shares = np.eye(len(bones) + 1)[regions.owner, :-1]
     limbs = _limbs(bones, regions)[: 2 * count]
+    within, lengths = BONE_RISE_SHARE, np.full(len(limbs), BLUR_DIAGONALS)
+    if shares is None:
+        within, lengths = 1.0, np.array([_blur_length(limb, vertices, bones, regions) for limb in limbs])
+        shares = np.eye(len(bones) + 1)[regions.owner, :-1]
     fields = [_along(limb, vertices, bones, shares, within) for limb in limbs]
     pairs = max(0, len(limbs) - count)
     alone = fields[: len(fields) - 2 * pairs]
     shared = fields[len(alone) :]
     both = [one - other for one, other in zip(shared[:pairs], shared[pairs:], strict=True)]
-    return smoothed(L, mass, vertices, np.column_stack([*alone, *both]), BLUR_DIAGONALS)
+    result = np.column_stack([*alone, *both])
+    pair_lengths = np.maximum(lengths[len(alone) : len(alone) + pairs], lengths[len(alone) + pairs :])
+    lengths = np.append(lengths[: len(alone)], pair_lengths)
+    for length in np.unique(lengths):
+        columns = lengths == length
+        result[:, columns] = smoothed(L, mass, vertices, result[:, columns], length)
+    return result
 
 
 def contacts_that_hold(
@@ -116,6 +128,18 @@ def _limbs(bones: Bones, regions: BoneRegions) -> list[int]:
     size = np.bincount(bones.limbs[bones.limbs >= 0])
     there = np.unique(bones.limbs[np.unique(regions.owner[regions.owner >= 0])])
     return sorted((limb for limb in there.tolist() if limb >= 0), key=lambda limb: (-size[limb], limb))
+
+
+def _blur_length(limb: int, vertices: NDArray[np.float64], bones: Bones, regions: BoneRegions) -> float:
+    """Return the length over which the field of a limb is smoothed, as a fraction of the diagonal."""
+    root = int(np.flatnonzero(bones.limbs == limb)[0])
+    axis = (bones.tails[root] - bones.heads[root]) / bones.lengths[root]
+    offsets = vertices[regions.owner == root] - bones.heads[root]
+    if not len(offsets):
+        return BLUR_DIAGONALS
+    radius = float(np.median(np.linalg.norm(np.cross(offsets, axis), axis=1)))
+    blur = BLUR_RADII * radius / float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return BLUR_DIAGONALS * 2.0 ** max(0, round(math.log2(max(blur / BLUR_DIAGONALS, 1.0))))
 
 
 def _along(

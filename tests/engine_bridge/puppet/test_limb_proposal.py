@@ -35,14 +35,26 @@ def test_a_persons_limbs_point_where_the_performers_do():
     assert {limb.parent for limb in tables.values()} == {None}
 
 
+def stubs(shin):
+    """Two straight legs, mirrored, with a vector from hip to ankle."""
+    side, down, front = shin
+    return {
+        f"{name}_leg": [(sign * (0.1 + share * side), 1 + share * down, share * front) for share in (0, 0.5, 1, 1.2)]
+        for name, sign in (("left", 1), ("right", -1))
+    }
+
+
 @pytest.mark.parametrize(
     ("changed", "turning"),
     [
         ({"trunk": [(0, 1, -1), (0, 1.1, -0.5), (0, 1.2, 0)]}, set(PERSON)),
         ({"head": [(0, 1.4, 0), (0, 1.5, 0.3)]}, {"head"}),
         ({"left_leg": [(0.1, 1, 0), (0.1, 0.6, 0.5), (0.1, 0.1, 0), (0.1, 0, 0.2)]}, set()),
+        (stubs((0.1, -0.05, 0.1)), {"left leg", "right leg"}),
+        (stubs((0.0, -0.15, 0.0)), set()),
+        (stubs((0.1, -0.4, 0.5)), set()),
     ],
-    ids=["lying", "looking forward", "crouching"],
+    ids=["lying", "looking forward", "crouching", "stubs to the front", "stubs that point down", "sitting"],
 )
 def test_what_is_built_otherwise_turns(changed, turning):
     tables = limb_tables(chains(**{**UPRIGHT, **changed}), CharacterTable(mesh="a"))

@@ -111,7 +111,14 @@ def new_puppet(
     notes: list[str] = []
     if places or not handles:
         found = _limbs(rig, surface, standing, places, notes) if limbs else []
-        values["limb"] = [limb.model_dump(exclude_none=True) for limb in found]
+        tables = [limb.model_dump(exclude_none=True) for limb in found]
+        if tables and not places and not _is_valid(values | {"handle": [], "limb": tables}):
+            found, tables = [], []
+            notes.append(
+                "The limbs that were found overlap, so handles are proposed instead. If the character has limbs, give "
+                "their ends: --limb 'left leg=X,Y,Z' --limb 'right leg=X,Y,Z'"
+            )
+        values["limb"] = tables
         if not found and not handles:
             proposed = propose_handles(surface, standing)
             values["handle"] = [handle.model_dump(exclude_none=True) for handle in proposed]
@@ -123,6 +130,14 @@ def new_puppet(
         reasons[:2] = (f"{name} is {axis}, by the file's skeleton" for name, axis in zip(AXES, skeleton, strict=True))
     assumed = tuple(reason for value, reason in zip(given.values(), reasons, strict=True) if value is None)
     return Proposal(puppet, character, assumed, tuple(notes))
+
+
+def _is_valid(values: dict[str, Any]) -> bool:
+    try:
+        check(values, "the proposal")
+    except PuppetError:
+        return False
+    return True
 
 
 def _axes(rig: Limbs | None, up: Direction | None, front: Direction | None) -> tuple[Direction, Direction] | None:

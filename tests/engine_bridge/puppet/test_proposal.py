@@ -3,10 +3,11 @@ import pytest
 
 from engine_bridge.character.character import make_character
 from engine_bridge.performance.rig import load_rig
-from engine_bridge.puppet import puppet_file
+from engine_bridge.puppet import proposal, puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from puppetline.errors import MeshError, PuppetError
 from solver.anatomy import orientation
+from solver.anatomy.limb_chain import LimbChain, Limbs
 
 HUMANOID = {
     "head": "head",
@@ -30,7 +31,7 @@ FOUR_LEGGED = dict.fromkeys(
 TAIL, NECK, WINGS = {"tail": "turn"}, {"neck": "turn"}, {"left wing": "turn", "right wing": "turn"}
 REAL = {
     "beast_32k_quads.obj": {**PERSON, "head": "turn"},
-    "cheburashka.off": PERSON,
+    "cheburashka.off": {**PERSON, "left leg": "turn", "right leg": "turn"},  # stubs that point forward
     "homer_6k.obj": PERSON,
     "human_crane_10k.obj": PERSON,
     "makehuman_base.obj": PERSON,
@@ -160,6 +161,20 @@ def test_what_is_given_is_neither_proposed_nor_said(blob_file, tmp_path):
     assert len(made.assumed) == 1
     assert "front" in made.assumed[0]
     assert new_puppet(blob_file, tmp_path / "a.toml", up="z", front="x", scale=2.0).assumed == ()
+
+
+def test_limbs_that_overlap_are_replaced_by_handles_with_a_note(blob_file, tmp_path, monkeypatch):
+    points = np.array([[0.0, 1.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]])
+    chains = (
+        LimbChain("trunk", np.array([[0.0, 1.0, 0.0], [0.0, 1.2, 0.0], [0.0, 1.4, 0.0]])),
+        LimbChain("left leg", points),
+        LimbChain("right leg", points),
+    )
+    monkeypatch.setattr(proposal, "find_limbs", lambda *_: Limbs(chains))
+    made = new_puppet(blob_file, tmp_path / "a.toml")
+    assert made.puppet.limb == ()
+    assert made.puppet.handle == new_puppet(blob_file, tmp_path / "a.toml", limbs=False).puppet.handle
+    assert [note.startswith("The limbs that were found overlap") for note in made.notes] == [True]
 
 
 @pytest.mark.parametrize(

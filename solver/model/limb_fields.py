@@ -138,8 +138,8 @@ def _blur_length(limb: int, vertices: NDArray[np.float64], bones: Bones, regions
     if not len(offsets):
         return BLUR_DIAGONALS
     radius = float(np.median(np.linalg.norm(np.cross(offsets, axis), axis=1)))
-    blur = BLUR_RADII * radius / float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    return BLUR_DIAGONALS * 2.0 ** max(0, round(math.log2(max(blur / BLUR_DIAGONALS, 1.0))))
+    length = BLUR_RADII * radius / float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    return BLUR_DIAGONALS * 2.0 ** round(math.log2(max(length / BLUR_DIAGONALS, 1.0)))
 
 
 def _along(

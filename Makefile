@@ -67,7 +67,8 @@ bench: setup ## Repeat the measurements of docs/performance.md (BENCH="--data FO
 	$(BIN)/python -m benchmarks.performance $(BENCH)
 
 # Blender's module requires Python 3.11 and old versions of what it imports: it has an environment of its own
-peers: .venv-blender/.required ## Install programs that some tests compare with (needs npm)
+peers: .venv-blender/.required setup ## Install programs that some tests compare with (needs npm and a C++ compiler)
+	.venv/$(INSTALL) --require-hashes -r requirements-peers.txt
 	cd tests/peers && npm ci --no-audit --no-fund
 
 COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --no-header --no-annotate \
@@ -76,6 +77,7 @@ COMPILE := uv pip compile --universal --python-version 3.11 --generate-hashes --
 lock: ## Pin the newest versions of all dependencies (needs uv)
 	$(COMPILE) pyproject.toml --extra dev -o requirements.txt
 	$(COMPILE) pyproject.toml --extra camera --extra test -o requirements-camera.txt
+	printf 'meshoptimizer\nplaywright\n' | $(COMPILE) - --constraint requirements.txt --prerelease allow -o requirements-peers.txt
 	echo "bpy; python_version == '3.11'" | $(COMPILE) - -o requirements-blender.txt
 	echo pip | $(COMPILE) - -o requirements-pip.txt
 

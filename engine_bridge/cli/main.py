@@ -14,6 +14,7 @@ COMMANDS = (
     "align",
     "bake",
     "bench",
+    "clip",
     "convert",
     "demo",
     "doctor",

@@ -13,6 +13,7 @@ from puppetline.errors import PuppetlineError
 COMMANDS = (
     "align",
     "bake",
+    "batch",
     "bench",
     "clip",
     "convert",

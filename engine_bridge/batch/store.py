@@ -96,8 +96,11 @@ class Store:
         self._partial = self._own / PARTIAL_FOLDER
         self._records = self._own / RECORD_FOLDER
 
-    def create(self) -> None:
-        """Create the folders, check that files can be written, and delete stale incomplete files.
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """Create the folders and check that files can be written; at the end, delete what killed workers have left.
+
+        Incomplete files of earlier batches are deleted at the start, once they are old.
 
         Raises
         ------
@@ -108,16 +111,17 @@ class Store:
                 folder.mkdir(parents=True, exist_ok=True)
             probe = self._partial / f"{self.run}.probe"
             probe.touch()
-            probe.unlink()
             for path in self._partial.iterdir():
                 with suppress(FileNotFoundError):
                     if path.stat().st_mtime < time.time() - STALE_SECONDS:
                         path.unlink()
-
-    def close(self) -> None:
-        """Delete what killed workers of this batch have left."""
-        for path in self._partial.glob(f"*{self.run}*"):
-            path.unlink(missing_ok=True)
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                for path in self._partial.iterdir():
+                    if self.run in path.name:
+                        path.unlink(missing_ok=True)
 
     def load(self, name: str) -> Record | None:
         """Read the record of a job; None if there is none, or none that is complete."""

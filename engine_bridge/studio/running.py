@@ -71,7 +71,8 @@ class Running:
             return
         self._process.write(stages)
         if self._process.reached is not None:
-            await self._process.stop()
+            await self.request("reload")
+            return
         await self._process.start()
         if self._process.reached is None:
             raise ServiceError(

@@ -2,6 +2,7 @@
 
 import gc
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +71,7 @@ if TYPE_CHECKING:
 def serve(config: Path | None, status: bool, log_format: Any, log_level: str, **settings: Any) -> None:
     """Stream characters that performers drive live, until stopped."""
     service_file, folder = _service_file(config, settings)
-    _run(service_file, folder, status, log_format, log_level)
+    _run(service_file, folder, config, status, log_format, log_level)
 
 
 def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
@@ -81,13 +82,20 @@ def serve_puppets(sources: list[str], puppets: list[Path]) -> None:
 
 
 def _run(
-    settings: "ServiceFile", folder: Path, status: bool = False, log_format: Any = "text", log_level: str = "info"
+    settings: "ServiceFile",
+    folder: Path,
+    config: Path | None = None,
+    status: bool = False,
+    log_format: Any = "text",
+    log_level: str = "info",
 ) -> None:
+    """Serve until stopped; a service file `config` is read again at each reload."""
     gc.disable()  # while modules are loaded, which leaves almost no garbage
     from engine_bridge.service.signals import Signals
 
     with ExitStack() as stack:
         signals = stack.enter_context(Signals())
+        from engine_bridge.service import service_file
         from engine_bridge.service.commands import commands
         from engine_bridge.service.monitoring import logs, native_output
         from engine_bridge.service.service import Service
@@ -101,7 +109,8 @@ def _run(
 
             display = StatusDisplay()
             stack.callback(display.close)
-        service = Service(settings, folder, commands, None if display is None else display.update)
+        read_settings = None if config is None else partial(service_file.load, config)
+        service = Service(settings, folder, commands, None if display is None else display.update, read_settings)
         stack.callback(service.close)
         gc.collect()
         gc.freeze()  # what is loaded stays, so later collections need not examine it

@@ -40,7 +40,7 @@ export function limbs(state: State, bounds: Bounds): Node_ {
     { class: "stack", key: "part" },
     button(`‹ ${strings.limbs.back}`, () => {
       choose(null);
-    }, { quiet: true }),
+    }, { quiet: true, back: true }),
     selection.kind === "limb" ? limb(puppet, selection, bounds) : handle(puppet, selection.name, bounds),
   );
 }

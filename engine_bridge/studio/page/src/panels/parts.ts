@@ -10,16 +10,17 @@ export interface Options {
   readonly danger?: boolean;
   readonly label?: string;
   readonly hint?: string;
+  readonly back?: boolean;
   readonly key?: string;
 }
 
 export function button(text: Child, onclick: () => void, options: Options = {}): Node_ {
-  const { primary, disabled, pressed, quiet, danger, label, hint, key } = options;
+  const { primary, disabled, pressed, quiet, danger, back, label, hint, key } = options;
   return h(
     "button",
     {
       type: "button",
-      class: [primary && "primary", quiet && "quiet", danger && "danger"].filter(Boolean).join(" ") || null,
+      class: [primary && "primary", quiet && "quiet", danger && "danger", back && "back"].filter(Boolean).join(" ") || null,
       disabled: disabled === true,
       "aria-pressed": pressed === undefined ? null : String(pressed),
       "aria-label": label,

@@ -18,9 +18,9 @@ export function sources(state: State): Node_ {
   return h(
     "div",
     { class: "sources stack", key: "sources" },
-    button(strings.performer.done, () => {
+    button(`‹ ${strings.performer.done}`, () => {
       update({ choosing: false });
-    }, { quiet: true }),
+    }, { quiet: true, back: true }),
     group(
       words.examples,
       h(

@@ -23,7 +23,7 @@ export function status(state: State, drawn: number): Node_ {
     h("span", {}, text),
     numbers !== null && [
       h("span", { key: "fps" }, words.fps(numbers.fps)),
-      h("span", { key: "drawn" }, words.drawn(drawn)),
+      drawn > 0 && h("span", { key: "drawn" }, words.drawn(drawn)),
       numbers.latency_ms !== null && h("span", { key: "latency" }, words.latency(numbers.latency_ms)),
       h("span", { key: "clients" }, words.clients(numbers.clients)),
       h("span", { key: "drops" }, words.drops(numbers.drops)),

@@ -31,7 +31,7 @@ export function toolbar(state: State, fit: () => void): Node_ {
     choice(words.tools, tools, state.tool, (tool) => {
       update({ tool, drawn: [], bones: true, atRest: tool !== "select" || state.atRest });
     }),
-    choice(
+    state.selection !== null && choice(
       words.dragging,
       [
         ["view", words.inView],

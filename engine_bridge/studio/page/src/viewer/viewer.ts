@@ -194,7 +194,8 @@ export class Viewer {
     const size = box.high.clone().sub(box.low);
     const half = Math.tan((this.camera.fov * Math.PI) / 360);
     const across = Math.max(size.y, size.x / Math.max(this.camera.aspect, 0.1), (0.7 * size.z) / this.camera.aspect);
-    const distance = (0.62 * across) / half + 0.5 * Math.max(size.x, size.z);
+    const distance = (0.68 * across) / half + 0.5 * Math.max(size.x, size.z);
+    centre.y -= 0.05 * size.y; // the toolbar is below
     this.orbit.target.copy(centre);
     this.camera.position.copy(centre).add(new Vector3(0.45, 0.18, 1).normalize().multiplyScalar(distance));
     this.camera.near = distance / 100;

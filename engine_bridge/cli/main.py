@@ -13,7 +13,9 @@ from puppetline.errors import PuppetlineError
 COMMANDS = (
     "align",
     "bake",
+    "batch",
     "bench",
+    "clip",
     "convert",
     "demo",
     "doctor",

@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from capture.timeline import Timeline
 from engine_bridge.export import frames_animation, skinning
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
-from engine_bridge.performance.rig import load_rig
+from engine_bridge.performance.rig import Rig, load_rig
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet.rig_bones import require_joints
 from puppetline.files import check_writable
@@ -98,16 +99,63 @@ def convert(
         Before anything is written.
     """
     check_writable(output, ".glb", inputs=(log, puppet))
-    if settings.form == "skin":
-        skinning.require_dem_bones()
     timeline, notes = load_timeline(log, settings)
     progress("Preparing the character", 0.0)
+    rig = load_rig_for(puppet, settings)
+    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
+    progress("Preparing the character", 1.0)
+    return convert_timeline(rig, timeline, output, log.stem, settings, notes, progress)
+
+
+def load_rig_for(puppet: Path, settings: Settings) -> Rig:
+    """Load a puppet file and its character, and check that they can be exported in the form of the settings.
+
+    Raises
+    ------
+    PuppetlineError
+    """
+    if settings.form == "skin":
+        skinning.require_dem_bones()
     rig = load_rig(puppet)
     if settings.form == "rig":
         require_joints(rig.character, rig.puppet.limbs, puppet)
+    return rig
+
+
+def convert_timeline(
+    rig: Rig,
+    timeline: Timeline,
+    output: Path,
+    name: str,
+    settings: Settings,
+    notes: tuple[str, ...],
+    progress: Progress = lambda _stage, _share: None,
+) -> tuple[Clip, Summary]:
+    """Convert a resampled recording to an animated .glb.
+
+    Parameters
+    ----------
+    rig : Rig
+        From `load_rig_for`.
+    timeline : Timeline
+    output : Path
+    name : str
+        Name of the animation.
+    settings : Settings
+    notes : tuple of str
+        Sentences for the user about the recording.
+    progress : callable, optional
+
+    Returns
+    -------
+    clip : Clip
+    summary : Summary
+
+    Raises
+    ------
+    PuppetlineError
+    """
     if settings.form == "frames":
         frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
-    check_writable(output, ".glb", inputs=(Path(rig.character.document.name),))
-    progress("Preparing the character", 1.0)
     clip = perform(rig, timeline, settings, notes, progress)
-    return clip, write(clip, output, log.stem, settings, progress)
+    return clip, write(clip, output, name, settings, progress)

@@ -10,7 +10,10 @@ from capture.skeleton import LOST, TRACKED
 from engine_bridge.character.character import CHARACTER_FILES, Character, load_character, rest_weights
 from engine_bridge.character.gltf_file import MAGIC
 from engine_bridge.puppet import puppet_file
+from engine_bridge.service.protocol.clip_file import read_clip
+from engine_bridge.service.protocol.header import WireError
 from puppetline.errors import PuppetlineError
+from puppetline.files import read_whole
 from solver.anatomy import orientation
 
 
@@ -20,7 +23,7 @@ def inspect(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain values for JSON; ``kind`` is "puppet", "log" or "character".
+        Plain values for JSON; ``kind`` is "puppet", "log", "clip" or "character".
 
     Raises
     ------
@@ -36,12 +39,14 @@ def inspect(path: Path) -> dict[str, Any]:
         return _log(path)
     with path.open("rb") as file:
         is_glb = file.read(len(MAGIC)) == MAGIC
+    if path.suffix.lower() == ".clip":
+        return _clip(path)
     if is_glb or path.suffix.lower() in CHARACTER_FILES:
         return _character(path)
     raise PuppetlineError(
         path,
         found="an unknown kind of file" if path.stat().st_size else "an empty file",
-        expected=f"a puppet file (.toml), a recording, or a mesh ({', '.join(CHARACTER_FILES)})",
+        expected=f"a puppet file (.toml), a recording, a clip (.clip), or a mesh ({', '.join(CHARACTER_FILES)})",
         fix="Check the path; docs/recordings.md lists the formats of recordings.",
     )
 
@@ -94,6 +99,21 @@ def _log(path: Path) -> dict[str, Any]:
             "notes": list(clip.notes),
         }
     return {"kind": "log", "format": FORMATS[name], "users": users}
+
+
+def _clip(path: Path) -> dict[str, Any]:
+    content = read_whole(path, "a clip that puppetline clip wrote", PuppetlineError)
+    try:
+        facts, scene, *frames = read_clip(content)
+    except (WireError, ValueError) as error:
+        raise PuppetlineError(
+            path,
+            found=f"a damaged clip ({error})",
+            expected="a clip that puppetline clip wrote",
+            fix="Write it again with puppetline clip.",
+        ) from error
+    counts = {name: scene.body.facts[name] for name in ("vertices", "triangles", "diagonal")}
+    return {"kind": "clip", **facts.body, "seconds": frames[-1].header.time, **counts}
 
 
 def _character(path: Path) -> dict[str, Any]:

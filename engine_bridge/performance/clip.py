@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture import body
+from capture.clip import SkeletonClip
 from capture.formats import read_log
 from capture.skeleton import JOINTS
 from capture.timeline import Timeline, choose, resample
@@ -78,7 +79,11 @@ def load_timeline(log: Path, settings: Settings) -> tuple[Timeline, tuple[str, .
     ------
     SkeletonLogError
     """
-    clips = read_log(log, settings.log)
+    return timeline_of(read_log(log, settings.log), log, settings)
+
+
+def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tuple[Timeline, tuple[str, ...]]:
+    """Resample the chosen performer of a recording that has been read; as `load_timeline`."""
     try:
         clip, chosen = choose(clips, settings.user)
         timeline = resample(clip, settings.fps, settings.max_gap)

@@ -195,4 +195,5 @@ _BODIES: dict[Kind, Callable[[memoryview], Any]] = {
     Kind.PERFORMER: read_json,
     Kind.STATUS: read_json,
     Kind.CHARACTERS: read_json,
+    Kind.CLIP: read_json,
 }

@@ -5,8 +5,7 @@ const JitterBuffer := preload("res://addons/puppetline/play/jitter_buffer.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	var buffer := JitterBuffer.new()
 	for moment: Dictionary in JSON.parse_string(arguments()[0]):
 		for pushed: Array in moment.get("push", []):
@@ -20,5 +19,5 @@ func _initialize() -> void:
 		tell(told)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	return true

@@ -27,6 +27,7 @@ COMMANDS = (
     "record",
     "serve",
     "shader-mesh",
+    "studio",
     "token",
 )
 """Names of the commands. Each is a function in a module of this package, both named like it, with "_" for "-"."""

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from engine_bridge.cli.inspection import inspect
+from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline, solve
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings

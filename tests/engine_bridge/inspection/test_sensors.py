@@ -11,8 +11,8 @@ from capture.sensors import camera, freenect, openni_library
 from capture.sensors.openni_library import Sensor
 from capture.trackers import mediapipe
 from capture.trackers.nite import library_path
-from engine_bridge.cli.checks import sensors
-from engine_bridge.cli.checks.finding import Finding
+from engine_bridge.inspection import sensors
+from engine_bridge.inspection.finding import Finding
 from puppetline.errors import SourceError
 
 

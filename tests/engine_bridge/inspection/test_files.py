@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from capture.skeleton import JOINT_INDEX
-from engine_bridge.cli.inspection import inspect
 from engine_bridge.export.convert import Settings, convert
+from engine_bridge.inspection.files import inspect
 from puppetline.errors import PuppetlineError
 
 

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from engine_bridge.cli.checks import machine
-from engine_bridge.cli.checks.finding import Finding
-from engine_bridge.cli.checks.machine import LIBRARIES, PORTS, examine, text
+from engine_bridge.inspection import machine
+from engine_bridge.inspection.finding import Finding
+from engine_bridge.inspection.machine import LIBRARIES, PORTS, examine, text
 
 SENSORS = ("libfreenect", "OpenNI 2", "MediaPipe", "OpenCV", "NiTE 2")
 
@@ -48,7 +48,7 @@ def test_it_looks_at_everything_that_the_service_needs_and_changes_nothing(tmp_p
 def test_the_libraries_are_those_that_the_distribution_depends_on():
     import tomllib
 
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
     needed = {dependency.partition(">")[0] for dependency in project["project"]["dependencies"]}
     assert needed - {"typing-extensions"} == set(LIBRARIES)
 

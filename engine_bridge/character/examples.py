@@ -1,4 +1,4 @@
-"""Example characters and their motions, written to files and converted.
+"""Example characters and their motions, written to files.
 
 This is the only module of the product that imports the example characters and their puppet files;
 `capture.sources.demo` is the only one that imports the example performances.
@@ -15,9 +15,6 @@ from puppetline.examples.characters.character import Character
 from capture.recording import Recorder
 from capture.sources.demo import performances
 from engine_bridge.character.character import make_character
-from engine_bridge.export.convert import Summary, convert
-from engine_bridge.performance.settings import Settings
-from engine_bridge.pictures import clip_sheet
 from puppetline.errors import OutputError
 from puppetline.files import check_writable, written_whole
 
@@ -37,22 +34,6 @@ def example_character(name: str) -> Character:
     """Make one of the characters in `MOTIONS`."""
     made: Character = CHARACTERS[name]()
     return made
-
-
-def convert_example(name: str, folder: Path, progress: Progress = lambda _stage, _share: None) -> tuple[Summary, Path]:
-    """Write the files of `prepare` and convert them; return the summary and the path of the contact sheet.
-
-    Raises
-    ------
-    PuppetlineError
-        A file cannot be written.
-    """
-    log, puppet = prepare(name, folder, progress)
-    title = f"{name}_{MOTIONS[name]}"
-    output, picture = folder / f"{title}.glb", folder / f"{title}.png"
-    clip, summary = convert(log, puppet, output, Settings(), progress)
-    clip_sheet.draw(clip, picture, f"{name} · {MOTIONS[name]}", lambda share: progress("Drawing", share))
-    return summary, picture
 
 
 def prepare(name: str, folder: Path, progress: Progress = lambda _stage, _share: None) -> tuple[Path, Path]:

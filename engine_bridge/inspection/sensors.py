@@ -15,7 +15,7 @@ from capture.sensors import freenect, openni_library
 from capture.sensors.camera import load_opencv
 from capture.trackers import nite
 from capture.trackers.mediapipe import load_mediapipe
-from engine_bridge.cli.checks.finding import Finding
+from engine_bridge.inspection.finding import Finding
 from puppetline.errors import SourceError
 
 

@@ -19,11 +19,12 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from engine_bridge.cli.checks import sensors
-from engine_bridge.cli.checks.finding import Finding
+from engine_bridge.inspection import sensors
+from engine_bridge.inspection.finding import Finding
 from puppetline.errors import PuppetlineError
 
 LIBRARIES: dict[str, str] = {
+    "aiohttp": "aiohttp",
     "click": "click",
     "libigl": "igl",
     "msgpack": "msgpack",

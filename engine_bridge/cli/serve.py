@@ -48,6 +48,19 @@ if TYPE_CHECKING:
     "--osc", "targets", multiple=True, metavar="HOST:PORT", help="Also send OSC to this address. Can be repeated."
 )
 @click.option("--osc-rate", type=Finite(1, 1000), help="Frames per second for each OSC receiver.  [default: 30]")
+@click.option(
+    "--websocket",
+    type=click.IntRange(0, 65534),
+    metavar="PORT",
+    help="Also serve web pages over WebSocket, on this port of --host.",
+)
+@click.option(
+    "--origin",
+    "origins",
+    multiple=True,
+    metavar="URL",
+    help="Origin of web pages that may connect, such as http://localhost:8000. Can be repeated.",
+)
 @click.option("--takes", type=FILE, metavar="FOLDER", help="Folder that takes are recorded to.  [default: takes]")
 @click.option("--metrics", type=click.IntRange(1, 65535), metavar="PORT", help="Port for Prometheus, on loopback only.")
 @click.option(
@@ -135,6 +148,11 @@ def _service_file(config: Path | None, settings: dict[str, Any]) -> "tuple[Servi
         "network": {name: given[name] for name in ("host", "port", "token_file") if name in given},
         "osc": [_osc_receiver(each, given.get("osc_rate")) for each in settings["targets"]],
     }
+    if "websocket" in given:
+        host = {"host": given["host"]} if "host" in given else {}
+        rest["websocket"] = {"port": given["websocket"], "origins": list(settings["origins"]), **host}
+    elif "origins" in given:
+        raise click.UsageError("--origin requires --websocket.")
     if "takes" in given:
         rest["takes"] = str(given["takes"])
     if "announce" in given:

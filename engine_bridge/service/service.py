@@ -25,7 +25,8 @@ from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.service import calibration_store
 from engine_bridge.service.character_loader import CharacterLoader
 from engine_bridge.service.character_player import CharacterPlayer
-from engine_bridge.service.control.control_socket import Command, Control, Deferred
+from engine_bridge.service.control.control_socket import Control
+from engine_bridge.service.control.dispatcher import Command, Deferred, Dispatcher
 from engine_bridge.service.discovery import Announcement
 from engine_bridge.service.jobs import Jobs
 from engine_bridge.service.monitoring.logs import OnceASecond, fields
@@ -138,12 +139,14 @@ class Service:
         try:
             self._guard = Guard(context, endpoints, settings.network.max_clients)
             keep.callback(self._guard.close)
-            opening = Opening(self._characters(), context, endpoints, self._guard)
+            self._dispatcher = Dispatcher(self._commands(self))
+            answer = partial(self._dispatcher.take, encoding="json")
+            opening = Opening(self._characters(), context, endpoints, self._guard, answer)
             for _, table in settings.output_tables():
                 output = table.open(opening)
                 keep.callback(output.close)
                 self._outputs.append(output)
-            self.control = Control(context, endpoints, self._commands(self))
+            self.control = Control(context, endpoints, self._dispatcher)
             keep.callback(self.control.close)
         except zmq.ZMQError as error:
             where = ", ".join(f"{each.stream} and {each.control}" for each in endpoints)
@@ -371,7 +374,7 @@ class Service:
     def _answer(self, deferred: Deferred, done: Future[Any], result: Callable[[Any], Any]) -> None:
         """Send a deferred answer: the result of the work, or the error."""
         error = done.exception()
-        self.control.finish(deferred, result(done.result()) if error is None else error)
+        self._dispatcher.finish(deferred, result(done.result()) if error is None else error)
 
     def _characters(self) -> list[StreamedCharacter]:
         return [player.character for runner in self.runners for player in runner.stage.players]

@@ -16,6 +16,7 @@ from engine_bridge.character.drawn_normals import drawn_normals
 from engine_bridge.performance.humanoid import Humanoid, humanoid_of, is_humanoid
 from engine_bridge.performance.rig import Rig
 from engine_bridge.puppet.puppet import Puppet
+from engine_bridge.service.protocol.header import Kind
 from engine_bridge.service.protocol.quantisation import quantised
 from engine_bridge.service.protocol.scene import encode_scene, with_description
 from solver.model.binding import ShadedBinding
@@ -164,3 +165,8 @@ class Frame:
         """The pose on the character's morph basis; None without a basis."""
         basis = self.character.basis
         return None if basis is None else basis.project(self.R)
+
+    @cached_property
+    def messages(self) -> dict[Kind, bytes | None]:
+        """Its messages so far, by kind; see `engine_bridge.service.protocol.payloads.message`."""
+        return {}

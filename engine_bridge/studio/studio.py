@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import logging
+import math
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -184,7 +185,7 @@ class Studio:
         return {}
 
     async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
-        source = self._chosen(asked)
+        source = await self._chosen(asked)
         async with self._changing:
             before, self._source = self._source, source
             try:
@@ -216,7 +217,115 @@ class Studio:
             await self._apply()
         return _puppet_reply(character)
 
+    async def _do_snap(self, asked: messages.Snap) -> dict[str, Any]:
+        folder = self.characters[asked.character].folder
+        reply: dict[str, Any] = await self._worker.run("snap", folder, asked.point)
+        return reply
+
+    async def _do_mirror_limb(self, asked: messages.MirrorLimb) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        values = await self._worker.run("mirror_limb", character.folder, asked.name)
+        return PuppetReply(character=character.name, puppet=values, saved=False).model_dump(mode="json")
+
+    async def _do_save_puppet(self, asked: messages.SavePuppet) -> dict[str, Any]:
+        self.characters[asked.character]
+        async with self._changing:
+            character = await self.characters.save(asked.character)
+        file = self.workspace.offer_puppet(character.saved_file)
+        self.changed()
+        return {"character": character.name, "name": file.name, "file": file.id}
+
+    async def _do_revert_puppet(self, asked: messages.RevertPuppet) -> dict[str, Any]:
+        self.characters[asked.character]
+        async with self._changing:
+            character = await self.characters.revert(asked.character, _ignore)
+            await self._apply()
+        return _puppet_reply(character)
+
+    async def _do_record_start(self, asked: messages.RecordStart) -> dict[str, Any]:
+        stages = [each["name"] for each in self.running.status.get("stages", [])]
+        name = {} if asked.name is None else {"name": asked.name}
+        stage = {"stage": stages[0]} if stages else {}
+        begun = await self.running.request("record_start", **name, **stage)
+        await self.running.refresh()
+        return {"take": begun["take"]}
+
+    async def _do_record_stop(self, _: messages.RecordStop) -> dict[str, Any]:
+        stages = [each["name"] for each in self.running.status.get("stages", []) if each["recording"] is not None]
+        ended = await self.running.request("record_stop", **({"stage": stages[0]} if stages else {}))
+        await self.running.refresh()
+        self.changed()
+        return self._takes.state(ended["take"]).model_dump(mode="json")
+
+    async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
+        path = self._takes.path(asked.take)
+        if self._source.kind == "take" and self._source.name == asked.take:
+            raise _in_use(asked.take)
+        path.unlink(missing_ok=True)
+        self.changed()
+        return {}
+
+    async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
+        upload = self.workspace.upload(asked.upload)
+        if self._source.uri.startswith(f"replay:{upload.path.parent}"):
+            raise _in_use(upload.name)
+        self.workspace.delete_upload(asked.upload)
+        self.changed()
+        return {}
+
+    async def _do_export(self, asked: messages.Export) -> dict[str, Any]:
+        character = self.characters[asked.character]
+        _check_one(asked, ("take", "upload", "example"))
+        title = f"Export of {asked.take or asked.example or self.workspace.upload(str(asked.upload)).name}"
+
+        async def work(progress: Progress) -> dict[str, Any]:
+            log = await self._recording(asked.take, asked.upload, asked.example)
+            output = self.workspace.new_export(f"{character.name}_{log.stem}", ".glb")
+            arguments = log, character.folder, output, asked.form, asked.start or 0.0, asked.stop
+            made = await self._exporter.run("export", *arguments, progress=progress)
+            file = self.workspace.offer(output, output.name, "export")
+            return {"file": file.id, "name": file.name, **made}
+
+        return await self._jobs.run(f"{title} for {character.name}", work)
+
+    async def _do_cancel(self, asked: messages.Cancel) -> dict[str, Any]:
+        self._jobs.cancel(asked.job)
+        return {}
+
+    async def _do_calibrate(self, asked: messages.Calibrate) -> dict[str, Any]:
+        return await self._pass_on("calibrate", character=asked.character)
+
+    async def _do_mirror(self, asked: messages.Mirror) -> dict[str, Any]:
+        return await self._pass_on("mirror", character=asked.character, on=asked.on)
+
+    async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
+        return await self._pass_on("choose_user", character=asked.character, user=asked.user)
+
+    async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
+        values = asked.model_dump(exclude={"id", "do"})
+        values["max_deviation"] = math.inf if asked.max_deviation is None else asked.max_deviation
+        reply: dict[str, Any] = await self._worker.run("smoothing_preview", values)
+        return reply
+
     # ------------------------------------------------------------------------------------------------ their parts
+
+    async def _pass_on(self, do: str, **arguments: Any) -> dict[str, Any]:
+        """Send a request to the service."""
+        await self.running.request(do, **arguments)
+        await self.running.refresh()
+        return {}
+
+    async def _recording(self, take: str | None, upload: str | None, example: str | None) -> Path:
+        """Return the file of a recording; an example is written first."""
+        if take is not None:
+            return self._takes.path(take)
+        if upload is not None:
+            return self.workspace.upload(upload, "log").path
+        _check_known(str(example), list(performances()), "example")
+        path = self.workspace.folder / "examples" / f"{example}.log"
+        if not path.exists():
+            await self._exporter.run("write_example", example, path)
+        return path
 
     async def _open(self, title: str, make: Callable[[Progress], Any], motion: str = FIRST_EXAMPLE) -> dict[str, Any]:
         """Open a character as a job, and put it on the stage."""
@@ -238,26 +347,21 @@ class Studio:
 
         return await self._jobs.run(f"Opening {title}", work)
 
-    def _chosen(self, asked: messages.Source) -> SourceState:
+    async def _chosen(self, asked: messages.Source) -> SourceState:
         """Return what a request wants to perform."""
-        given = [key for key in ("uri", "upload", "example", "take") if getattr(asked, key) is not None]
-        if len(given) != 1:
-            raise ServiceError(
-                "the request",
-                found=" and ".join(given) or "no source",
-                expected="one of uri, upload, example and take",
-                fix="Give exactly one of them.",
-            )
+        _check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:
             return performing.live(asked.uri)
         if asked.example is not None:
             _check_known(asked.example, list(performances()), "example")
             return performing.example(asked.example, asked.loop)
-        if asked.upload is not None:
-            upload = self.workspace.upload(asked.upload, "log")
-            return performing.recording(upload.path, upload.name, "upload", asked.loop, asked.start, asked.stop)
-        path = self._takes.path(str(asked.take))
-        return performing.recording(path, str(asked.take), "take", asked.loop, asked.start, asked.stop)
+        kind = "upload" if asked.upload is not None else "take"
+        name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
+        path = await self._recording(asked.take, asked.upload, None)
+        if asked.start is not None or asked.stop is not None:
+            whole, path = path, self.workspace.new_export(path.stem, ".log")
+            await self._worker.run("trim", whole, path, asked.start, asked.stop)
+        return performing.recording(path, name, kind, asked.loop, asked.start, asked.stop)
 
     async def _apply(self) -> None:
         """Make the service play what is open."""
@@ -291,6 +395,24 @@ class Studio:
             expected="an upload of that name",
             fix=f"Upload {name} too, or choose another mesh.",
         )
+
+
+def _check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:
+    """Refuse a request with none or several of some keys."""
+    given = [key for key in keys if getattr(asked, key) is not None]
+    if len(given) != 1:
+        raise ServiceError(
+            "the request",
+            found=" and ".join(given) or "no source",
+            expected=f"one of {', '.join(keys)}",
+            fix="Give exactly one of them.",
+        )
+
+
+def _in_use(name: str) -> ServiceError:
+    return ServiceError(
+        name, found="a recording that performs now", expected="one that does not", fix="Choose another source first."
+    )
 
 
 def _check_known(name: str, known: list[str], key: str) -> None:

@@ -230,6 +230,11 @@ class Workspace:
         self.downloads[download.id] = download
         return download
 
+    def offer_puppet(self, path: Path) -> Download:
+        """Let the page download a saved puppet file; saving it again does not offer it twice."""
+        known = [each for each in self.downloads.values() if each.path == path]
+        return known[0] if known else self.offer(path, path.name, "puppet")
+
     def withdraw(self, key: str) -> None:
         """Let the page no longer download a file, which stays."""
         self.downloads.pop(key, None)

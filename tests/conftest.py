@@ -39,7 +39,7 @@ def _separate_compiled_code() -> None:
 
 _separate_compiled_code()
 
-OPTIONAL = {"assimp", "blender", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
+OPTIONAL = {"assimp", "blender", "browser", "camera", "data", "freenect", "godot", "mono", "node", "openni"}
 REQUIRED = set(filter(None, os.environ.get("PUPPETLINE_TEST_REQUIRE", "").split(",")))
 """Parts of `OPTIONAL` that must be present, such as ``data,node``: tests fail without them instead of being skipped."""
 

@@ -132,8 +132,13 @@ def propagation_fields(
     )
     vectors = np.empty((n, count))
     vectors[ordered.order] = found[:, np.argsort(values)[1:]]
+    return with_fixed_signs(vectors)
+
+
+def with_fixed_signs(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (n, k) vectors with the sign that makes their entry of largest size positive."""
     largest = np.argmax(np.abs(vectors), axis=0)
-    return vectors * np.sign(vectors[largest, np.arange(count)])
+    return vectors * np.sign(vectors[largest, np.arange(vectors.shape[1])])
 
 
 def smoothed(

@@ -6,17 +6,15 @@ other limb uses.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.bones import BoneRegions, Bones
-from solver.model.fields import smoothed
 from solver.surface.contacts import Contacts
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+Smoothing = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 
 SURFACE_FIELD_COUNT = 3
 """Number of the surface's smoothest fields that are kept besides those of the limbs, for the trunk and its bends."""
@@ -41,8 +39,7 @@ def limb_field_count(bones: Bones, regions: BoneRegions, fields: int) -> int:
 
 
 def limb_fields(
-    L: "csr_matrix",
-    mass: NDArray[np.float64],
+    smoothed: Smoothing,
     vertices: NDArray[np.float64],
     bones: Bones,
     regions: BoneRegions,
@@ -60,10 +57,8 @@ def limb_fields(
 
     Parameters
     ----------
-    L : (n, n) sparse float64
-        Operator of the surface, model units, from `fields.field_operator`.
-    mass : (n,) float64
-        Area of each vertex.
+    smoothed : callable
+        Smooths (n, k) values over a length in model units, see `fields.smoothed`.
     vertices : (n, 3) float64
         In the units of the bones.
     bones : Bones
@@ -92,7 +87,7 @@ def limb_fields(
     lengths = np.append(lengths[: len(alone)], pair_lengths)
     for length in np.unique(lengths):
         columns = lengths == length
-        result[:, columns] = smoothed(L, mass, vertices, result[:, columns], length)
+        result[:, columns] = smoothed(result[:, columns], length)
     return result
 
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from engine_bridge.character.character import load_character
-from engine_bridge.cli.inspection import inspect
 from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.inspection.files import inspect
 from puppetline.errors import PuppetlineError
 
 from ..effort import EFFORT

@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using Puppetline.Protocol;
 using UnityEngine;
 
 namespace Puppetline
@@ -179,11 +180,25 @@ namespace Puppetline
 
         void Update()
         {
-            watch.Connection(follower);
-            if (follower.Scene != scene)
+            // A listener of any event may disable or reconnect this component; the rest of this update is then void.
+            Follower current = follower;
+            watch.Connection(current);
+            if (follower == current && current.Scene != scene)
             {
-                Load(follower.Scene);
+                Load(current.Scene);
             }
+            if (follower == current)
+            {
+                TakeFrames();
+            }
+            if (follower == current)
+            {
+                control?.Poll();
+            }
+        }
+
+        void TakeFrames()
+        {
             while (follower.TryTake(out Frame frame))
             {
                 if (frame.Scene == scene)
@@ -201,7 +216,6 @@ namespace Puppetline
                 display?.Show(playback.Shown);
                 watch.Performer(playback.Shown.Header);
             }
-            control?.Poll();
         }
 
         void Load(Scene loaded)

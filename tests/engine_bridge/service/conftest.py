@@ -356,6 +356,7 @@ def status():
         outputs=[
             OutputStatus("zeromq", "tcp://127.0.0.1:7400", sent=5000, bytes=10, skipped=None, failed=0),
             OutputStatus("osc", "127.0.0.1:9000", sent=90, bytes=2000, skipped=12, failed=1),
+            OutputStatus("websocket", "ws://127.0.0.1:7402", 70, bytes=500, skipped=5, failed=0, clients=2, refused=4),
         ],
     )
 

@@ -6,8 +6,7 @@ const JitterBuffer := preload("res://addons/puppetline/play/jitter_buffer.gd")
 const Message := preload("res://addons/puppetline/wire/message.gd")
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	var buffer := JitterBuffer.new()
 	buffer.delay = float(arguments()[1])
 	for moment: Dictionary in JSON.parse_string(arguments()[0]):
@@ -22,5 +21,5 @@ func _initialize() -> void:
 		tell(told)
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	return true

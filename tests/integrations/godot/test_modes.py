@@ -12,7 +12,7 @@ import pygltflib as gltf
 import pytest
 from scipy.spatial import cKDTree
 
-from engine_bridge.cli.examples import MOTIONS, prepare
+from engine_bridge.character.examples import MOTIONS, prepare
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.service.protocol.frame import StreamedCharacter
 from engine_bridge.service.protocol.payloads import decode

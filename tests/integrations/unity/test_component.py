@@ -246,3 +246,23 @@ def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port)
     assert [each["warning"] for each in said if "warning" in each][-1].startswith(
         "Puppetline: calibrate: found a disabled"
     )
+
+
+@pytest.mark.parametrize("event", ["connected", "sceneLoaded", "performerFound"])
+def test_a_listener_of_an_event_may_disable_the_component(show, event):
+    program = show(materials="Any/Shader", leaveOn=event)
+    left = program.until(lambda said: "left" in said)
+    said = program.finish()
+    assert left == {"left": event}
+    assert not any("frame" in each for each in said[said.index(left) :])
+    assert said[-1]["ended"]
+
+
+def test_a_listener_may_disable_the_component_when_the_service_is_gone(show, serve_figure):
+    service = serve_figure()
+    program = show(service, materials="Any/Shader", leaveOn="disconnected")
+    program.until(lambda said: "frame" in said)
+    service.process.kill()
+    service.ended()
+    program.until(lambda said: said.get("left") == "disconnected")
+    assert program.finish()[-1]["ended"]

@@ -3,6 +3,7 @@ using System.Collections.Generic;
 using System.Reflection;
 using System.Threading;
 using Puppetline;
+using Puppetline.Protocol;
 using UnityEngine;
 using UnityEngine.Rendering;
 
@@ -15,6 +16,7 @@ static class Component
     static SkinnedMeshRenderer skin;
     static Mesh mesh;
     static int warned;
+    static string leaveOn = "";
 
     static int Main(string[] arguments)
     {
@@ -63,6 +65,10 @@ static class Component
             SkinnedMeshRenderer empty = Owner.AddComponent<SkinnedMeshRenderer>();
             puppet.skins = value == "found" ? new SkinnedMeshRenderer[0] : new[] { null, empty, skin };
         }
+        else if (name == "leaveOn")
+        {
+            leaveOn = value;
+        }
         else if (name == "shapes")
         {
             skin.sharedMesh.blendShapes = value.Split(',');
@@ -91,6 +97,20 @@ static class Component
         events.performerLost.AddListener(user => Said.Line("event", "performerLost", "value", user));
         events.takeStarted.AddListener(take => Said.Line("event", "takeStarted", "value", take));
         events.takeStopped.AddListener(take => Said.Line("event", "takeStopped", "value", take));
+        events.connected.AddListener(() => Leave("connected"));
+        events.disconnected.AddListener(() => Leave("disconnected"));
+        events.sceneLoaded.AddListener(() => Leave("sceneLoaded"));
+        events.performerFound.AddListener(user => Leave("performerFound"));
+    }
+
+    /// <summary>Disable the component inside an event, as a game that goes back to its menu does.</summary>
+    static void Leave(string name)
+    {
+        if (name == leaveOn && puppet.enabled)
+        {
+            Player.Enable(puppet, false);
+            Said.Line("left", name);
+        }
     }
 
     static void Read()

@@ -54,6 +54,10 @@ if TYPE_CHECKING:
 @click.option(
     "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
 )
+@click.option(
+    "--compact", is_flag=True, help="Write integers instead of floats, and fewer keyframes, within the tolerance."
+)
+@click.option("--meshopt", is_flag=True, help="Compress all arrays by EXT_meshopt_compression.")
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip to this file.")
 @click.option(
     "--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="Frame rate of a recording without timestamps."

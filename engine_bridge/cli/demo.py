@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from engine_bridge.cli import convert, serve
+from engine_bridge.cli import serve
 from engine_bridge.cli.options import FILE
 from engine_bridge.cli.progress import Reporter, progress
 
@@ -33,10 +33,12 @@ def demo(characters: tuple[str, ...], output: Path, live: bool) -> None:
             prepared = [examples.prepare(name, output, report) for name in names]
         serve.serve_puppets([f"replay:{log}?loop" for log, _ in prepared], [puppet for _, puppet in prepared])
         return
+    from engine_bridge.export.convert import describe
+
     for name in names:
         with progress() as report:
             summary, sheet = _convert(name, output, report)
-        click.echo(convert.describe(summary))
+        click.echo(describe(summary))
         click.echo(f"  contact sheet  {sheet}")
 
 

@@ -159,3 +159,38 @@ def convert_timeline(
         frames_animation.check_size(output, rig.character, len(timeline.positions), settings.fps)
     clip = perform(rig, timeline, settings, notes, progress)
     return clip, write(clip, output, name, settings, progress)
+
+
+def describe(summary: Summary) -> str:
+    """Return the summary of a conversion as lines of text."""
+    lines = [
+        f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
+        _describe_form(summary),
+    ]
+    stretch = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99)
+    if None not in stretch:
+        lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
+    if summary.parts_apart is not None:
+        lines.append(f"  parts apart    at most {summary.parts_apart:.2g} of the diagonal")
+    if summary.repairs:
+        lines.append(f"  solver's copy  {'; '.join(summary.repairs)}")
+    lines += [f"  note: {note}" for note in summary.notes]
+    return "\n".join(lines)
+
+
+def _describe_form(summary: Summary) -> str:
+    """Return what the animation consists of, and its error."""
+    if summary.form == "frames":
+        return f"  morph targets  {summary.targets}, one for each keyframe, exactly as solved"
+    if summary.form == "rig":
+        return (
+            f"  joints         {summary.bones} animated, {summary.following} follow; "
+            f"at most {summary.error:.2g} of the diagonal from where their bones take them"
+        )
+    name, count = ("bones", summary.bones) if summary.form == "skin" else ("morph targets", summary.targets)
+    over = "" if summary.error <= summary.tolerance else f": the closest with this number of {name.split()[-1]}"
+    mean = "" if summary.rms is None else f", root mean square {summary.rms:.2g}"
+    return (
+        f"  {name:13}  {count}, largest error {summary.error:.2g} of the diagonal{mean} "
+        f"(tolerance {summary.tolerance:g}){over}"
+    )

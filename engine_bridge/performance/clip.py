@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -104,6 +105,14 @@ def timeline_of(clips: list[SkeletonClip], log: Path, settings: Settings) -> tup
             expected=f"a recording that contains the time of the rest pose, {settings.rest_at:g} s",
             fix="Choose an earlier time with --rest-at.",
         )
+    end = timeline.times[-1] if settings.stop is None else min(settings.stop, timeline.times[-1])
+    if (end - settings.start) * timeline.fps < MIN_CLIP_FRAMES - 1.5:
+        raise SkeletonLogError(
+            log,
+            found=f"{max(end - settings.start, 0.0):.2f} s from second {settings.start:g} on",
+            expected=f"at least {MIN_CLIP_FRAMES} frames in the part to animate, of {timeline.times[-1]:.2f} s",
+            fix="Choose an earlier start or a later stop.",
+        )
     others = (chosen,) if len(clips) > 1 else ()
     return timeline, (*clip.notes, *others, *((timeline.summary(),) if timeline.held else ()))
 
@@ -158,20 +167,37 @@ def solve(rig: Rig, timeline: Timeline, settings: Settings, chunk_size: int) -> 
         yield Solved(R, root, motions)
 
 
+def _part(timeline: Timeline, settings: Settings) -> tuple[int, int]:
+    """Return the number of the first frame to animate, and of the one after the last."""
+    last = len(timeline.positions) - 1
+    if settings.stop is not None:
+        last = min(round(settings.stop * timeline.fps), last)
+    return min(round(settings.start * timeline.fps), last - MIN_CLIP_FRAMES + 1), last + 1
+
+
 def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, ...], progress: Progress) -> Clip:
     """Solve all frames of a timeline, and measure the deformation of the character."""
     surface, stretch = BatchBinding.of_solver_mesh(rig.model, rig.mesh), EdgeStretch(rig.mesh)
     separation = PartSeparation(rig.mesh) if rig.mesh.parts > 1 else None
     frames = FrameStore(rig.model.rest_controls.shape)
     motions = FrameStore((len(bones_of(rig.puppet.limbs)), 4, 3))
-    root = np.empty((len(timeline.positions), 3), dtype=np.float32)
+    first, end = _part(timeline, settings)
+    root = np.empty((end - first, 3), dtype=np.float32)
 
     def measure(vertices: NDArray[np.float32]) -> None:
         stretch.add(vertices)
         if separation is not None:
             separation.add(vertices)
 
-    for solved in solve(rig, timeline, settings, surface.batch_frames):
+    for number, whole in zip(
+        count(0, surface.batch_frames), solve(rig, timeline, settings, surface.batch_frames), strict=False
+    ):
+        if number >= end:
+            break
+        inside = slice(max(first - number, 0), end - number)
+        solved = Solved(*(each[inside] for each in whole))
+        if not len(solved.R):
+            continue
         root[len(frames) : len(frames) + len(solved.R)] = solved.root
         frames.append(solved.R)
         if settings.form == "rig":
@@ -186,4 +212,6 @@ def perform(rig: Rig, timeline: Timeline, settings: Settings, notes: tuple[str, 
             f"The recording has no data for {', '.join(unknown)}; parts that only these joints move stay still.",
         )
     parts_apart = None if separation is None else separation.largest
-    return Clip(rig, timeline, frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes)
+    return Clip(
+        rig, timeline.part(first, end), frames, root, motions, stretch.percentiles(1, 50, 99), parts_apart, notes
+    )

@@ -134,7 +134,7 @@ def _update_tables(document: Any, name: str, before: Sequence[Any], after: Seque
 
 
 def _sources(before: list[str], after: list[str]) -> list[int | None]:
-    """Return which table of before each one of after is: that of the same name, else one that was renamed, else None."""
+    """Return which table of before each one of after is: of the same name, else one that was renamed, else None."""
     unnamed = [index for index, name in enumerate(before) if name not in after]
     new = [name for name in after if name not in before]
     renamed = dict(zip(new, unnamed, strict=False)) if len(before) == len(after) else {}

@@ -681,8 +681,8 @@ class SmoothingReply(Table):
         Noise that is left of 5 mm (standard deviation).
     lag_ms : float
         Lag behind a joint that moves at 1 m/s; negative if the result runs ahead.
-    rise_ms : float
-        Time until 90 % of a step of 0.3 m.
+    rise_ms : float or None
+        Time until 90 % of a step of 0.3 m; None if that is not reached within 10 s.
     overshoot_mm : float
         Overshoot after that step.
     """
@@ -692,7 +692,7 @@ class SmoothingReply(Table):
     smoothed: list[float]
     jitter_mm: float
     lag_ms: float
-    rise_ms: float
+    rise_ms: float | None
     overshoot_mm: float
 
 
@@ -726,5 +726,19 @@ REQUESTS: dict[str, type[Request]] = {
     "sources": GetSources,
     "puppet": GetPuppet,
     "edit": Edit,
+    "snap": Snap,
+    "mirror_limb": MirrorLimb,
+    "save_puppet": SavePuppet,
+    "revert_puppet": RevertPuppet,
+    "record_start": RecordStart,
+    "record_stop": RecordStop,
+    "delete_take": DeleteTake,
+    "delete_upload": DeleteUpload,
+    "export": Export,
+    "cancel": Cancel,
+    "calibrate": Calibrate,
+    "mirror": Mirror,
+    "choose_user": ChooseUser,
+    "smoothing_preview": SmoothingPreview,
 }
 """Every request that the server carries out, by its `do`. Requests above that are not listed here are refused."""

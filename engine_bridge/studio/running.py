@@ -75,9 +75,11 @@ class Running:
             return
         await self._process.start()
         if self._process.reached is None:
+            problem = self.state.problem or "no reply"
+            await self._process.stop()
             raise ServiceError(
                 "the service",
-                found=f"an end at its start: {self.state.problem or 'no reply'}",
+                found=f"an end at its start: {problem}",
                 expected="a service that runs",
                 fix="Choose another source, or close this character.",
             )
@@ -120,18 +122,22 @@ class Running:
                 await old.close()
         return self._link
 
+    async def refresh(self) -> None:
+        """Ask for the service's status now."""
+        described: dict[str, Any] = {}
+        link = await self._connected()
+        if link is not None:
+            with contextlib.suppress(PuppetlineError):
+                described = await link.request("describe", seconds=2.0)
+        characters = {each["name"]: each for each in described.get("characters", [])}
+        status = described.get("status", {})
+        if (characters, status) != (self.described, self.status):
+            self.described, self.status = characters, status
+            self._watcher()
+
     async def _poll(self) -> None:
         while True:
-            described: dict[str, Any] = {}
-            link = await self._connected()
-            if link is not None:
-                with contextlib.suppress(PuppetlineError):
-                    described = await link.request("describe", seconds=2.0)
-            characters = {each["name"]: each for each in described.get("characters", [])}
-            status = described.get("status", {})
-            if (characters, status) != (self.described, self.status):
-                self.described, self.status = characters, status
-                self._watcher()
+            await self.refresh()
             await asyncio.sleep(POLL_SECONDS)
 
     def _process_changed(self) -> None:

@@ -15,7 +15,6 @@ from typing import Any
 
 import tomlkit
 
-from engine_bridge.service.service_file import ServiceFile
 from engine_bridge.studio.messages import ServiceState
 
 START_SECONDS = 120.0
@@ -99,7 +98,7 @@ class ServiceProcess:
             "announce": False,
             "takes": "takes",
             "network": {"port": 0, "token_file": "token"},
-            **({"websocket": {"port": 0}} if "websocket" in ServiceFile.model_fields else {}),
+            "websocket": {"port": 0},
             "stage": stages,
         }
         beside = self._file.with_suffix(".new")

@@ -27,6 +27,17 @@ class TakeList:
         self._known = {each["name"]: self._state(**each) for each in listed}
         return list(self._known.values())
 
+    def state(self, name: str) -> TakeState:
+        """Return the facts of one take.
+
+        Raises
+        ------
+        ServiceError
+            There is no take of that name.
+        """
+        self.path(name)
+        return next(each for each in self.states if each.name == name)
+
     def path(self, name: str) -> Path:
         """Return the file of a take.
 

@@ -1,24 +1,38 @@
 """The heavy work of the studio, run in a `Worker`: each function's first argument reports its progress."""
 
 import hashlib
+import math
 import os
 import shutil
+from dataclasses import asdict, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import tomlkit
 
+from capture.recording import Recorder
+from capture.smoothing import Smoothing
+from capture.sources.demo import performances
 from engine_bridge.character import examples
+from engine_bridge.character.character import load_character
+from engine_bridge.export.convert import convert, describe
 from engine_bridge.export.shader_mesh import write_shader_mesh
 from engine_bridge.inspection import files
 from engine_bridge.performance.rig import Rig, rig_of
+from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet import puppet_file
 from engine_bridge.puppet.proposal import new_puppet
 from engine_bridge.puppet.puppet import Puppet
 from engine_bridge.puppet.puppet_document import PuppetDocument
 from engine_bridge.studio.puppet_values import puppet_of, values_of
+from engine_bridge.studio.smoothing_preview import preview
+from engine_bridge.studio.surface_points import mirrored, snapped
+from engine_bridge.studio.trimming import trimmed
 from engine_bridge.studio.worker import Progress
 from puppetline.errors import PuppetlineError
+from puppetline.files import written_whole
+from solver.surface.mesh import SolverMesh
 
 LIVE = "live.toml"
 """Name of the puppet file that the service plays, in a character's folder."""
@@ -149,3 +163,53 @@ def _digest(rig: Rig) -> str:
 def values_of_file(_progress: Progress, path: Path) -> dict[str, Any]:
     """Return all values of a puppet file, see `values_of`."""
     return values_of(puppet_file.load(path))
+
+
+def snap(_progress: Progress, folder: Path, point: tuple[float, float, float]) -> dict[str, Any]:
+    """Return the surface point and the middle of the character next to a point, see `surface_points.snapped`."""
+    return snapped(_mesh(folder), point)
+
+
+def mirror_limb(_progress: Progress, folder: Path, name: str) -> dict[str, Any]:
+    """Return the values of the puppet with a limb or handle mirrored to the other side."""
+    return mirrored(puppet_file.load(folder / LIVE), _mesh(folder), name)
+
+
+def smoothing_preview(_progress: Progress, values: dict[str, float]) -> dict[str, Any]:
+    """Return the effect of a smoothing, see `engine_bridge.studio.smoothing_preview`."""
+    return preview(Smoothing(**values)).model_dump(mode="json")
+
+
+def export(
+    progress: Progress, log: Path, folder: Path, output: Path, form: Form, start: float, stop: float | None
+) -> dict[str, Any]:
+    """Convert a recording for a character; returns the numbers and the text of `puppetline convert`."""
+    _, summary = convert(log, folder / LIVE, output, Settings(form=form, start=start, stop=stop), progress)
+    return {
+        "numbers": asdict(summary) | {"output": output.name},
+        "text": describe(replace(summary, output=output.name)),
+    }
+
+
+def write_example(_progress: Progress, name: str, path: Path) -> None:
+    """Write an example performance as a recording."""
+    with written_whole(path) as beside, Recorder(beside) as recorder:
+        for frame in performances()[name]().frames():
+            recorder.write(frame)
+
+
+def trim(_progress: Progress, log: Path, path: Path, start: float | None, stop: float | None) -> None:
+    """Write the part of a recording from one second to another, see `engine_bridge.studio.trimming`."""
+    trimmed(log, path, start or 0.0, math.inf if stop is None else stop)
+
+
+def _mesh(folder: Path) -> SolverMesh:
+    """Return a character's mesh, from memory while it is the same file."""
+    puppet = puppet_file.load(folder / LIVE)
+    path = (folder / puppet.character.mesh).resolve()
+    return _solver_mesh(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(4)
+def _solver_mesh(path: Path, _changed: int) -> SolverMesh:
+    return load_character(path).solver_mesh()

@@ -9,6 +9,7 @@ arguments that can be pickled, and returns JSON's types.
 
 import asyncio
 import json
+import os
 import pickle
 import struct
 import sys
@@ -102,6 +103,7 @@ class Worker:
                 MODULE,
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
+                env={"OPENBLAS_NUM_THREADS": "1", **os.environ},  # as `puppetline.__main__`, for the same results
                 start_new_session=True,  # Ctrl-C is for the server, which then ends this process
             )
         return self._process

@@ -104,6 +104,8 @@ class Workspace:
         self.uploads: dict[str, Upload] = {}
         self.downloads: dict[str, Download] = {}
         self._pending = 0
+        inside = r"(?:(?:uploads|exports|characters)/[^/\s]+/|(?:takes|examples)/)?"
+        self._own_folders = re.compile(re.escape(f"{self.folder}/") + inside)
         try:
             shutil.rmtree(self.folder / "uploads", ignore_errors=True)
             shutil.rmtree(self.folder / "exports", ignore_errors=True)
@@ -230,9 +232,19 @@ class Workspace:
         self.downloads[download.id] = download
         return download
 
+    def offer_puppet(self, path: Path) -> Download:
+        """Let the page download a saved puppet file; saving it again does not offer it twice."""
+        known = [each for each in self.downloads.values() if each.path == path]
+        return known[0] if known else self.offer(path, path.name, "puppet")
+
     def withdraw(self, key: str) -> None:
         """Let the page no longer download a file, which stays."""
         self.downloads.pop(key, None)
+
+    def told(self, error: PuppetlineError) -> dict[str, str]:
+        """Return the parts of an error for a page, without the folders of this machine."""
+        parts = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
+        return {key: self._own_folders.sub("", text) for key, text in parts.items()}
 
     def character_folder(self, stem: str) -> Path:
         """Create a new folder for a character, named after its file, and return it."""

@@ -175,7 +175,6 @@ class Script:
         assert_correct(self.lines, allow)
         return self.results
 
-
     def kill(self):
         """End its process, unless the script has ended."""
         if not self.is_done:

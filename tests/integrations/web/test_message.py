@@ -14,7 +14,13 @@ from engine_bridge.service.protocol.scene import Scene
 VECTORS = Path(__file__).parents[2] / "vectors"
 FILES = sorted(path.name for path in VECTORS.glob("*.bin"))
 TYPES = {"Float32Array": "<f4", "Uint32Array": "<u4"}
-NAMES = {"positions": "positions", "normals": "normals", "coordinates": "ladder", "slopes": "slopes", "colors": "colors"}
+NAMES = {
+    "positions": "positions",
+    "normals": "normals",
+    "coordinates": "ladder",
+    "slopes": "slopes",
+    "colors": "colors",
+}
 
 
 @pytest.fixture(scope="module")

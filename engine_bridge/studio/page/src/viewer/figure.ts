@@ -84,6 +84,13 @@ export class Figure {
     return this.mesh === null ? new Float32Array() : this.mesh.evaluate().positions;
   }
 
+  /** The numbers of the two frames between which the shown pose lies, and its share of the way between them. */
+  get moment(): { earlier: number; later: number; share: number } | null {
+    const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];
+    if (earlier === undefined || later === undefined || earlier === this.rest) return null;
+    return { earlier: earlier.header.sequence, later: later.header.sequence, share: share ?? 0 };
+  }
+
   /** Where a point of the rest pose is now: it moves as the surface around it. */
   carried(part: string, point: Vector): Vector {
     const [earlier, later, share] = this.shown as [Frame?, Frame?, number?];

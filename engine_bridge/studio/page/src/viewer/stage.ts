@@ -21,6 +21,15 @@ import type { Colours } from "./overlay";
 
 const CELLS = 16;
 
+/** Number of images over which the time between them is measured. */
+const MEASURED_IMAGES = 12;
+
+/** Time between images above which fewer pixels are drawn, in milliseconds. */
+const SLOW_MS = 70;
+
+/** Least number of drawn pixels per pixel of the page, along each side. */
+const LEAST_RATIO = 0.6;
+
 export class Stage {
   readonly scene = new Scene();
   readonly camera = new PerspectiveCamera(35, 1, 0.01, 200);
@@ -28,13 +37,16 @@ export class Stage {
   private readonly renderer: WebGLRenderer;
   private readonly grid = new GridHelper(CELLS / 2, CELLS);
   private orbit: OrbitControls | null = null;
+  private ratio = Math.min(devicePixelRatio, 2);
+  private images = 0;
+  private measuredFrom = 0;
 
   constructor(
     private readonly parent: HTMLElement,
     canvas: HTMLCanvasElement,
   ) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware() });
+    this.renderer.setPixelRatio(this.ratio);
     const sun = new DirectionalLight(0xffffff, 2.2);
     sun.position.set(2, 4, 3);
     const rim = new DirectionalLight(0xffffff, 0.8);
@@ -65,6 +77,24 @@ export class Stage {
 
   render(): void {
     this.renderer.render(this.scene, this.camera);
+  }
+
+  /** Begin to measure again: nothing was drawn for a while. */
+  pause(): void {
+    this.images = 0;
+  }
+
+  /** Draw fewer pixels if images follow each other slowly, as without a graphics card. */
+  keepPace(): void {
+    const now = performance.now();
+    if (this.images === 0) this.measuredFrom = now;
+    if (this.images++ < MEASURED_IMAGES) return;
+    const slow = now - this.measuredFrom > SLOW_MS * MEASURED_IMAGES;
+    this.images = 0;
+    if (!slow || this.ratio <= LEAST_RATIO) return;
+    this.ratio = Math.max(LEAST_RATIO, 0.8 * this.ratio);
+    this.renderer.setPixelRatio(this.ratio);
+    this.resize();
   }
 
   resize(): void {
@@ -142,4 +172,12 @@ export class Stage {
     };
     return { right: of(1, 0, 0), up: of(0, 1, 0), forward: of(0, 0, -1) };
   }
+}
+
+/** Whether images are drawn without a graphics card; smooth edges cost too much there. */
+function isSoftware(): boolean {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const facts = gl?.getExtension("WEBGL_debug_renderer_info");
+  if (gl == null || facts == null) return false;
+  return /swiftshader|llvmpipe|software/i.test(String(gl.getParameter(facts.UNMASKED_RENDERER_WEBGL)));
 }

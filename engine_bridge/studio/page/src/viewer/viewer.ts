@@ -118,6 +118,12 @@ export class Viewer {
     return this.figures.get(name)?.positions() ?? null;
   }
 
+  /** The frames that a character shows, and what they make of its vertices. */
+  shown(name: string) {
+    const figure = this.figures.get(name);
+    return figure === undefined ? null : { moment: figure.moment, positions: [...figure.positions()] };
+  }
+
   /** Where the parts of the shown puppet are on the screen, in pixels of the view. */
   places(): Marks {
     return this.marks;
@@ -187,10 +193,14 @@ export class Viewer {
   private draw(): void {
     const { atRest } = current();
     for (const figure of this.figures.values()) if (figure.pose(atRest)) this.dirty = true;
-    if (!this.dirty || this.parent.offsetParent === null) return;
+    if (!this.dirty || this.parent.offsetParent === null) {
+      this.stage.pause();
+      return;
+    }
     this.dirty = false;
     this.frames++;
     this.stage.render();
+    this.stage.keepPace();
     this.drawOverlay();
   }
 

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from .clock import Clock
 from .commands import Commands
 
 ROOT = Path(__file__).parent.parent
@@ -70,7 +71,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Search for garbage less often, and not among thousands of tests: it is a sixth of the time of compiling."""
+    """Search for garbage less often, and not among the tests: compiling takes a sixth less time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000)
@@ -143,6 +144,12 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """Return the monotonic clock of this process, which the test can turn."""
+    return Clock(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -52,8 +52,13 @@ class Watched:
             orders.write(json.dumps({"puppet": 0} | what) + "\n")
         self._given += 1
 
-    def reply(self):
-        return self._script.until(lambda told: "reply" in told)["reply"]
+    def reply(self, number=1):
+        """Wait for a number of replies, and return the last one."""
+        self._script.until(lambda _told: len(self.replies()) >= number)
+        return self.replies()[number - 1]
+
+    def replies(self):
+        return [told["reply"] for told in self._script.results if "reply" in told]
 
     def end(self):
         self._script.end()
@@ -230,8 +235,7 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     watched.until_next(lambda _state: watched.signals().count("performer_calibrated") > found)
     watched.order(call=["start_recording", "../mine"])
     watched.order(request={"do": "ping"})
-    watched.until_next(lambda _state: True)
-    time.sleep(0.5)
+    watched.reply(2)  # requests are answered in their order
     lines = watched.end()
     assert any("WARNING" in line and "../mine" in line for line in lines)
 

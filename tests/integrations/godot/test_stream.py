@@ -319,6 +319,7 @@ def test_who_is_sent_away_by_another_receiver_is_not_called(follow, publisher):
     publisher.send(message("dog/performer", Kind.PERFORMER, 3))
     time.sleep(0.3)  # until both have come
     script.process.send_signal(signal.SIGCONT)
+    script.until(lambda told: told.get("sequence") == 3)
     publisher.send(message("dog/performer", Kind.PERFORMER, 4))
     script.until(lambda told: told.get("sequence") == 4)  # before which 2 could have come once more
     [*heard, end] = script.end()

@@ -8,7 +8,6 @@ with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L. A and B 
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -218,12 +217,12 @@ def build(
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        if len(rest) > MAX_EXACT_VERTICES:
-            coarse = CoarseFields(tied, surface, mass, unit)
-            modes, smoothed = coarse.propagation_fields(parameters.fields - along_limbs), coarse.smoothed
-        else:
-            modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
-            smoothed = partial(propagation.smoothed, tied, mass, mesh.vertices)
+        operator = (
+            propagation.SurfaceOperator(tied, mass, rest)
+            if len(rest) <= MAX_EXACT_VERTICES
+            else CoarseFields(tied, surface, mass, unit)
+        )
+        modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -233,7 +232,7 @@ def build(
         ) from error
     weights = propagation.field_weights(rest, mass, modes)
     if along_limbs:
-        limbs = limb_fields.limb_fields(smoothed, mesh.vertices, bones, regions, along_limbs, shares)
+        limbs = limb_fields.limb_fields(operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares)
         modes = np.column_stack([modes, limbs])
         own = 1 - along_limbs / parameters.fields
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))

@@ -218,8 +218,8 @@ def build(
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        if len(rest) > MAX_EXACT_VERTICES:
-            coarse = CoarseFields(tied, surface, mass, unit)
+        coarse = CoarseFields(tied, surface, mass, unit) if len(rest) > MAX_EXACT_VERTICES else None
+        if coarse is not None:
             modes, smoothed = coarse.propagation_fields(parameters.fields - along_limbs), coarse.smoothed
         else:
             modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
@@ -240,7 +240,10 @@ def build(
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
-    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    if coarse is None:
+        cluster = clusters.rotation_clusters(ladder, weights, mass)
+    else:
+        cluster = clusters.rotation_clusters(ladder, weights, coarse.areas, coarse.samples)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)

@@ -2,19 +2,28 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.character import meshopt
 from engine_bridge.character.document import Document
-from engine_bridge.export import frames_animation, morph_basis, skinning
-from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export import frames_animation, morph_basis, quantized_targets, skinning
+from engine_bridge.export.animation import Displacements, FloatTargets, Keyframes, animate
+from engine_bridge.export.compact_document import animate_compact
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet.rig_bones import rig_bones
 from solver.model.batch import BatchBinding
+
+TARGETS_SHARE = 0.8
+"""Share of the tolerance for the number of morph targets, if their rounding takes the rest."""
+
+FRAMES_THINNING_SHARE = 0.6
+"""Share of the tolerance for omitted keyframes, each of which saves a whole target."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +35,7 @@ class ExportResult:
     targets: int = 0
     bones: int = 0
     following: int = 0
+    keyframes: int | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -46,7 +56,10 @@ def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -
         Animated document.
     result : ExportResult
     """
-    return _EXPORTERS[settings.form](clip, name, settings, progress)
+    document, result = _EXPORTERS[settings.form](clip, name, settings, progress)
+    if settings.meshopt:
+        meshopt.compress(document)
+    return document, result
 
 
 def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
@@ -60,13 +73,41 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         clip.frames,
-        tolerance=settings.max_error,
+        tolerance=settings.max_error * (TARGETS_SHARE if settings.compact else 1),
         max_targets=settings.targets,
         progress=lambda share: progress("Fitting morph targets", share),
     )
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
-    document = animate(rig.character, _keyframes(clip, name, basis.weights), displacements)
+    keyframes = _keyframes(clip, name, basis.weights)
+    if settings.compact:
+        opposite = basis.unit_weights.opposite
+        return _compact(clip, keyframes, displacements, settings, basis.error, opposite=opposite)
+    document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+
+
+def _compact(
+    clip: Clip, keyframes: Keyframes, displacements: Displacements, settings: Settings, error: float, **options: Any
+) -> tuple[Document, ExportResult]:
+    """Quantise targets whose own error is in mesh units; options are those of `quantized_targets.fit`."""
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    places = rig.character.vertex_slices
+    bindings = [
+        BatchBinding(rig.model, part.vertices, rig.mesh.of_render[place])
+        for part, place in zip(rig.character.parts, places, strict=True)
+    ]
+
+    def solved(part: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
+        return bindings[part].displacements(clip.frames[frames] - rig.model.rest_controls)
+
+    tolerance = max(settings.max_error * diagonal, error / TARGETS_SHARE)
+    targets = quantized_targets.fit(rig.character, keyframes, displacements, solved, tolerance, **options)
+    document = animate_compact(rig.character, targets, for_meshopt=settings.meshopt)
+    return document, ExportResult(
+        error=targets.error / diagonal,
+        targets=targets.keyframes.weights.shape[1],
+        keyframes=len(targets.keyframes.times),
+    )
 
 
 def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
@@ -84,11 +125,14 @@ def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> t
     return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
 
 
-def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
     progress("Making keyframes", 1.0)
-    document = animate(rig.character, _keyframes(clip, name, frames_animation.weights(count)), displacements)
+    keyframes = _keyframes(clip, name, frames_animation.weights(count))
+    if settings.compact:
+        return _compact(clip, keyframes, displacements, settings, 0.0, thinning=FRAMES_THINNING_SHARE)
+    document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=0.0, targets=count)
 
 

@@ -10,6 +10,9 @@ Form = Literal["morph", "skin", "frames", "rig"]
 DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
 """Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise."""
 
+COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005, "rig": 0.0005}
+"""Default tolerance of each form if arrays are quantised; none of them is exact then."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -25,6 +28,8 @@ class Settings:
         Maximum time for which a lost joint is interpolated, in seconds; in longer gaps it is held.
     rest_at : float
         Time of the performer's calibration pose in the recording, in seconds.
+    start, stop : float, float or None
+        Part of the recording that is animated, in seconds; None for its end. The motion in it is that of the whole.
     form : {"morph", "skin", "frames", "rig"}
         Form of the animation: a few morph targets, bones, one morph target per keyframe, or the joints of the file's
         own skeleton.
@@ -34,6 +39,10 @@ class Settings:
         Maximum number of morph targets, at least 2.
     bones : int or None
         Number of bones.
+    compact : bool
+        Whether to quantise arrays and to omit keyframes within the tolerance.
+    meshopt : bool
+        Whether to compress arrays by EXT_meshopt_compression.
     log : ReadOptions
         Properties of the recording that its file does not contain.
     """
@@ -42,13 +51,19 @@ class Settings:
     fps: float = 30.0
     max_gap: float = 0.4
     rest_at: float = 0.0
+    start: float = 0.0
+    stop: float | None = None
     form: Form = "morph"
     tolerance: float | None = None
     targets: int | None = None
     bones: int | None = None
+    compact: bool = False
+    meshopt: bool = False
     log: ReadOptions = field(default_factory=ReadOptions)
 
     @property
     def max_error(self) -> float:
         """The tolerance, or the default one of the form."""
-        return DEFAULT_TOLERANCES[self.form] if self.tolerance is None else self.tolerance
+        if self.tolerance is not None:
+            return self.tolerance
+        return (COMPACT_TOLERANCES if self.compact else DEFAULT_TOLERANCES)[self.form]

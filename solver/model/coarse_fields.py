@@ -60,11 +60,11 @@ class CoarseFields:
         self._coarse_L = scipy.sparse.csr_matrix(self._down @ (L @ self._up))
         self.areas = self._down @ mass
         self.samples = coarse.samples
-        self._places = mesh.vertices[coarse.samples]
+        self._coarse = fields.SurfaceOperator(self._coarse_L, self.areas, mesh.vertices[coarse.samples])
 
     def propagation_fields(self, count: int) -> NDArray[np.float64]:
-        """Return what `fields.propagation_fields` returns, approximately."""
-        coarse = fields.propagation_fields(self._coarse_L, self.areas, self._places, count)
+        """Return what `fields.SurfaceOperator.propagation_fields` returns, approximately."""
+        coarse = self._coarse.propagation_fields(count)
         eigenvalues = -np.einsum("ck,ck->k", coarse, self._coarse_L @ coarse)
         rough = relaxed(self._L, self._mass, eigenvalues, self._up @ coarse)
         basis = np.column_stack([np.ones(len(rough)), rough])
@@ -73,10 +73,10 @@ class CoarseFields:
         return fields.with_fixed_signs(basis @ mix[:, 1:])
 
     def smoothed(self, values: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-        """Return what `fields.smoothed` returns, approximately."""
+        """Return what `fields.SurfaceOperator.smoothed` returns, approximately."""
         load = self._mass[:, None] * values
         coarse_values = (self._down @ load) / self.areas[:, None]
-        coarse = fields.smoothed(self._coarse_L, self.areas, self._places, coarse_values, length)
+        coarse = self._coarse.smoothed(coarse_values, length)
         shifts = np.full(values.shape[1], -1 / length**2)
         result = relaxed(self._L, self._mass, shifts, self._up @ coarse, load / length**2)
         return np.clip(result, values.min(axis=0), values.max(axis=0))

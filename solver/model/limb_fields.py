@@ -58,7 +58,7 @@ def limb_fields(
     Parameters
     ----------
     smoothed : callable
-        Smooths (n, k) values over a length in model units, see `fields.smoothed`.
+        Smooths (n, k) values over a length in model units, see `fields.SurfaceOperator.smoothed`.
     vertices : (n, 3) float64
         In the units of the bones.
     bones : Bones

@@ -12,7 +12,7 @@ from PIL import Image
 from engine_bridge.character import schema
 from engine_bridge.character.character import load_character
 from engine_bridge.character.document import UNPACK_COMMANDS, Document
-from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.animation import FloatTargets, Keyframes, animate
 from puppetline.errors import MeshError, OutputError, PuppetlineError
 
 KINDS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -222,7 +222,8 @@ def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedro
         try:
             character = load_character(path)
             character.solver_mesh()
-            animate(character, still, lambda _: (np.zeros((1, 4, 3), np.float32), None)).save(path)
+            targets = FloatTargets(character, lambda _: (np.zeros((1, 4, 3), np.float32), None))
+            animate(character, still, targets).save(path)
         except PuppetlineError:
             pass
         except BaseException as error:

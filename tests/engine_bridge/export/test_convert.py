@@ -6,9 +6,9 @@ import pytest
 
 from capture.recording import Recorder
 from capture.skeleton import JOINT_INDEX, SkeletonFrame
-from engine_bridge.cli.inspection import inspect
 from engine_bridge.export import convert as module
 from engine_bridge.export.convert import convert
+from engine_bridge.inspection.files import inspect
 from engine_bridge.performance.clip import load_timeline
 from engine_bridge.performance.rig import load_rig
 from engine_bridge.performance.settings import Settings

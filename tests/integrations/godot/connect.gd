@@ -8,14 +8,13 @@ var _state := -1
 var _most_memory := 0
 
 
-func _initialize() -> void:
-	super()
+func start() -> void:
 	_connection = Connection.new(arguments()[2], arguments()[3])
 	_connection.max_message_bytes = int(arguments()[4])
 	_connection.open(arguments()[0], int(arguments()[1]))
 
 
-func _process(_delta: float) -> bool:
+func step(_delta: float) -> bool:
 	_connection.poll()
 	_most_memory = maxi(_most_memory, OS.get_static_memory_usage())
 	if _connection.state != _state:

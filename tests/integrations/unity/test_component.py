@@ -1,42 +1,13 @@
 """The component, compiled and run with stand-ins for Unity and the real service: the data of its mesh."""
 
 import socket
-import time
 
 import numpy as np
 import pytest
 
-from .conftest import TIMEOUT_SECONDS, array
+from .conftest import array, shown
 
 UNITY = np.float32([-1, 1, 1])
-
-
-@pytest.fixture
-def show(start, figure):
-    """Have a Puppet show the small figure; `fields` are its own, and what `Component.cs` has besides."""
-
-    def run(service=figure, **fields):
-        told = {"port": service.port, "character": "blob", "interpolationDelay": 0, **fields}
-        return start("Component", *(f"{name}={value}" for name, value in told.items()))
-
-    return run
-
-
-@pytest.fixture
-def python(reference, figure):
-    return reference(figure.stream, "blob/vertices", "blob/scene/python")
-
-
-def shown(program, reference, wanted=20, since=0):
-    """Wait until so many moments were shown that the reference has too; return (what was said, reference) of each."""
-    give_up = time.monotonic() + TIMEOUT_SECONDS
-    while time.monotonic() < give_up:
-        theirs = dict(reference.frames)
-        both = [(each, theirs[each["frame"]].body) for each in program.said[since:] if each.get("frame") in theirs]
-        if len(both) >= wanted:
-            return both
-        time.sleep(0.05)
-    pytest.fail(f"{sum('frame' in each for each in program.said)} shown, {len(reference.frames)} of the reference")
 
 
 def mesh(program):
@@ -246,3 +217,23 @@ def test_a_disabled_puppet_answers_every_request_with_an_error(start, free_port)
     assert [each["warning"] for each in said if "warning" in each][-1].startswith(
         "Puppetline: calibrate: found a disabled"
     )
+
+
+@pytest.mark.parametrize("event", ["connected", "sceneLoaded", "performerFound"])
+def test_a_listener_of_an_event_may_disable_the_component(show, event):
+    program = show(materials="Any/Shader", leaveOn=event)
+    left = program.until(lambda said: "left" in said)
+    said = program.finish()
+    assert left == {"left": event}
+    assert not any("frame" in each for each in said[said.index(left) :])
+    assert said[-1]["ended"]
+
+
+def test_a_listener_may_disable_the_component_when_the_service_is_gone(show, serve_figure):
+    service = serve_figure()
+    program = show(service, materials="Any/Shader", leaveOn="disconnected")
+    program.until(lambda said: "frame" in said)
+    service.process.kill()
+    service.ended()
+    program.until(lambda said: said.get("left") == "disconnected")
+    assert program.finish()[-1]["ended"]

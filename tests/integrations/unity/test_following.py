@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from engine_bridge.cli import examples
+from engine_bridge.character import examples
 
 from .conftest import HERE, TIMEOUT_SECONDS, array
 

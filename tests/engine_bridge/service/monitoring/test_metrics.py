@@ -43,6 +43,7 @@ def test_prometheus_reads_the_whole_status(server):
     dog, cat, kinect = ("character", "dog"), ("character", "cat"), ("stage", "kinect")
     osc = ("target", "127.0.0.1:9000"), ("wire", "osc")
     zeromq = ("target", "tcp://127.0.0.1:7400"), ("wire", "zeromq")
+    web = ("target", "ws://127.0.0.1:7402"), ("wire", "websocket")
     states = {
         ("puppetline_character_state", who, ("state", state)): float(state == now)
         for who, now in ((dog, "performing"), (cat, "waiting"))
@@ -76,6 +77,12 @@ def test_prometheus_reads_the_whole_status(server):
         ("puppetline_output_sent_bytes_total", *osc): 2000,
         ("puppetline_output_skipped_total", *osc): 12,
         ("puppetline_output_failed_total", *osc): 1,
+        ("puppetline_output_sent_total", *web): 70,
+        ("puppetline_output_sent_bytes_total", *web): 500,
+        ("puppetline_output_skipped_total", *web): 5,
+        ("puppetline_output_failed_total", *web): 0,
+        ("puppetline_output_clients", *web): 2,
+        ("puppetline_output_refused_total", *web): 4,
     }
 
 

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from zmq.utils.monitor import recv_monitor_message
 
 from engine_bridge.service.control.control_socket import Control, request
+from engine_bridge.service.control.dispatcher import Dispatcher
 from engine_bridge.service.control.requests import Nothing
 from engine_bridge.service.security import endpoints as endpoints_module
 from engine_bridge.service.security import guard as guard_module
@@ -46,7 +47,7 @@ class House:
         self.context = zmq.Context()
         self.guard = Guard(self.context, self.endpoints, network.max_clients)
         commands = {"ping": (Nothing, lambda _: "pong"), "clients": (Nothing, lambda _: asdict(self.guard.clients))}
-        self.control = Control(self.context, self.endpoints, commands)
+        self.control = Control(self.context, self.endpoints, Dispatcher(commands))
         self.streams = [self.context.socket(zmq.XPUB) for _ in self.endpoints]
         for endpoint, stream in zip(self.endpoints, self.streams, strict=True):
             stream.linger = 0

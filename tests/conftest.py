@@ -283,6 +283,23 @@ def godot() -> str:
 
 
 @pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Start Chromium, with a renderer that needs no graphics card; return Playwright's browser."""
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    if program is None or not importlib.util.find_spec("playwright"):
+        missing("browser", "Chromium or Playwright is not installed (Debian: chromium; make peers)")
+    from playwright.sync_api import sync_playwright
+
+    quiet = ("quic", "background-networking", "component-update", "sync")
+    arguments = ["--no-sandbox", "--no-first-run", *(f"--disable-{name}" for name in quiet)]
+    software = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=program, args=[*arguments, *software])
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="session")
 def multicast() -> None:
     """Skip the test if this machine has no multicast on loopback."""
     from zeroconf import Zeroconf

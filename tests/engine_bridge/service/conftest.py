@@ -330,8 +330,8 @@ def status():
             )
         ],
         characters=[
-            CharacterStatus("dog", 1, "performing", frames=890, rate=29.9, residual=0.0123, limited=7),
-            CharacterStatus("cat", None, "waiting", frames=10, rate=0.0, residual=None, limited=0),
+            CharacterStatus("dog", "kinect", 1, "performing", frames=890, rate=29.9, residual=0.0123, limited=7),
+            CharacterStatus("cat", "kinect", None, "waiting", frames=10, rate=0.0, residual=None, limited=0),
         ],
         clients=ClientsStatus(connected=3, refused=2, limit=64),
         outputs=[

@@ -342,14 +342,14 @@ def test_who_looks_away_gets_the_newest_frames_and_the_last_of_all_else(follow, 
     subscribed(publisher, "service/status", "dog/controls", "dog/handles", "dog/performer")
     publisher.send(message("service/status", Kind.STATUS))
     script.until(lambda told: "looks_away" in told)
-    for number in range(300):
+    for number in range(600):
         publisher.send(message("dog/controls", Kind.CONTROLS, number))
         publisher.send(message("dog/performer", Kind.PERFORMER, number))
     publisher.send(message("dog/handles", Kind.HANDLES, 7))
     time.sleep(0.5)  # until all of it is with the system
     script.end()
-    assert [told["sequence"] for told in told_of(script, "dog/controls")] == list(range(300 - 64, 300))
-    assert [told["sequence"] for told in told_of(script, "dog/performer")] == [299]
+    assert [told["sequence"] for told in told_of(script, "dog/controls")] == list(range(600 - 512, 600))
+    assert [told["sequence"] for told in told_of(script, "dog/performer")] == [599]
     assert [told["sequence"] for told in told_of(script, "dog/handles")] == [7]
 
 

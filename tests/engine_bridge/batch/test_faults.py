@@ -198,6 +198,7 @@ def cluster(tmp_path_factory):
         process.wait()
 
 
+@pytest.mark.slow
 def test_an_existing_cluster_makes_the_same_results(start, finished, expected, cluster, tmp_path):
     _, _, address = cluster()
     assert finished(tmp_path, "--scheduler", address, "--no-report")["made"] == 48
@@ -261,6 +262,7 @@ def test_a_recording_that_always_kills_its_worker_fails_and_the_others_do_not(
     assert_finished(tmp_path / "out", wanted, finished)
 
 
+@pytest.mark.slow
 def test_two_batches_into_one_folder_at_once(start, finished, expected, tmp_path):
     wanted, _ = expected
     with start(tmp_path, "--workers", 0, "--no-report") as one, start(tmp_path, "--workers", 1, "--no-report") as two:
@@ -286,7 +288,7 @@ def mounted(folder, options):
         subprocess.run(["umount", folder], check=True)
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_full_disk_ends_the_batch_with_one_message_and_whole_results(start, finished, expected, tmp_path, workers):
     wanted, _ = expected
     size = sum(map(len, wanted.values()))
@@ -313,7 +315,7 @@ def test_a_folder_without_rights_is_one_message_before_the_work(start, tmp_path)
         )
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_ctrl_c_ends_the_batch_quietly_and_it_continues(start, finished, expected, tmp_path, workers):
     wanted, _ = expected
     with start(tmp_path, "--workers", workers, "--no-report") as process:

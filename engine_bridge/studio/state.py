@@ -17,6 +17,7 @@ from engine_bridge.studio.messages import (
     TakeState,
     UploadState,
 )
+from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.workspace import Workspace
 
@@ -42,7 +43,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
 
 def state_of(
     characters: list[CharacterState],
-    source: SourceState,
+    playing: Playing,
     running: Running,
     takes: list[TakeState],
     workspace: Workspace,
@@ -50,13 +51,13 @@ def state_of(
 ) -> State:
     """Return the whole state."""
     status = running.status
-    stages = [_stage(each) for each in status.get("stages", [])]
+    stages = [_stage(each, playing) for each in status.get("stages", [])]
     rates = {each["name"]: each["rate"] for each in status.get("characters", [])}
     characters = [each.model_copy(update={"rate": rates.get(each.name, 0.0)}) for each in characters]
     performers = [_performer(user, stage["name"]) for stage in status.get("stages", []) for user in stage["users"]]
     return State(
         characters=characters,
-        source=source,
+        source=playing.state,
         stages=stages,
         service=running.state,
         performers=performers,
@@ -73,14 +74,14 @@ def state_of(
         ],
         jobs=jobs,
         status=_numbers(status),
-        banner=_banner(characters, source, running.state, stages, performers),
+        banner=_banner(characters, playing.state, running.state, stages, performers),
     )
 
 
-def _stage(stage: dict[str, Any]) -> StageState:
+def _stage(stage: dict[str, Any], playing: Playing) -> StageState:
     return StageState(
         name=stage["name"],
-        source=stage["source"],
+        source=playing.state.uri if stage["source"] == playing.uri else stage["source"],
         rate=stage["rate"],
         refused=stage["refused"],
         recording=stage["recording"],

@@ -97,9 +97,17 @@ class SurfaceOperator:
     mass : (n,) float64
     vertices : (n, 3) float64
         Positions for the elimination order; no result depends on them.
+
+    Attributes
+    ----------
+    samples : slice
+        The vertices on which functions are computed: all of them.
+    areas : (n,) float64
+        Area of each of them.
     """
 
     def __init__(self, L: "csr_matrix", mass: NDArray[np.float64], vertices: NDArray[np.float64]) -> None:
+        self.samples, self.areas = slice(None), mass
         self._order = nested_dissection(L.indptr, L.indices, vertices)
         self._L = scipy.sparse.csr_matrix(L[self._order][:, self._order])
         self._mass = mass[self._order]

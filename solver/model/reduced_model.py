@@ -239,7 +239,7 @@ def build(
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
-    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)

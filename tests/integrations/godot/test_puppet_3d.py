@@ -55,6 +55,9 @@ class Watched:
     def reply(self):
         return self._script.until(lambda told: "reply" in told)["reply"]
 
+    def until_printed(self, text):
+        self._script.until_printed(text)
+
     def end(self):
         self._script.end()
         return self._script.lines
@@ -229,11 +232,8 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     watched.order(call=["calibrate"])
     watched.until_next(lambda _state: watched.signals().count("performer_calibrated") > found)
     watched.order(call=["start_recording", "../mine"])
-    watched.order(request={"do": "ping"})
-    watched.until_next(lambda _state: True)
-    time.sleep(0.5)
-    lines = watched.end()
-    assert any("WARNING" in line and "../mine" in line for line in lines)
+    watched.until_printed("../mine")
+    assert any("WARNING" in line and "../mine" in line for line in watched.end())
 
 
 def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take, free_port):

@@ -1,5 +1,6 @@
 """Data and programs that are not part of the project, and the order in which tests run."""
 
+import gc
 import hashlib
 import importlib
 import importlib.util
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from .clock import Clock
 from .commands import Commands
 
 ROOT = Path(__file__).parent.parent
@@ -66,6 +68,13 @@ SKIPPED = "puppetline/skipped"
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--skipped", action="store_true", help="run only the tests that the last run skipped")
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Search for garbage less often, and not among the tests: compiling takes a sixth less time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -135,6 +144,12 @@ def missing(what: str, reason: str) -> None:
     if what in REQUIRED:
         pytest.fail(f"{reason}, but PUPPETLINE_TEST_REQUIRE requires {what}", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """Return the monotonic clock of this process, which the test can turn."""
+    return Clock(monkeypatch)
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -291,7 +290,6 @@ def test_a_killed_process_loses_nothing_that_it_wrote(tmp_path):
     ) as child:
         for _ in range(40):
             child.stdout.readline()
-        time.sleep(0.05)
         child.kill()
         said = 40 + len(child.stdout.read().split())
     clip = read_one(tmp_path / "take")

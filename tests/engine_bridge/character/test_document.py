@@ -12,8 +12,10 @@ from PIL import Image
 from engine_bridge.character import schema
 from engine_bridge.character.character import load_character
 from engine_bridge.character.document import UNPACK_COMMANDS, Document
-from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export.animation import FloatTargets, Keyframes, animate
 from puppetline.errors import MeshError, OutputError, PuppetlineError
+
+from ...oracles import assert_is_error_of, assert_is_sound_character
 
 KINDS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -168,9 +170,10 @@ def test_flipped_bytes_are_read_as_something_else_or_refused(tetrahedron, tmp_pa
         damaged[place] ^= 1 << int(rng.integers(8))
         path.write_bytes(damaged)
         try:
-            load_character(path).solver_mesh()
+            assert_is_sound_character(load_character(path))
             outcomes[True] += 1
-        except PuppetlineError:
+        except PuppetlineError as error:
+            assert_is_error_of(error, MeshError, path)
             outcomes[False] += 1
     assert min(outcomes.values()) > 30
 
@@ -221,10 +224,14 @@ def test_any_value_in_any_place_of_the_description_is_read_or_refused(tetrahedro
         path.write_bytes(pack(replaced(content, place, value), binary))
         try:
             character = load_character(path)
-            character.solver_mesh()
-            animate(character, still, lambda _: (np.zeros((1, 4, 3), np.float32), None)).save(path)
-        except PuppetlineError:
-            pass
+            assert_is_sound_character(character)
+            targets = FloatTargets(character, lambda _: (np.zeros((1, 4, 3), np.float32), None))
+            animate(character, still, targets).save(path)
+            np.testing.assert_array_equal(load_character(path).vertices, character.vertices)
+        except PuppetlineError as error:
+            assert_is_error_of(error, MeshError, path)
+        except AssertionError:
+            raise
         except BaseException as error:
             pytest.fail(f"{place} = {value!r}: {type(error).__name__}: {error}")
         tried += 1

@@ -1,9 +1,9 @@
 import logging
 import socket
 import sys
-import time
 from contextlib import closing
 from importlib.metadata import version
+from queue import SimpleQueue
 
 import pytest
 import zeroconf
@@ -106,21 +106,20 @@ def test_what_listens_on_loopback_is_announced_nowhere_else(port):
 
 
 def test_without_a_network_there_is_one_warning_and_it_is_tried_again(caplog, monkeypatch):
-    tried = []
+    attempts = SimpleQueue()
 
     def no_network(interfaces):
-        tried.append(interfaces)
+        attempts.put(interfaces)
         raise OSError(19, "No such device")
 
     monkeypatch.setattr(zeroconf, "Zeroconf", no_network)
     monkeypatch.setattr(discovery, "RETRY_SECONDS", 0.01)
     with caplog.at_level(logging.WARNING):
         announcement = Announcement("192.0.2.77", 7400, 7401, "NULL", ["dog"])
-        while len(tried) < 3:
-            time.sleep(0.01)
+        tried = [attempts.get() for _ in range(3)]
         announcement.close()
     assert not announcement._thread.is_alive()
-    assert tried[:3] == [["192.0.2.77"]] * 3
+    assert tried == [["192.0.2.77"]] * 3
     assert [record.getMessage() for record in caplog.records] == [
         "not announced in the network: [Errno 19] No such device"
     ]

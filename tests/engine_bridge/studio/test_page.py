@@ -1,4 +1,4 @@
-"""The page of `puppetline studio` in a browser: an own mesh moves, is recorded and exported; what goes wrong."""
+"""The page of `puppetline studio` in a browser: from an empty page to an exported file, and what goes wrong."""
 
 import asyncio
 import gzip

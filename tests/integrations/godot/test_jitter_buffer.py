@@ -13,9 +13,9 @@ START = 100.0
 def play(run_godot):
     """Give frames to a buffer: at each moment, seconds after the start, (number, time of the source) of some."""
 
-    def run(*moments):
+    def run(*moments, delay=0.05):
         asked = [{"now": START + after, "push": pushed} for after, *pushed in moments]
-        return run_godot("jitter_buffer.gd", json.dumps(asked))
+        return run_godot("jitter_buffer.gd", json.dumps(asked), delay)
 
     return run
 
@@ -118,4 +118,12 @@ def test_a_clock_that_is_elsewhere_is_believed_at_once(play):
 
 def test_no_more_is_kept_than_a_moment_can_need(play):
     told = play((0.0, *((n, 7.0 + 0.0001 * n) for n in range(1000))))
-    assert told[0]["waiting"] == 63
+    assert told[0]["waiting"] == 511
+
+
+def test_the_longest_delay_is_kept_at_a_high_rate(play):
+    # 240 frames per second with a delay of one second: shown at 2 s is what the source had at 8 s, frame 240
+    moments = [(n / 240, (n, 7.0 + n / 240)) for n in range(481)]
+    told = play(*moments, (2.0,), delay=1.0)
+    assert shown(told[-1]) == (240, 241, pytest.approx(0.0, abs=1e-6))
+    assert (told[-1]["waiting"], told[-1]["lost"]) == (240, 0)

@@ -198,18 +198,18 @@ def check_vertices(show, service, puppet, mode=VERTICES, **settings):
     reference.assert_moved(frames)
 
 
-def check_morphs(show, service, puppet, source, **settings):
+def check_morphs(show, service, puppet, source, offset=(0.0, 0.0, 0.0), **settings):
     """Compare with the solver, of which morph targets leave as much as the service says."""
     reference = Reference(puppet)
     with Listener(service, puppet.stem, "controls", "morphs") as (heard, weights):
         shown = show(service.port, len(reference.rest), mode=MORPHS, mesh_source=source, **settings)
-    near, number = cKDTree(reference.rest).query(shown.rest)  # the importer has an order of its own
+    near, number = cKDTree(reference.rest).query(shown.rest - offset)  # the importer has an order of its own
     assert near.max() <= ALIKE * reference.diagonal
     once = np.unique(reference.rig.mesh.of_render[number], return_index=True)[1]
     controls = {number: message.body.astype(float) for number, message in heard.items()}
     left = {number: message.body.residual for number, message in weights.items()}
     for frame in compared(shown.frames, controls.keys() & left.keys()):
-        away = frame.positions - reference.positions(frame.between(controls))[number]
+        away = frame.positions - offset - reference.positions(frame.between(controls))[number]
         rms = np.sqrt((away[once] ** 2).sum(axis=1).mean()) / reference.diagonal
         assert rms <= max(left[frame.sequence], left[frame.next_sequence]) + ALIKE
     reference.assert_moved(shown.frames)
@@ -234,6 +234,20 @@ def test_morphs(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline)
     puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
     service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
     check_morphs(show, service, blob_puppet, add_glb(tmp_path / "baked.glb"))
+
+
+def test_morphs_of_a_source_whose_root_is_elsewhere(
+    show, playing, project, add_glb, blob_puppet, take, tmp_path, puppetline
+):
+    puppetline("bake", blob_puppet, "-o", tmp_path / "baked.glb", "--log", take)
+    baked = add_glb(tmp_path / "baked.glb")
+    (project / "moved.tscn").write_text(
+        f'[gd_scene load_steps=2 format=3]\n[ext_resource type="PackedScene" path="{baked}" id="1"]\n'
+        '[node name="Moved" instance=ExtResource("1")]\n'
+        "transform = Transform3D(1, 0, 0, 0, 1, 0, 0, 0, 1, 0.5, -2, 1)\n"
+    )
+    service = playing(blob_puppet, take, "--morphs", tmp_path / "baked.glb")
+    check_morphs(show, service, blob_puppet, "res://moved.tscn", offset=(0.5, -2.0, 1.0))
 
 
 def test_controls_of_an_imported_mesh(show, playing, add_glb, blob_puppet, take, tmp_path, puppetline):

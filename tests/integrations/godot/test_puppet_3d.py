@@ -55,6 +55,9 @@ class Watched:
     def reply(self):
         return self._script.until(lambda told: "reply" in told)["reply"]
 
+    def until_printed(self, text):
+        self._script.until_printed(text)
+
     def end(self):
         self._script.end()
         return self._script.lines
@@ -147,6 +150,44 @@ def test_a_service_that_refuses_is_not_asked_again_until_the_token_changes(watch
     assert sum(f":{service.port} refuses the connection" in line for line in lines) == 1
 
 
+def test_it_can_try_again_after_it_was_refused(watch, serve, blob_puppet, take, token_file, tmp_path, free_port):
+    played = ("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    port, token = free_port(), "the-token-of-the-node"
+    service = serve(*played, "--port", port, "--token-file", token_file)
+    watched = watch({"port": port, "token": token})
+    watched.until_signal("refused", f"The service at 127.0.0.1:{port} does not accept this token.")
+    service.stop()
+    (tmp_path / "token").write_text(token)
+    (tmp_path / "token").chmod(0o600)
+    serve(*played, "--port", port, "--token-file", tmp_path / "token")
+    watched.order(call=["retry"])
+    assert watched.until(moves)["warnings"] == []
+    assert watched.signals().count("refused") == 1
+    watched.end()
+
+
+def test_a_source_shows_itself_until_a_service_moves_it(watch, serve, add_glb, blob_puppet, take, tmp_path, free_port):
+    write_shader_mesh(blob_puppet, tmp_path / "one.glb")
+    write_shader_mesh(blob_puppet, tmp_path / "two.glb")
+    one, two = add_glb(tmp_path / "one.glb"), add_glb(tmp_path / "two.glb")
+    port = free_port()
+    watched = watch({"port": port})
+    assert watched.until(lambda _state: True)["meshes"] == []
+    watched.order(set={"mesh_source": one})
+    first = watched.until(lambda state: state["visible"] == [True])
+    watched.order(set={"mesh_source": two})
+    second = watched.until(lambda state: state["meshes"] != first["meshes"] and len(state["meshes"]) == 1)
+    watched.order(set={"user_slot": 1})
+    assert watched.until(lambda state: not state["meshes"])["connected"] is False
+    watched.order(set={"user_slot": -1})
+    watched.until(lambda state: state["meshes"] == second["meshes"])
+    serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once", "--port", port)
+    moving = watched.until(lambda state: moves(state) and len(state["meshes"]) == 1)
+    assert moving["warnings"] == []
+    assert moving["instances"] != second["instances"]
+    watched.end()
+
+
 def test_a_character_is_shown_only_while_its_performer_plays(watch, serve, blob_puppet, sender, frames, standing):
     service = serve("--puppet", blob_puppet, "--source", sender.uri, "--calibrate", "at_once")
     settings = {"port": service.port}
@@ -191,11 +232,8 @@ def test_the_service_is_asked_to_do_something(watch, serve, blob_puppet, take, f
     watched.order(call=["calibrate"])
     watched.until_next(lambda _state: watched.signals().count("performer_calibrated") > found)
     watched.order(call=["start_recording", "../mine"])
-    watched.order(request={"do": "ping"})
-    watched.until_next(lambda _state: True)
-    time.sleep(0.5)
-    lines = watched.end()
-    assert any("WARNING" in line and "../mine" in line for line in lines)
+    watched.until_printed("../mine")
+    assert any("WARNING" in line and "../mine" in line for line in watched.end())
 
 
 def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file, write_puppet, take, free_port):
@@ -205,12 +243,14 @@ def test_takes_are_of_the_stage_that_the_character_is_on(watch, serve, blob_file
     service = serve(*played, "--port", free_port())
     watched = watch({"port": service.port, "character": "two"})
     watched.until(moves)
+    service.ask("record_start", stage="stage1", name="other")
     watched.order(call=["start_recording", "mine"])
     watched.until_signal("take_started", "mine")
     stages = {stage["name"]: stage["recording"] for stage in service.ask("describe")["status"]["stages"]}
-    assert stages == {"stage1": None, "stage2": "mine"}
+    assert stages == {"stage1": "other", "stage2": "mine"}
     watched.order(call=["stop_recording"])
     watched.until_signal("take_stopped", "mine")
+    assert [name for name in watched.signals() if "take" in name] == ["take_started", "take_stopped"]
     watched.end()
 
 
@@ -276,6 +316,15 @@ def test_a_mesh_of_another_puppet_is_not_used(
     assert sum("WARNING" in line and "run `puppetline shader-mesh` again" in line for line in watched.end()) == 1
 
 
+def test_vertices_say_that_a_source_is_not_used(watch, serve, add_glb, blob_puppet, take, tmp_path):
+    write_shader_mesh(blob_puppet, tmp_path / "own.glb")
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    watched = watch({"port": service.port, "mode": 1, "mesh_source": add_glb(tmp_path / "own.glb")})
+    [warning] = watched.until(moves)["warnings"]
+    assert "mesh_source is used by CONTROLS and MORPHS only" in warning
+    watched.end()
+
+
 @pytest.mark.usefixtures("multicast")
 def test_a_service_that_has_the_character_is_found_in_the_network(
     watch, serve, blob_file, write_puppet, take, tmp_path, free_port
@@ -293,6 +342,36 @@ def test_a_service_that_has_the_character_is_found_in_the_network(
     watched.order(request={"do": "ping"})
     assert watched.reply()["result"] == "pong"
     watched.end()
+
+
+@pytest.mark.usefixtures("multicast")
+def test_a_token_is_not_sent_to_whoever_announces_itself(
+    watch, serve, blob_file, write_puppet, take, token_file, tmp_path, free_port
+):
+    name = f"figure_{secrets.token_hex(4)}"
+    puppet = write_puppet(blob_file.with_name(f"{name}.toml"), blob_file.name)
+    service = tmp_path / "service.toml"
+    service.write_text(
+        f'takes = "{tmp_path / "takes"}"\n[network]\nport = {free_port()}\ntoken_file = "{token_file}"\n[[stage]]\n'
+        f'source = "replay:{take}?loop"\ncalibrate = "at_once"\n[[stage.character]]\npuppet = "{puppet}"\n'
+    )
+    serve("--config", service)
+    watched = watch({"host": "", "character": name, "token": token_file.read_text()})
+    [warning] = watched.until(lambda _state: True)["warnings"]
+    assert warning == "The token is not sent to services found in the network. Set host, or turn on trust_network."
+    time.sleep(3.0)  # three times as long as it takes to find the service
+    assert watched.signals() == []
+    watched.order(set={"trust_network": True})
+    assert watched.until(moves)["warnings"] == []
+    watched.end()
+
+
+def test_a_changed_material_is_drawn(start_godot, serve, blob_puppet, take):
+    service = serve("--puppet", blob_puppet, "--source", f"replay:{take}?loop", "--calibrate", "at_once")
+    script = start_godot("change_material.gd", service.port)
+    standard, shader = script.finish()
+    assert standard == {"albedo_color": "(0.25, 0.5, 0.75, 1.0)", "emission": "(1.0, 0.5, 0.25, 1.0)", "same": True}
+    assert shader == {"tint": "(0.5, 1.0, 0.0)", "same": True}
 
 
 class StandIn:

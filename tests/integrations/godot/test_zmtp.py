@@ -164,7 +164,6 @@ class Cut:
             while data := source.recv(4096):
                 for k in range(len(data)):
                     sink.sendall(data[k : k + 1])
-                    time.sleep(0.0002)
             sink.shutdown(socket.SHUT_WR)
 
     def close(self):

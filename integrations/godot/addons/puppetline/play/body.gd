@@ -3,6 +3,8 @@ extends Node3D
 
 const SharedScene := preload("shared_scene.gd")
 const Message := preload("../wire/message.gd")
+const SurfacePatch := preload("surface_patch.gd")
+const PatchMotion := preload("patch_motion.gd")
 
 ## The scene that belongs to the frames.
 var shared: SharedScene
@@ -35,6 +37,16 @@ func show_frames(_earlier: Message, _later: Message, _share: float) -> void:
 ## Compute the positions that are shown, in the order of the scene and the coordinates of this node.
 func evaluate() -> PackedVector3Array:
 	return PackedVector3Array()
+
+
+## Return which interpolation of two frames is shown at a share.
+func shown_share(share: float) -> float:
+	return share
+
+
+## Return the motion of a patch of the surface; null if the character does not move.
+func follow_patch(_patch: SurfacePatch) -> PatchMotion:
+	return null
 
 
 ## Return the displacement that is added to the interpolation of two frames.

@@ -4,6 +4,7 @@ extends "body.gd"
 const RestMesh := preload("rest_mesh.gd")
 const Surfaces := preload("surfaces.gd")
 const Materials := preload("materials.gd")
+const ControlsMotion := preload("controls_motion.gd")
 const IsolineBounds := preload("isoline_bounds.gd")
 const OwnMesh := preload("own_mesh.gd")
 
@@ -59,6 +60,7 @@ func set_materials(materials: Array[Material]) -> void:
 
 
 func show_frames(earlier: Message, later: Message, share: float) -> void:
+	_surfaces.follow_materials()
 	var first := 1 if _frames[1] == earlier or (_frames[0] == later and earlier != later) else 0
 	var uploaded := _upload(first, earlier)
 	uploaded = _upload(1 - first, later) or uploaded
@@ -69,6 +71,10 @@ func show_frames(earlier: Message, later: Message, share: float) -> void:
 		_surfaces.set_parameter(&"puppet_shift", _shift)
 	if uploaded:
 		_surfaces.set_bounds(_boxes[0].merge(_boxes[1]))
+
+
+func follow_patch(patch: SurfacePatch) -> PatchMotion:
+	return ControlsMotion.new(shared.scene, patch)
 
 
 func evaluate() -> PackedVector3Array:

@@ -6,8 +6,8 @@ extends RefCounted
 
 const Message := preload("../wire/message.gd")
 
-## Maximum number of frames in the buffer.
-const MAX_FRAMES := 64
+## Maximum number of frames in the buffer: the longest delay, one second, of a source with 500 frames per second.
+const MAX_FRAMES := 512
 ## Maximum time between two consecutive frames, in seconds of the source's clock. After a longer gap, a new motion
 ## begins without interpolation.
 const MAX_GAP_SECONDS := 0.5

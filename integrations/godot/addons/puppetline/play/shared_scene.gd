@@ -15,8 +15,6 @@ const IsolineBounds := preload("isoline_bounds.gd")
 const _REQUEST_INTERVAL_MS := 1000
 ## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
 ## request queues another whole scene.
-## Time between two requests while a message arrives that may be the scene, in milliseconds. On a slow network, each
-## request queues another whole scene.
 const _RECEIVING_INTERVAL_MS := 16_000
 
 static var _scenes: Dictionary = {}  # key: WeakRef

@@ -9,7 +9,6 @@ const REPLY_TIMEOUT_SECONDS := 5.0
 ## Maximum number of sent requests without a reply. Further requests wait until replies arrive.
 const MAX_PENDING_REQUESTS := 16
 ## Maximum size of a reply, in bytes.
-## Maximum size of a reply, in bytes.
 const MAX_REPLY_BYTES := 1 << 24
 
 var host: String

@@ -21,7 +21,7 @@ const SILENCE_TIMEOUT_SECONDS := 6.0
 const MIN_RETRY_SECONDS := 0.25
 const MAX_RETRY_SECONDS := 2.0
 ## Maximum number of frames per topic that one poll passes on, the newest ones. A jitter buffer does not keep more.
-const MAX_FRAMES := 64
+const MAX_FRAMES := 512
 ## Minimum time between two requests for the same topic, in seconds.
 const REQUEST_INTERVAL_SECONDS := 1.0
 ## Period in which the shortest transmission time is determined, with which others are compared, in seconds.

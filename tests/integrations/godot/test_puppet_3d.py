@@ -9,12 +9,8 @@ import time
 
 import numpy as np
 import pytest
-import zmq
 
 from engine_bridge.export.shader_mesh import write_shader_mesh
-from engine_bridge.service.protocol.frame import StreamedCharacter
-from engine_bridge.service.protocol.header import Header, Kind, join, topic_field, write_json
-from solver.motion.deformer import to_file_units
 
 ARRIVAL = ["connected", "scene_loaded", "performer_found", "performer_calibrated"]
 
@@ -372,53 +368,6 @@ def test_a_changed_material_is_drawn(start_godot, serve, blob_puppet, take):
     standard, shader = script.finish()
     assert standard == {"albedo_color": "(0.25, 0.5, 0.75, 1.0)", "emission": "(1.0, 0.5, 0.25, 1.0)", "same": True}
     assert shader == {"tint": "(0.5, 1.0, 0.0)", "same": True}
-
-
-class StandIn:
-    """A publisher in the place of the service, which says of a real character what the service never would."""
-
-    def __init__(self, socket, rig):
-        self._socket, self._sequence = socket, 0
-        self.port = socket.bind_to_random_port("tcp://127.0.0.1")
-        self._character = StreamedCharacter("blob", rig, 1)
-        self.controls = to_file_units(rig.model.rest_controls, rig.model).tobytes()
-        self.scenes = 0
-
-    def answer(self):
-        """Send what has been asked for."""
-        while self._socket.poll(20):
-            asked = self._socket.recv()
-            name = asked[1:].rstrip(b"\0").decode()
-            if asked[0] and "/scene/" in name:
-                self.scenes += 1
-                self.send(name, Kind.SCENE, self._character.scene, revision=1)
-            if asked[0] and name == "service/characters":
-                self.send(name, Kind.CHARACTERS, write_json([{"name": "blob"}]))
-
-    def send(self, name, kind, payload, **header):
-        self._socket.send(join(topic_field(name), Header(kind, len(payload), **header), payload))
-
-    def frame(self, payload=None, revision=1):
-        self._sequence += 1
-        payload = self.controls if payload is None else payload
-        header = {"revision": revision, "sequence": self._sequence, "time": self._sequence / 30}
-        self.send("blob/controls", Kind.CONTROLS, payload, **header)
-
-    def until(self, happened, *frames):
-        """Send frames over and over until something has happened."""
-        give_up = time.monotonic() + 60
-        while not happened():
-            assert time.monotonic() < give_up
-            self.answer()
-            for frame in frames:
-                self.frame(**frame)
-
-
-@pytest.fixture
-def stand_in(blob_rig):
-    with zmq.Context() as context, context.socket(zmq.XPUB) as publisher:
-        publisher.linger = 0
-        yield StandIn(publisher, blob_rig)
 
 
 def test_frames_that_are_wrong_are_as_good_as_none(watch, stand_in):

@@ -127,6 +127,11 @@ func poll() -> void:
 	if _polled_frame == Engine.get_process_frames():
 		return
 	_polled_frame = Engine.get_process_frames()
+	read()
+
+
+## Do the same as [method poll] at each call, to wait for a message.
+func read() -> void:
 	_send_latest()
 	_connection.poll()
 	match _connection.state:

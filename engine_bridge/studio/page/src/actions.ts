@@ -12,7 +12,7 @@ import type {
   Sources,
 } from "./messages";
 import { begin, commit, redo as later, undo as earlier } from "./model/history";
-import { type Part, type Puppet, type Smoothing, follow, has, limbNamed, mirror, remove, symmetryPoint } from "./model/puppet";
+import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
@@ -272,12 +272,6 @@ export function mirrorSelected(bounds: readonly [Vector, Vector]): void {
   if (mirrored === null) return;
   edit(mirrored.puppet);
   select(mirrored.part);
-}
-
-export function selectedLimb() {
-  const { selection } = current();
-  const puppet = shownPuppet(current());
-  return selection?.kind === "limb" && puppet !== null ? limbNamed(puppet, selection.name) : undefined;
 }
 
 export async function preview(smoothing: Smoothing): Promise<void> {

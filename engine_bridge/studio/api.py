@@ -143,7 +143,7 @@ class ApiClient:
         try:
             reply = ok_reply(number, await self._studio.answer(values))
         except PuppetlineError as error:
-            reply = error_reply(number, error)
+            reply = error_reply(number, ServiceError(**self._studio.workspace.told(error)))
         except Exception:
             log.exception("request failed")
             reply = error_reply(number, FAILED)

@@ -81,7 +81,7 @@ class _Server:
         except web.HTTPException as error:
             response = error
         except PuppetlineError as error:
-            response = _error(_status(error), error)
+            response = _error(_status(error), ServiceError(**self._studio.workspace.told(error)))
         if not response.prepared:
             response.headers.update(page_headers(host or ""))
         return response

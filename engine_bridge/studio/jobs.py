@@ -30,10 +30,17 @@ class Jobs:
         Called when a job has started or ended.
     advanced : callable
         Called with the state of a job that has advanced.
+    told : callable
+        Returns the parts of an error for a page.
     """
 
-    def __init__(self, changed: Callable[[], None], advanced: Callable[[JobState], None]) -> None:
-        self._changed, self._advanced = changed, advanced
+    def __init__(
+        self,
+        changed: Callable[[], None],
+        advanced: Callable[[JobState], None],
+        told: Callable[[PuppetlineError], dict[str, str]],
+    ) -> None:
+        self._changed, self._advanced, self._told = changed, advanced, told
         self._jobs: dict[str, _Job] = {}
 
     @property
@@ -69,8 +76,7 @@ class Jobs:
                 title, found="a job that was cancelled", expected="its result", fix="Start it again."
             ) from error
         except PuppetlineError as error:
-            told = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
-            self._end(job, "failed", error=told)
+            self._end(job, "failed", error=self._told(error))
             raise
         except BaseException:
             self._end(job, "failed")

@@ -2,8 +2,9 @@
 
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from capture.sources.registry import LOOP_SUFFIX, RECORDED_PREFIXES
 from engine_bridge.studio.characters import OpenCharacter
@@ -13,11 +14,20 @@ from puppetline.errors import ServiceError
 LIVE_SCHEMES = "osc", "vmc", "freenect", "openni", "camera"
 """Schemes of URIs that the page may give. The others name files, which the page does not."""
 
-SILENT = "demo:walk"
-"""Source of a stage if nothing was chosen to perform: the example plays once."""
+
+@dataclass(frozen=True)
+class Playing:
+    """What performs: the URI that the service opens, and what pages are shown, which contains no path."""
+
+    uri: str
+    state: SourceState
 
 
-def stages(characters: Iterable[OpenCharacter], source: SourceState, folder: Path) -> list[dict[str, Any]]:
+NOTHING = Playing("demo:walk", SourceState())
+"""Before anything was chosen. A stage needs a source: the example plays once."""
+
+
+def stages(characters: Iterable[OpenCharacter], playing: Playing, folder: Path) -> list[dict[str, Any]]:
     """Return the tables [[stage]] of the service file.
 
     Each character has a stage of its own if a recording plays, so that its performers move all of them. A sensor or a
@@ -26,25 +36,27 @@ def stages(characters: Iterable[OpenCharacter], source: SourceState, folder: Pat
     Parameters
     ----------
     characters : iterable of OpenCharacter
-    source : SourceState
+    playing : Playing
     folder : Path
         Folder of the service file.
     """
     tables = [{"puppet": os.path.relpath(each.live_file, folder), "name": each.name} for each in characters]
-    uri = source.uri or SILENT
-    if not uri.startswith(RECORDED_PREFIXES):
-        return [{"source": uri, "name": "stage", "character": tables}] if tables else []
-    return [{"source": uri, "name": table["name"], "calibrate": "at_once", "character": [table]} for table in tables]
+    if not playing.uri.startswith(RECORDED_PREFIXES):
+        return [{"source": playing.uri, "name": "stage", "character": tables}] if tables else []
+    return [
+        {"source": playing.uri, "name": table["name"], "calibrate": "at_once", "character": [table]} for table in tables
+    ]
 
 
-def example(name: str, loop: bool = True) -> SourceState:
-    """Return the state for an example performance."""
+def example(name: str, loop: bool = True) -> Playing:
+    """Return an example performance."""
     uri = f"demo:{name}{LOOP_SUFFIX if loop else ''}"
-    return SourceState(uri=uri, kind="example", name=name, text=f"Example: {name.replace('_', ' ')}", loop=loop)
+    text = f"Example: {name.replace('_', ' ')}"
+    return Playing(uri, SourceState(uri=uri, kind="example", name=name, text=text, loop=loop))
 
 
-def live(uri: str) -> SourceState:
-    """Return the state for a live source.
+def live(uri: str) -> Playing:
+    """Return a live source.
 
     Raises
     ------
@@ -59,12 +71,12 @@ def live(uri: str) -> SourceState:
             expected=f"a live source: {', '.join(f'{each}:' for each in LIVE_SCHEMES)}",
             fix="Choose one of the list. To play a file, upload it.",
         )
-    return SourceState(uri=uri, kind="live", name=uri, text=uri)
+    return Playing(uri, SourceState(uri=uri, kind="live", name=uri, text=uri))
 
 
-def recording(path: Path, name: str, kind: str, loop: bool, start: float | None, stop: float | None) -> SourceState:
-    """Return the state for a file that plays."""
-    uri = f"replay:{path}{LOOP_SUFFIX if loop else ''}"
-    return SourceState.model_validate(
-        {"uri": uri, "kind": kind, "name": name, "text": name, "loop": loop, "start": start, "stop": stop}
-    )
+def recording(
+    path: Path, name: str, kind: Literal["upload", "take"], loop: bool, start: float | None, stop: float | None
+) -> Playing:
+    """Return a file that plays, already trimmed; `name` is for people."""
+    state = SourceState(uri=f"replay:{name}", kind=kind, name=name, text=name, loop=loop, start=start, stop=stop)
+    return Playing(f"replay:{path}{LOOP_SUFFIX if loop else ''}", state)

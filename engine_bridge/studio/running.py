@@ -75,9 +75,11 @@ class Running:
             return
         await self._process.start()
         if self._process.reached is None:
+            problem = self.state.problem or "no reply"
+            await self._process.stop()
             raise ServiceError(
                 "the service",
-                found=f"an end at its start: {self.state.problem or 'no reply'}",
+                found=f"an end at its start: {problem}",
                 expected="a service that runs",
                 fix="Choose another source, or close this character.",
             )

@@ -1,5 +1,7 @@
 """The state that pages show, put together from its parts."""
 
+import hashlib
+import json
 from typing import Any
 
 from engine_bridge.studio.characters import OpenCharacter
@@ -17,6 +19,7 @@ from engine_bridge.studio.messages import (
     TakeState,
     UploadState,
 )
+from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.workspace import Workspace
 
@@ -31,6 +34,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         handles=[handle["name"] for handle in character.puppet["handle"]],
         vertices=character.vertices,
         triangles=character.triangles,
+        version=_version(character.puppet),
         saved=character.puppet == character.saved,
         model="" if character.model is None else character.model.id,
         notes=character.notes,
@@ -40,9 +44,13 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
     )
 
 
+def _version(puppet: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(puppet, sort_keys=True).encode()).hexdigest()[:16]
+
+
 def state_of(
     characters: list[CharacterState],
-    source: SourceState,
+    playing: Playing,
     running: Running,
     takes: list[TakeState],
     workspace: Workspace,
@@ -50,13 +58,13 @@ def state_of(
 ) -> State:
     """Return the whole state."""
     status = running.status
-    stages = [_stage(each) for each in status.get("stages", [])]
+    stages = [_stage(each, playing) for each in status.get("stages", [])]
     rates = {each["name"]: each["rate"] for each in status.get("characters", [])}
     characters = [each.model_copy(update={"rate": rates.get(each.name, 0.0)}) for each in characters]
     performers = [_performer(user, stage["name"]) for stage in status.get("stages", []) for user in stage["users"]]
     return State(
         characters=characters,
-        source=source,
+        source=playing.state,
         stages=stages,
         service=running.state,
         performers=performers,
@@ -73,14 +81,14 @@ def state_of(
         ],
         jobs=jobs,
         status=_numbers(status),
-        banner=_banner(characters, source, running.state, stages, performers),
+        banner=_banner(characters, playing.state, running.state, stages, performers),
     )
 
 
-def _stage(stage: dict[str, Any]) -> StageState:
+def _stage(stage: dict[str, Any], playing: Playing) -> StageState:
     return StageState(
         name=stage["name"],
-        source=stage["source"],
+        source=playing.state.uri if stage["source"] == playing.uri else stage["source"],
         rate=stage["rate"],
         refused=stage["refused"],
         recording=stage["recording"],

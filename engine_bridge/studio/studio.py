@@ -4,10 +4,10 @@ import asyncio
 import contextlib
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from capture.sources.demo import performances
 from engine_bridge.character.examples import MOTIONS
@@ -15,6 +15,7 @@ from engine_bridge.studio import messages, performing
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.jobs import Jobs, Progress
 from engine_bridge.studio.messages import JobState, PuppetReply, SourceState, State
+from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
 from engine_bridge.studio.state import character_state, state_of
 from engine_bridge.studio.take_list import TakeList
@@ -52,9 +53,9 @@ class Studio:
         self._invite = invite
         self._watchers: set[Callable[[JobState | None], None]] = set()
         self._worker, self._exporter = Worker(), Worker()
-        self._jobs = Jobs(self.changed, self._advanced)
+        self._jobs = Jobs(self.changed, self._advanced, workspace.told)
         self.characters = Characters(workspace, self._worker)
-        self._source = SourceState()
+        self._playing = performing.NOTHING
         self._takes = TakeList(workspace.folder / "takes")
         self._changing = asyncio.Lock()
         running.watch(self.changed)
@@ -79,7 +80,7 @@ class Studio:
         """The whole state."""
         return state_of(
             [character_state(each, self.running.described.get(each.name, {})) for each in self.characters.all],
-            self._source,
+            self._playing,
             self.running,
             self._takes.states,
             self.workspace,
@@ -124,20 +125,34 @@ class Studio:
     async def begin(self, first: Path | None = None) -> None:
         """Open the characters of the last run, and a puppet file or mesh; errors are logged."""
         session = self.workspace.read_session()
-        with contextlib.suppress(ValueError):
-            source = SourceState.model_validate(session.get("source", {}))
-            self._source = SourceState() if source.kind == "upload" else source  # uploads are not kept
-        for each in session.get("characters", []):
-            try:
-                name, title, saved_file = each["name"], each["title"], Path(each["saved_file"])
-                await self._open(title, partial(self.characters.reopen, name, title, saved_file))
-            except (PuppetlineError, KeyError, TypeError) as error:
-                log.warning("a character of the last run cannot be opened: %s", error)
+        async with self._changing:
+            for each in session.get("characters", []):
+                with _logged_errors("a character of the last run cannot be opened"):
+                    again = self.characters.reopen, each["name"], each["title"], Path(each["saved_file"])
+                    await self._jobs.run(f"Opening {each['title']}", partial(self._reopen, *again))
+            with _logged_errors("the source of the last run cannot be opened"):
+                self._playing = await self._remembered(session.get("source", {}))
+            with _logged_errors("the service cannot start"):
+                await self._replace(self._playing)
         if first is not None:
-            try:
+            with _logged_errors("it cannot be opened"):
                 await self._open(first.name, partial(self._open_first, first))
-            except PuppetlineError as error:
-                log.error("%s", error)
+
+    async def _reopen(self, again: Callable[..., Any], *arguments: Any) -> dict[str, Any]:
+        *given, progress = arguments
+        character: OpenCharacter = await again(*given, progress)
+        return {"character": character.name}
+
+    async def _remembered(self, source: dict[str, Any]) -> Playing:
+        """Return what performed in the last run; uploads are not kept."""
+        state = SourceState.model_validate(source)
+        given: dict[str, str | None] = {"uri": None, "example": None, "take": None}
+        key = {"live": "uri", "example": "example", "take": "take"}.get(state.kind)
+        if key is None:
+            return performing.NOTHING
+        given[key] = state.name
+        rest = {"loop": state.loop, "start": state.start, "stop": state.stop}
+        return await self._chosen(messages.Source.model_validate({"id": 0, "do": "source", **given, **rest}))
 
     async def _open_first(self, first: Path, progress: Progress) -> OpenCharacter:
         if first.suffix.lower() == ".toml":
@@ -185,23 +200,16 @@ class Studio:
         return {}
 
     async def _do_source(self, asked: messages.Source) -> dict[str, Any]:
-        source = await self._chosen(asked)
+        playing = await self._chosen(asked)
         async with self._changing:
-            before, self._source = self._source, source
-            try:
-                await self._apply()
-            except PuppetlineError:
-                self._source = before
-                with contextlib.suppress(PuppetlineError):
-                    await self._apply()
-                raise
-        return source.model_dump(mode="json")
+            await self._replace(playing)
+        return playing.state.model_dump(mode="json")
 
     async def _do_sources(self, _: messages.GetSources) -> dict[str, Any]:
         from engine_bridge.studio.source_list import devices, ports
 
         found = await asyncio.to_thread(devices)
-        arriving = await asyncio.to_thread(ports, self._source.uri)
+        arriving = await asyncio.to_thread(ports, self._playing.uri)
         listed = messages.Sources(
             characters=list(MOTIONS), examples=list(performances()), devices=found, ports=arriving
         )
@@ -259,7 +267,7 @@ class Studio:
 
     async def _do_delete_take(self, asked: messages.DeleteTake) -> dict[str, Any]:
         path = self._takes.path(asked.take)
-        if self._source.kind == "take" and self._source.name == asked.take:
+        if self._playing.state.kind == "take" and self._playing.state.name == asked.take:
             raise _in_use(asked.take)
         path.unlink(missing_ok=True)
         self.changed()
@@ -267,7 +275,7 @@ class Studio:
 
     async def _do_delete_upload(self, asked: messages.DeleteUpload) -> dict[str, Any]:
         upload = self.workspace.upload(asked.upload)
-        if self._source.uri.startswith(f"replay:{upload.path.parent}"):
+        if self._playing.uri.startswith(f"replay:{upload.path.parent}"):
             raise _in_use(upload.name)
         self.workspace.delete_upload(asked.upload)
         self.changed()
@@ -333,21 +341,20 @@ class Studio:
         async def work(progress: Progress) -> dict[str, Any]:
             async with self._changing:
                 character: OpenCharacter = await make(progress)
-                before = self._source
-                if self._source.kind == "none":
-                    self._source = performing.example(motion)
+                playing = performing.example(motion) if self._playing is performing.NOTHING else self._playing
                 progress("Starting", 0.0)
                 try:
-                    await self._apply()
+                    await self._replace(playing)
                 except BaseException:
                     self.characters.close(character.name)
-                    self._source = before
+                    with contextlib.suppress(PuppetlineError):
+                        await self._apply()
                     raise
             return {"character": character.name}
 
         return await self._jobs.run(f"Opening {title}", work)
 
-    async def _chosen(self, asked: messages.Source) -> SourceState:
+    async def _chosen(self, asked: messages.Source) -> Playing:
         """Return what a request wants to perform."""
         _check_one(asked, ("uri", "upload", "example", "take"))
         if asked.uri is not None:
@@ -355,7 +362,7 @@ class Studio:
         if asked.example is not None:
             _check_known(asked.example, list(performances()), "example")
             return performing.example(asked.example, asked.loop)
-        kind = "upload" if asked.upload is not None else "take"
+        kind: Literal["upload", "take"] = "take" if asked.upload is None else "upload"
         name = self.workspace.upload(asked.upload, "log").name if asked.upload is not None else str(asked.take)
         path = await self._recording(asked.take, asked.upload, None)
         if asked.start is not None or asked.stop is not None:
@@ -363,17 +370,29 @@ class Studio:
             await self._worker.run("trim", whole, path, asked.start, asked.stop)
         return performing.recording(path, name, kind, asked.loop, asked.start, asked.stop)
 
+    async def _replace(self, playing: Playing) -> None:
+        """Let something perform; what performed before continues if that cannot be opened."""
+        before, self._playing = self._playing, playing
+        try:
+            await self._apply()
+        except BaseException:
+            self._playing = before
+            if before is not playing:
+                with contextlib.suppress(PuppetlineError):
+                    await self._apply()
+            raise
+
     async def _apply(self) -> None:
         """Make the service play what is open."""
         try:
-            await self.running.play(performing.stages(self.characters.all, self._source, self.workspace.folder))
+            await self.running.play(performing.stages(self.characters.all, self._playing, self.workspace.folder))
         finally:
             self._store()
             self.changed()
 
     def _store(self) -> None:
         values = {
-            "source": self._source.model_dump(mode="json"),
+            "source": self._playing.state.model_dump(mode="json"),
             "characters": [
                 {"name": each.name, "title": each.title, "saved_file": str(each.saved_file)}
                 for each in self.characters.all
@@ -395,6 +414,15 @@ class Studio:
             expected="an upload of that name",
             fix=f"Upload {name} too, or choose another mesh.",
         )
+
+
+@contextlib.contextmanager
+def _logged_errors(what: str) -> Iterator[None]:
+    """Log errors of what is opened at the start, with which the studio continues."""
+    try:
+        yield
+    except (PuppetlineError, ValueError, KeyError, TypeError) as error:
+        log.warning("%s: %s", what, error)
 
 
 def _check_one(asked: messages.Request, keys: tuple[str, ...]) -> None:

@@ -104,6 +104,8 @@ class Workspace:
         self.uploads: dict[str, Upload] = {}
         self.downloads: dict[str, Download] = {}
         self._pending = 0
+        inside = r"(?:(?:uploads|exports|characters)/[^/\s]+/|(?:takes|examples)/)?"
+        self._own_folders = re.compile(re.escape(f"{self.folder}/") + inside)
         try:
             shutil.rmtree(self.folder / "uploads", ignore_errors=True)
             shutil.rmtree(self.folder / "exports", ignore_errors=True)
@@ -238,6 +240,11 @@ class Workspace:
     def withdraw(self, key: str) -> None:
         """Let the page no longer download a file, which stays."""
         self.downloads.pop(key, None)
+
+    def told(self, error: PuppetlineError) -> dict[str, str]:
+        """Return the parts of an error for a page, without the folders of this machine."""
+        parts = {"where": error.where, "found": error.found, "expected": error.expected, "fix": error.fix}
+        return {key: self._own_folders.sub("", text) for key, text in parts.items()}
 
     def character_folder(self, stem: str) -> Path:
         """Create a new folder for a character, named after its file, and return it."""

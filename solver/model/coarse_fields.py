@@ -26,7 +26,7 @@ MAX_EXACT_VERTICES = 50_000
 MIN_SAMPLES = 8_000
 """Number of samples of a mesh just above `MAX_EXACT_VERTICES`. Isoline coordinates are then exact to about 0.05."""
 
-VERTICES_PER_SAMPLE = 64
+VERTICES_PER_SAMPLE = 50
 """Number of vertices per sample of the largest meshes; more would take more steps of the iteration."""
 
 
@@ -42,6 +42,13 @@ class CoarseFields:
     mass : (n,) float64
     mesh : SolverMesh
         In the units of L.
+
+    Attributes
+    ----------
+    samples : (c,) int64
+        Vertices of the sample.
+    areas : (c,) float64
+        Area of each of them.
     """
 
     def __init__(self, L: "csr_matrix", surface: "csr_matrix", mass: NDArray[np.float64], mesh: SolverMesh) -> None:
@@ -51,12 +58,13 @@ class CoarseFields:
         self._up = coarse.interpolation
         self._down = scipy.sparse.csr_matrix(self._up.T)
         self._coarse_L = scipy.sparse.csr_matrix(self._down @ (L @ self._up))
-        self._coarse_mass = self._down @ mass
-        self._samples = mesh.vertices[coarse.samples]
+        self.areas = self._down @ mass
+        self.samples = coarse.samples
+        self._coarse = fields.SurfaceOperator(self._coarse_L, self.areas, mesh.vertices[coarse.samples])
 
     def propagation_fields(self, count: int) -> NDArray[np.float64]:
-        """Return what `fields.propagation_fields` returns, approximately."""
-        coarse = fields.propagation_fields(self._coarse_L, self._coarse_mass, self._samples, count)
+        """Return what `fields.SurfaceOperator.propagation_fields` returns, approximately."""
+        coarse = self._coarse.propagation_fields(count)
         eigenvalues = -np.einsum("ck,ck->k", coarse, self._coarse_L @ coarse)
         rough = relaxed(self._L, self._mass, eigenvalues, self._up @ coarse)
         basis = np.column_stack([np.ones(len(rough)), rough])
@@ -65,10 +73,10 @@ class CoarseFields:
         return fields.with_fixed_signs(basis @ mix[:, 1:])
 
     def smoothed(self, values: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-        """Return what `fields.smoothed` returns, approximately."""
+        """Return what `fields.SurfaceOperator.smoothed` returns, approximately."""
         load = self._mass[:, None] * values
-        coarse_values = (self._down @ load) / self._coarse_mass[:, None]
-        coarse = fields.smoothed(self._coarse_L, self._coarse_mass, self._samples, coarse_values, length)
+        coarse_values = (self._down @ load) / self.areas[:, None]
+        coarse = self._coarse.smoothed(coarse_values, length)
         shifts = np.full(values.shape[1], -1 / length**2)
         result = relaxed(self._L, self._mass, shifts, self._up @ coarse, load / length**2)
         return np.clip(result, values.min(axis=0), values.max(axis=0))

@@ -8,7 +8,6 @@ with A = (KW)ᵀ(KW), B = (KW)ᵀ M^(−1/2) W_δ and K = M^(−1/2) L. A and B 
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -218,12 +217,12 @@ def build(
     holds = limb_fields.contacts_that_hold(ties, rest, regions, bones, skinned=shares is not None)
     try:
         tied = propagation.field_operator(surface, ties, unit.diagonal, holds)
-        if len(rest) > MAX_EXACT_VERTICES:
-            coarse = CoarseFields(tied, surface, mass, unit)
-            modes, smoothed = coarse.propagation_fields(parameters.fields - along_limbs), coarse.smoothed
-        else:
-            modes = propagation.propagation_fields(tied, mass, rest, parameters.fields - along_limbs)
-            smoothed = partial(propagation.smoothed, tied, mass, mesh.vertices)
+        operator = (
+            propagation.SurfaceOperator(tied, mass, rest)
+            if len(rest) <= MAX_EXACT_VERTICES
+            else CoarseFields(tied, surface, mass, unit)
+        )
+        modes = operator.propagation_fields(parameters.fields - along_limbs)
     except RuntimeError as error:  # SuperLU finds the matrix singular, or ARPACK does not converge
         raise MeshError(
             mesh.name,
@@ -233,14 +232,14 @@ def build(
         ) from error
     weights = propagation.field_weights(rest, mass, modes)
     if along_limbs:
-        limbs = limb_fields.limb_fields(smoothed, mesh.vertices, bones, regions, along_limbs, shares)
+        limbs = limb_fields.limb_fields(operator.smoothed, mesh.vertices, bones, regions, along_limbs, shares)
         modes = np.column_stack([modes, limbs])
         own = 1 - along_limbs / parameters.fields
         weights = np.append(own * weights, np.full(along_limbs, 1 / parameters.fields))
     ladder = propagation.ladder_coordinates(modes, parameters.isolines).astype(np.float32).astype(np.float64)
 
     L = propagation.energy_operator(surface, ties.only(holds), mass, unit.diagonal)
-    cluster = clusters.rotation_clusters(ladder, weights, mass)
+    cluster = clusters.rotation_clusters(ladder, weights, operator.areas, operator.samples)
     reduced = energy_matrices.products(L, surface, mass, rest, ladder, weights, parameters.isolines, cluster)
     covariance = clusters.covariance_map(surface, rest, ladder, weights, parameters.isolines, cluster)
     A_clusters, B_clusters = clusters.energy(reduced, covariance)

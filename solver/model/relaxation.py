@@ -19,8 +19,9 @@ ROUGH_EIGENVALUE_RATIO = 40.0
 """Ratio of the largest eigenvalue to the smallest that the iteration reduces: that of functions whose wavelength is
 about 12 edges."""
 
-STEPS = 8
-"""Number of steps; the rough part of an error becomes about seven times smaller."""
+STEPS = 12
+"""Number of steps; the rough part of an error becomes about 20 times smaller. With 8 steps, vertices that handles move
+differ by up to 0.6 % of the diagonal from those of exact fields; with 16, by less than 0.1 %."""
 
 
 def relaxed(

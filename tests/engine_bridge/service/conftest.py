@@ -102,25 +102,6 @@ OSCELETON = {
 }
 
 
-class Clock:
-    """The monotonic clock of this process, which tests advance instead of waiting."""
-
-    def __init__(self, patch):
-        self._skipped = 0.0
-        monotonic, monotonic_ns = time.monotonic, time.monotonic_ns
-        patch.setattr(time, "monotonic", lambda: monotonic() + self._skipped)
-        patch.setattr(time, "monotonic_ns", lambda: monotonic_ns() + int(1e9 * self._skipped))
-
-    def advance_to(self, time_):
-        """Advance the clock to a time, unless that has passed."""
-        self._skipped += max(0.0, time_ - time.monotonic())
-
-
-@pytest.fixture
-def clock(monkeypatch):
-    return Clock(monkeypatch)
-
-
 class Sender:
     """Sends skeletons as OSCeleton does with -xr and -r: one bundle per performer and frame, in millimetres."""
 

@@ -56,19 +56,17 @@ function receive(server: ServerState): void {
 
 const fetched = new Map<string, string>();
 
-/** Fetch a puppet that another window, or the server itself, has changed. */
-async function refresh({ name, limbs, handles, saved }: CharacterState): Promise<void> {
-  const facts = JSON.stringify([limbs, handles, saved]);
-  if (fetched.get(name) === facts || editing.has(name)) return;
-  fetched.set(name, facts);
+/** Fetch a puppet that has changed, here or in another window. */
+async function refresh({ name, version }: CharacterState): Promise<void> {
+  if (fetched.get(name) === version || editing.has(name)) return;
+  fetched.set(name, version);
   try {
     const { puppet } = await connection.request<PuppetReply>("puppet", { character: name });
     const known = current().puppets[name];
-    if (known === undefined || JSON.stringify(known.present) !== JSON.stringify(puppet)) {
-      update(({ puppets }) => ({
-        puppets: { ...puppets, [name]: known === undefined ? begin(puppet) : commit(known, puppet) },
-      }));
-    }
+    if (editing.has(name) || JSON.stringify(known?.present) === JSON.stringify(puppet)) return;
+    update(({ puppets }) => ({
+      puppets: { ...puppets, [name]: known === undefined ? begin(puppet) : commit(known, puppet) },
+    }));
   } catch {
     fetched.delete(name); // the next state asks again
   }

@@ -1,6 +1,8 @@
 /** The page: joins the state, the stream, the 3D view and the panels. */
 
-import { connect, edit, openFiles, pickPart, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
+import { connect, download, edit, openFiles, pickPart, redo, removeSelected, save, select, sessionToken, undo } from "./actions";
+import { Client } from "../../../../integrations/web/puppetline.js";
+import { address } from "./connection";
 import { draw, h } from "./dom";
 import { addHandle, freeName, handlesOf } from "./model/puppet";
 import { banner } from "./panels/banner";
@@ -13,7 +15,6 @@ import { tabs } from "./panels/tabs";
 import { finishLimb, toolHint, toolbar } from "./panels/toolbar";
 import { type State, current, shownPuppet, subscribe, update } from "./store";
 import { strings } from "./strings";
-import { Stream } from "./viewer/stream";
 import { Viewer } from "./viewer/viewer";
 
 const root = document.body;
@@ -22,6 +23,10 @@ const place = document.createElement("div");
 place.className = "viewer";
 
 const viewer = new Viewer(place, {
+  download,
+  arrived: () => {
+    render(current());
+  },
   picked: (part) => {
     if (part === null) select(null);
     else pickPart(part);
@@ -46,22 +51,30 @@ const viewer = new Viewer(place, {
 });
 
 let joints: Float32Array | null = null;
-let jointsOf = "";
+let jointsOf: string | null = null;
+let unfollow = (): void => undefined;
+let client: Client | null = null;
 
-const stream = new Stream(sessionToken, {
-  scene: (character, scene) => {
-    viewer.setScene(character, scene);
-    render(current());
-  },
-  controls: (character, controls) => {
-    viewer.setControls(character, controls);
-  },
-  joints: (character, values) => {
-    if (character !== current().character) return;
-    [joints, jointsOf] = [values, character];
+/** Receive the stream; a new session of the server has a new token. */
+function follow({ connected, server, character }: State): void {
+  if (connected !== "open" || server === null) return;
+  if (client?.token !== sessionToken()) {
+    client?.close();
+    client = new Client(address("/stream"), { token: sessionToken() });
+    viewer.follow(client, []);
+    jointsOf = null;
+  }
+  viewer.follow(client, server.characters);
+  if (character === jointsOf) return;
+  unfollow();
+  [joints, jointsOf] = [null, character];
+  if (character === null) return;
+  unfollow = client.subscribe(`${character}/joints`, (message) => {
+    if (message.kind !== "joints") return;
+    joints = message.body;
     scheduleFigure();
-  },
-});
+  });
+}
 
 let figureScheduled = false;
 
@@ -89,7 +102,6 @@ function render(state: State): void {
   const words = strings.viewer;
   const { character, server } = state;
   const started = server !== null && server.characters.length > 0 && character !== null && !state.adding;
-  if (jointsOf !== character) joints = null;
   draw(root, [
     header(state),
     banner(state),
@@ -119,7 +131,6 @@ function render(state: State): void {
   const slot = document.querySelector(".place");
   if (slot !== null && place.parentElement !== slot) slot.append(place);
   if (character !== null) viewer.label(words.label(character));
-  viewer.keep((server?.characters ?? []).map(({ name }) => name));
   viewer.refresh(state);
 }
 
@@ -159,13 +170,9 @@ function listen(): void {
 /** What tests read: the state, and positions as they are shown. */
 Object.assign(window, { studio: { state: current, viewer } });
 
-let streaming = false;
 subscribe((state) => {
+  follow(state);
   render(state);
-  if (state.connected === "open" && !streaming) {
-    streaming = true;
-    stream.open();
-  }
 });
 listen();
 render(current());

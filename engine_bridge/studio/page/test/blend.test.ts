@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { type Shape, carried, nearest, positionsOf } from "../src/viewer/blend";
+import { type Shape, apply, carried, nearest, transformOf } from "../src/viewer/blend";
 
 // one field of three isolines: the first moves by x, the second by 2 y, the third by 4 z
 const row = (...values: number[]): number[] => values;
@@ -12,18 +12,18 @@ const CONTROLS = new Float32Array([
 ]);
 
 const SHAPE: Shape = {
-  vertices: 3,
+  count: 3,
   fields: 1,
   isolines: 3,
   weights: [1],
   positions: new Float32Array([0, 0, 0, 1, 1, 1, 5, 0, 0]),
-  ladder: new Float32Array([0, 0.5, 2]),
-  triangles: new Uint32Array([0, 1, 2]),
+  coordinates: new Float32Array([0, 0.5, 2]),
 };
 
 test("a vertex moves by the mean of the two isolines that it lies between", () => {
-  assert.deepEqual([...positionsOf(SHAPE, CONTROLS)], [1, 0, 0, 1.5, 2, 1, 5, 0, 4]);
-  assert.equal(positionsOf(SHAPE, null), SHAPE.positions);
+  assert.deepEqual(apply(transformOf(SHAPE, CONTROLS, 0), [0, 0, 0]), [1, 0, 0]);
+  assert.deepEqual(apply(transformOf(SHAPE, CONTROLS, 1), [1, 1, 1]), [1.5, 2, 1]);
+  assert.deepEqual(apply(transformOf(SHAPE, CONTROLS, 2), [5, 0, 0]), [5, 0, 4]);
 });
 
 test("a point inside is carried by the surface around it", () => {

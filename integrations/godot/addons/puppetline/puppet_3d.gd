@@ -52,6 +52,7 @@ enum Clock {
 
 const Stream := preload("wire/stream.gd")
 const ControlSocket := preload("wire/control.gd")
+const Connections := preload("wire/connections.gd")
 const Discovery := preload("wire/discovery.gd")
 const Message := preload("wire/message.gd")
 const Scene := preload("wire/scene.gd")
@@ -634,7 +635,8 @@ func _change_state(to: Stream.State) -> void:
 	if to == Stream.State.CONNECTED:
 		connected.emit()
 	if to == Stream.State.REFUSED:
-		push_warning("Puppetline: %s:%d refuses the connection: %s" % [_stream.host, _stream.port, _stream.reason])
+		var address := Connections.address(_stream.host, _stream.port)
+		push_warning("Puppetline: %s refuses the connection: %s" % [address, _stream.reason])
 		refused.emit(_stream.reason)
 
 

@@ -272,3 +272,9 @@ function without<T extends object, K extends keyof T>(value: T, key: K): Omit<T,
   Reflect.deleteProperty(rest, key);
   return rest as Omit<T, K>;
 }
+
+/** The place of a point or handle; null for a whole limb. */
+export function pointOf(puppet: Puppet, part: Part): Vector | null {
+  if (part.kind === "handle") return handleNamed(puppet, part.name)?.position ?? null;
+  return part.point === undefined ? null : (limbNamed(puppet, part.name)?.points[part.point] ?? null);
+}

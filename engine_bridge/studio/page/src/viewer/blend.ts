@@ -1,24 +1,23 @@
-/** Positions of a character's vertices on the CPU, for picking and for bones that follow the surface. */
+/** How single vertices of a character move, for bones that follow the surface around them. */
 
 import type { Vector } from "../model/vector";
 
 /** What a frame's controls need of a scene (docs/protocol.md). */
 export interface Shape {
-  readonly vertices: number;
+  readonly count: number;
   readonly fields: number;
   readonly isolines: number;
-  readonly weights: readonly number[];
-  readonly positions: Float32Array;
-  readonly ladder: Float32Array;
-  readonly triangles: Uint32Array;
+  readonly weights: ArrayLike<number>;
+  readonly positions: ArrayLike<number>;
+  readonly coordinates: ArrayLike<number>;
 }
 
 /** The affine transform (3 × 4, row by row) that controls give a vertex. */
 export function transformOf(shape: Shape, controls: Float32Array, vertex: number, into = new Float64Array(12)): Float64Array {
-  const { fields, isolines, weights, ladder } = shape;
+  const { fields, isolines, weights, coordinates } = shape;
   into.fill(0);
   for (let i = 0; i < fields; i++) {
-    const t = ladder[vertex * fields + i] ?? 0;
+    const t = coordinates[vertex * fields + i] ?? 0;
     const k = Math.min(Math.floor(t), isolines - 2);
     const share = t - k;
     const weight = weights[i] ?? 0;
@@ -36,26 +35,12 @@ export function apply(transform: ArrayLike<number>, [x, y, z]: Vector): Vector {
   return [row(0), row(4), row(8)];
 }
 
-/** Positions of all vertices, x, y, z of each. */
-export function positionsOf(shape: Shape, controls: Float32Array | null): Float32Array {
-  if (controls === null) return shape.positions;
-  const { positions } = shape;
-  const moved = new Float32Array(positions.length);
-  const transform = new Float64Array(12);
-  for (let v = 0; v < shape.vertices; v++) {
-    transformOf(shape, controls, v, transform);
-    const rest: Vector = [positions[3 * v] ?? 0, positions[3 * v + 1] ?? 0, positions[3 * v + 2] ?? 0];
-    moved.set(apply(transform, rest), 3 * v);
-  }
-  return moved;
-}
-
 /** The vertices around a point of the rest pose, whose mean motion moves it. */
 export function nearest(shape: Shape, point: Vector, count = 12): number[] {
   const found: { vertex: number; square: number }[] = [];
   let limit = Infinity;
   const { positions } = shape;
-  for (let v = 0; v < shape.vertices; v++) {
+  for (let v = 0; v < shape.count; v++) {
     const x = (positions[3 * v] ?? 0) - point[0];
     const y = (positions[3 * v + 1] ?? 0) - point[1];
     const z = (positions[3 * v + 2] ?? 0) - point[2];

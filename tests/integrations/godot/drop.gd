@@ -4,8 +4,7 @@ extends "teller.gd"
 
 var _puppet := Puppet3D.new()
 var _sphere := RigidBody3D.new()
-var _floor := 0.0
-var _time := 0.0
+var _dropped_at := 0
 
 
 func start() -> void:
@@ -25,17 +24,16 @@ func start() -> void:
 	root.add_child(_sphere)
 
 
-func step(delta: float) -> bool:
+func step(_delta: float) -> bool:
 	if _puppet.statistics()["sequence"] < 0:
 		return false
-	if _time == 0.0:
+	if _sphere.freeze:
 		_sphere.freeze = false
-	_time += delta
-	if _time < float(arguments()[5]):
+		_dropped_at = Engine.get_physics_frames()
+	if Engine.get_physics_frames() < _dropped_at + int(arguments()[5]) * Engine.physics_ticks_per_second:
 		return false
-	var ray := PhysicsRayQueryParameters3D.create(
-		_sphere.position + Vector3.UP * 5.0, _sphere.position + Vector3.DOWN * 5.0
-	)
+	var beside := _sphere.position + Vector3(0.02, 0.0, 0.03)  # not between two boxes
+	var ray := PhysicsRayQueryParameters3D.create(beside + Vector3.UP * 5.0, beside + Vector3.DOWN * 5.0)
 	ray.exclude = [_sphere.get_rid()]
 	var hit := root.world_3d.direct_space_state.intersect_ray(ray)
 	var body: Node = hit.get("collider")

@@ -103,7 +103,7 @@ def test_a_sphere_rests_on_the_back_of_a_dog(start_godot, serve, make_shape, new
     puppet = write_puppet(tmp_path / "dog.toml", mesh.name, root=False, handles=DOG_HANDLES)
     service = serve("--puppet", puppet, "--source", sender.uri)
     radius, back = 0.3, shape.vertices[np.abs(shape.vertices[:, 0]) < 0.3][:, 1].max()
-    [told] = start_godot("drop.gd", service.port, radius, 0.0, 2.5, 0.0, 4.0).finish()
+    [told] = start_godot("drop.gd", service.port, radius, 0.0, 2.5, 0.0, 4).finish()
     assert told["collider"], told
     assert told["below"] == pytest.approx(back, abs=0.05)
     assert told["sphere"][1] == pytest.approx(back + radius, abs=0.05)

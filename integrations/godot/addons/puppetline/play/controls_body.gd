@@ -81,7 +81,7 @@ func follow_patch(patch: SurfacePatch) -> PatchMotion:
 
 func piece_boxes() -> Array[AABB]:
 	var boxes: Array[AABB] = []
-	for piece in _bounds.pieces:
+	for piece in shared.ray.pieces():
 		boxes.append(AABB(piece.center - piece.half, 2.0 * piece.half))
 	return boxes
 
@@ -91,7 +91,7 @@ func piece_transforms() -> Array[Transform3D]:
 	if _frames[0] == null:
 		return transforms
 	_bounds.read(_mixed_floats())
-	for piece in _bounds.pieces:
+	for piece in shared.ray.pieces():
 		var transform := _bounds.mean_transform(piece)
 		transform.origin += _shift
 		transforms.append(transform)

@@ -54,6 +54,15 @@ func intersect(transforms: PackedFloat32Array, from: Vector3, to: Vector3) -> Di
 	return hit
 
 
+## Return the pieces of the bounds, extended to all vertices of their triangles, so that they have no gaps between them.
+func pieces() -> Array[IsolineBounds.Piece]:
+	var found: Array[IsolineBounds.Piece] = []
+	for block in _pieces:
+		if block.piece != null:
+			found.append(block.piece)
+	return found
+
+
 func _hit(blocks: Array[Block], from: Vector3, to: Vector3) -> Array[Block]:
 	return blocks.filter(
 		func(block: Block) -> bool:

@@ -1,5 +1,8 @@
 """The JavaScript client in a real browser, with real services."""
 
+import time
+from pathlib import Path
+
 import pytest
 
 pytestmark = pytest.mark.slow
@@ -169,3 +172,18 @@ def test_the_example_page_shows_a_character(start, open_page):
     page.page.wait_for_timeout(2000)
     picture = page.picture().astype(int)
     assert 0.02 < (abs(picture - picture[0, 0]).max(axis=2) > 12).mean() < 0.6
+
+
+def test_the_ten_lines_of_the_documentation_show_a_character(start, open_page, site, tmp_path):
+    document = (Path(__file__).parents[3] / "docs" / "web.md").read_text(encoding="utf-8")
+    program = document.partition("```js\n")[2].partition("```")[0]
+    assert len(program.strip().splitlines()) == 10
+    _, address = start()
+    page = tmp_path / "ten.html"
+    mine = program.replace("ws://127.0.0.1:7402/stream", address).replace('"dog"', '"blob"').replace('"./', '"/')
+    template = (Path(__file__).parent / "page.html").read_text(encoding="utf-8")
+    page.write_text(template.replace('src="page.js">', f">{mine}"), encoding="utf-8")
+    shown = open_page(site.add(page))
+    give_up = time.monotonic() + 60
+    while (abs(shown.picture()[:150, :300].astype(int)).max(axis=2) > 30).mean() < 0.02:
+        assert time.monotonic() < give_up

@@ -2,7 +2,7 @@
 
 import hashlib
 import uuid
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,6 @@ from engine_bridge.batch.identity import identity
 from engine_bridge.batch.recordings import Recording
 from engine_bridge.batch.store import Job, Record, Store
 from engine_bridge.export.convert import load_rig_for
-from engine_bridge.performance.settings import Settings
 from puppetline.errors import PuppetError
 
 
@@ -37,15 +36,15 @@ class Workers:
 
     Attributes
     ----------
-    count : int
-        Number of worker processes on this machine; 0 to run the jobs in this process.
+    count : int or None
+        Number of worker processes on this machine; None for one per CPU, and 0 to run the jobs in this process.
     scheduler : str or None
         Address of a scheduler of Dask whose workers run the jobs instead.
     dashboard : bool
         Whether to show Dask's dashboard.
     """
 
-    count: int
+    count: int | None
     scheduler: str | None = None
     dashboard: bool = False
 
@@ -75,7 +74,7 @@ def new_run() -> str:
 
 
 def make_jobs(
-    recordings: Sequence[Recording], puppets: Sequence[Path], settings: Settings, users: str, shard: Shard | None
+    recordings: Sequence[Recording], puppets: Sequence[Path], batch: BatchSettings, shard: Shard | None
 ) -> list[Job]:
     """Return the jobs for all recordings with all puppets.
 
@@ -98,7 +97,7 @@ def make_jobs(
             )
     jobs = []
     for name, puppet in names.items():
-        of_puppet = identity(load_rig_for(puppet, settings), settings, users)
+        of_puppet = identity(load_rig_for(puppet, batch.settings), batch.settings, batch.users)
         for recording in recordings:
             job = Job(f"{name}/{recording.name}", recording.path, puppet.absolute(), of_puppet)
             if shard is None or shard.has(job.name):
@@ -114,40 +113,47 @@ def make_plan(jobs: list[Job], batch: BatchSettings) -> Plan:
     return Plan(jobs, settled, [job for job in jobs if job.name not in settled])
 
 
-def run(plan: Plan, batch: BatchSettings, workers: Workers) -> Generator[Outcome, None, None]:
+def run(
+    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
     """Run the waiting jobs of a plan and yield their outcomes as they come.
+
+    Parameters
+    ----------
+    plan : Plan
+    batch : BatchSettings
+        The folders of its store exist.
+    workers : Workers
+    check : callable
+        Called often; raises an error to stop.
 
     Raises
     ------
     PuppetlineError
-        See `engine_bridge.batch.cluster`.
+        See `engine_bridge.batch.conversion.convert_jobs` and `engine_bridge.batch.cluster`.
     """
-    store = Store(batch.folder, batch.run)
-    store.create()
-    try:
-        outcomes = _outcomes(plan, batch, workers)
-        with closing(outcomes):
-            for outcome in outcomes:
-                yield outcome
-                if batch.fail_fast and outcome.record.has_failed:
-                    return
-    finally:
-        store.close()
+    with closing(_outcomes(plan, batch, workers, check)) as outcomes:
+        for outcome in outcomes:
+            yield outcome
+            if batch.fail_fast and outcome.record.has_failed:
+                return
 
 
-def _outcomes(plan: Plan, batch: BatchSettings, workers: Workers) -> Generator[Outcome, None, None]:
+def _outcomes(
+    plan: Plan, batch: BatchSettings, workers: Workers, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
     if not plan.waiting:
         return
     if workers.count == 0 and workers.scheduler is None:
         for job in plan.waiting:
-            yield from convert_jobs([job], batch)
+            yield from convert_jobs([job], batch, check)
         return
     grouping = Grouping(plan.waiting, [log_size(job) for job in plan.waiting])
-    count = min(workers.count, len(plan.waiting))
-    with cluster.connected(workers.scheduler, count, dashboard=workers.dashboard) as client:
-        outcomes = cluster.run_on(client, grouping, batch)
-        with closing(outcomes):
-            yield from outcomes
+    with (
+        cluster.connected(workers.scheduler, workers.count, len(plan.waiting), dashboard=workers.dashboard) as client,
+        closing(cluster.run_on(client, grouping, batch, check)) as outcomes,
+    ):
+        yield from outcomes
 
 
 def log_size(job: Job) -> int:

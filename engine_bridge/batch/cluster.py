@@ -1,7 +1,7 @@
 """Jobs on the workers of Dask distributed: a cluster on this machine, or an existing one."""
 
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
@@ -26,15 +26,12 @@ TASKS_PER_WORKER = 2
 DASHBOARD_ADDRESS = "127.0.0.1:8787"
 """Address of the dashboard of a cluster on this machine."""
 
-WORKER_CONFIGURATION = {
-    # results are small: a worker near its limit of memory must be restarted, and not wait for it to become less
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.pause": False,
-    # Ctrl-C reaches all processes of the terminal; this one ends the workers
-    "distributed.worker.preload": ["engine_bridge.batch.worker_process"],
-}
-"""Settings of Dask for workers on this machine."""
+WORKER_MEMORY = {"target": False, "spill": False, "pause": False}
+"""Settings of Dask for workers on this machine. Their results are small: a worker near its limit of memory must be
+restarted, and not wait until it uses less."""
+
+WORKER_PRELOAD = "engine_bridge.batch.worker_process"
+"""Module that workers on this machine load when they start."""
 
 
 def require(package: str, option: str) -> None:
@@ -54,15 +51,17 @@ def require(package: str, option: str) -> None:
 
 
 @contextmanager
-def connected(scheduler: str | None, workers: int, *, dashboard: bool) -> Iterator["Client"]:
+def connected(scheduler: str | None, workers: int | None, max_workers: int, *, dashboard: bool) -> Iterator["Client"]:
     """Yield a client of a scheduler, or of a new cluster on this machine.
 
     Parameters
     ----------
     scheduler : str or None
         Address of a scheduler; None to start a cluster.
-    workers : int
-        Number of processes of the cluster.
+    workers : int or None
+        Number of processes of the cluster; None for one per CPU that this process may use.
+    max_workers : int
+        Limit of this number.
     dashboard : bool
         Show the dashboard of the cluster.
 
@@ -75,6 +74,7 @@ def connected(scheduler: str | None, workers: int, *, dashboard: bool) -> Iterat
     if dashboard:
         _require_dashboard()
     import dask
+    from dask.system import CPU_COUNT
     from distributed import Client, LocalCluster
 
     _silence()
@@ -84,9 +84,14 @@ def connected(scheduler: str | None, workers: int, *, dashboard: bool) -> Iterat
             yield client
         return
     with (
-        dask.config.set(WORKER_CONFIGURATION),
+        dask.config.set(
+            {
+                "distributed.worker.preload": [*dask.config.get("distributed.worker.preload"), WORKER_PRELOAD],
+                "distributed.worker.memory": dask.config.get("distributed.worker.memory") | WORKER_MEMORY,
+            }
+        ),
         LocalCluster(
-            n_workers=workers,
+            n_workers=min(CPU_COUNT if workers is None else workers, max_workers),
             threads_per_worker=1,
             dashboard_address=DASHBOARD_ADDRESS if dashboard else None,
             silence_logs=logging.CRITICAL,
@@ -96,8 +101,18 @@ def connected(scheduler: str | None, workers: int, *, dashboard: bool) -> Iterat
         yield client
 
 
-def run_on(client: "Client", grouping: Grouping, batch: BatchSettings) -> Generator[Outcome, None, None]:
+def run_on(
+    client: "Client", grouping: Grouping, batch: BatchSettings, check: Callable[[], None]
+) -> Generator[Outcome, None, None]:
     """Convert jobs on the workers of a client, and yield the outcomes as they come.
+
+    Parameters
+    ----------
+    client : Client
+    grouping : Grouping
+    batch : BatchSettings
+    check : callable
+        Called every second; raises an error to stop.
 
     Raises
     ------
@@ -121,6 +136,7 @@ def run_on(client: "Client", grouping: Grouping, batch: BatchSettings) -> Genera
                 submit(grouping.take(workers))
             with suppress(TimeoutError), client.as_current():
                 wait(list(running), timeout=POLL_SECONDS, return_when="FIRST_COMPLETED")
+            check()
             _check_connection(client)
             for future in [each for each in running if each.done()]:
                 group, deaths = running.pop(future)

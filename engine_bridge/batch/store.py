@@ -96,8 +96,11 @@ class Store:
         self._partial = self._own / PARTIAL_FOLDER
         self._records = self._own / RECORD_FOLDER
 
-    def create(self) -> None:
-        """Create the folders, check that files can be written, and delete stale incomplete files.
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """Create the folders and check that files can be written; at the end, delete what killed workers have left.
+
+        Incomplete files of earlier batches are deleted at the start, once they are old.
 
         Raises
         ------
@@ -113,11 +116,13 @@ class Store:
                 with suppress(FileNotFoundError):
                     if path.stat().st_mtime < time.time() - STALE_SECONDS:
                         path.unlink()
-
-    def close(self) -> None:
-        """Delete what killed workers of this batch have left."""
-        for path in self._partial.glob(f"*{self.run}*"):
-            path.unlink(missing_ok=True)
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                for path in self._partial.iterdir():
+                    if self.run in path.name:
+                        path.unlink(missing_ok=True)
 
     def load(self, name: str) -> Record | None:
         """Read the record of a job; None if there is none, or none that is complete."""
@@ -237,7 +242,7 @@ def _read(path: Path) -> Record | None:
             values["identity"],
             values["run"],
             None if values["log"] is None else FileState(**values["log"]),
-            tuple(Row(**row) for row in values["rows"]),
+            tuple(Row(**row | {"notes": tuple(row["notes"])}) for row in values["rows"]),
             {name: FileState(**state) for name, state in values["files"].items()},
         )
     except (OSError, ValueError, KeyError, TypeError):  # absent, damaged, or of another version

@@ -2,7 +2,9 @@
 
 import io
 import json
+import math
 import struct
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from engine_bridge.character import schema
+from engine_bridge.character import meshopt_codec, schema
 from engine_bridge.character.gltf_file import MAGIC, buffer_bytes, damaged, file_beside, parse_description, split_glb
-from engine_bridge.character.schema import Accessor, BufferView, Gltf, Kind, Primitive
+from engine_bridge.character.schema import Accessor, Buffer, BufferView, Gltf, Kind, Primitive
 from puppetline.errors import MeshError, OutputError, at
 from puppetline.files import read_whole, written_whole
 
@@ -39,9 +41,11 @@ IMAGE_SIGNATURES = {
 }
 """First bytes of images, with their media types."""
 
+MESHOPT = "EXT_meshopt_compression"
+
 UNPACK_COMMANDS = {
     "KHR_draco_mesh_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
-    "EXT_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
+    MESHOPT: "npx @gltf-transform/cli copy IN.glb OUT.glb",
     "KHR_meshopt_compression": "npx @gltf-transform/cli copy IN.glb OUT.glb",
 }
 """Extensions that compress arrays, with the commands that decompress them."""
@@ -60,6 +64,8 @@ class Document:
         Name in error messages.
     notes : list of str
         Sentences about changes and omissions when it was read.
+    unpacked_size : int
+        Size of the buffer that readers fill with decompressed arrays, in bytes; 0 without compressed ones.
     """
 
     def __init__(self, gltf: Gltf, blob: bytes | bytearray = b"", name: str = "document") -> None:
@@ -67,6 +73,7 @@ class Document:
         self.blob = bytearray(blob)
         self.name = name
         self.notes: list[str] = []
+        self.unpacked_size = 0
 
     @classmethod
     def load(cls, path: Path, content: bytes | None = None) -> "Document":
@@ -195,27 +202,110 @@ class Document:
         )
         return values
 
-    def add(self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False) -> int:
+    def add(
+        self, values: NDArray[Any], target: int | None = None, *, bounds: bool = False, normalized: bool = False
+    ) -> int:
         """Append an array and return its accessor's index.
 
         Parameters
         ----------
-        values : (count,) or (count, 2…4) or (count, 16) float32, uint8, uint16 or uint32
+        values : (count,) or (count, 2…4) or (count, 16) float32 or integers of 8 or 16 bits or uint32
         target : int, optional
             ARRAY_BUFFER or ELEMENT_ARRAY_BUFFER for a mesh.
         bounds : bool
             Whether to store minimum and maximum, as positions and key times require.
+        normalized : bool
+            Whether integers stand for fractions of the largest one.
         """
-        columns = values.reshape(len(values), -1)
-        accessor: Accessor = {
-            "bufferView": self.add_view(np.ascontiguousarray(values).tobytes(), target),
-            "componentType": next(code for code, kind in COMPONENTS.items() if np.dtype(kind) == values.dtype),
-            "count": len(values),
-            "type": ACCESSOR_TYPES[columns.shape[1]],
+        return self.add_all([values], target, bounds=bounds, normalized=normalized)[0]
+
+    def add_all(
+        self,
+        arrays: Sequence[NDArray[Any]],
+        target: int | None = None,
+        *,
+        bounds: bool = False,
+        normalized: bool = False,
+    ) -> list[int]:
+        """Append arrays of one shape and type in one buffer view, and return their accessors' indices."""
+        rows = [_rows(values, target) for values in arrays]
+        view = self.add_view(b"".join(each.tobytes() for each in rows), target)
+        size = rows[0].itemsize * math.prod(arrays[0].shape[1:])
+        stride = rows[0].nbytes // max(len(rows[0]), 1)
+        if stride != size or (target == ARRAY_BUFFER and len(arrays) > 1):
+            self.gltf["bufferViews"][view]["byteStride"] = stride
+        made = []
+        for number, values in enumerate(arrays):
+            accessor: Accessor = {"bufferView": view, **described(values, bounds=bounds, normalized=normalized)}
+            if number:
+                accessor["byteOffset"] = number * rows[0].nbytes
+            made.append(self._add_accessor(accessor))
+        return made
+
+    def add_sparse(self, values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> int:
+        """Append an array (count, width) that stores only its rows that are not zero, and return its accessor's index.
+
+        Options are those of `add`.
+        """
+        rows = np.flatnonzero(values.any(axis=1))
+        rows = rows if len(rows) else np.zeros(1, dtype=np.int64)  # glTF requires one
+        numbers: NDArray[np.unsignedinteger] = rows.astype(index_type(len(values)))
+        accessor = described(values, bounds=bounds, normalized=normalized)
+        accessor["sparse"] = {
+            "count": len(rows),
+            "indices": {
+                "bufferView": self.add_view(numbers.tobytes()),
+                "componentType": component_code(numbers.dtype),
+            },
+            "values": {"bufferView": self.add_view(np.ascontiguousarray(values[rows]).tobytes())},
         }
-        if bounds:
-            accessor["min"] = columns.min(axis=0).tolist()
-            accessor["max"] = columns.max(axis=0).tolist()
+        return self._add_accessor(accessor)
+
+    def replace(
+        self,
+        index: int,
+        values: NDArray[Any],
+        target: int | None = None,
+        *,
+        bounds: bool = False,
+        normalized: bool = False,
+    ) -> None:
+        """Replace the values of an accessor; other arrays in its buffer view stay as they are."""
+        accessors, views = self.gltf["accessors"], self.gltf["bufferViews"]
+        old = accessors[index]
+        self.add(values, target, bounds=bounds, normalized=normalized)
+        new = accessors.pop()
+        before = old.get("bufferView")
+        if before is not None and list(self.view_users()).count(before) == 1:
+            views[before] = views.pop()
+            new["bufferView"] = before
+        kept: Any = {name: value for name, value in old.items() if name in ("name", "extras")}
+        accessors[index] = {**new, **kept}
+
+    def view_users(self) -> Iterator[int]:
+        """Yield the buffer view of each accessor, part of a sparse accessor, and image."""
+        for accessor in self.gltf["accessors"]:
+            if "bufferView" in accessor:
+                yield accessor["bufferView"]
+            if "sparse" in accessor:
+                yield accessor["sparse"]["indices"]["bufferView"]
+                yield accessor["sparse"]["values"]["bufferView"]
+        for image in self.gltf["images"]:
+            if "bufferView" in image:
+                yield image["bufferView"]
+
+    def repack(self) -> None:
+        """Drop all bytes that are in no buffer view."""
+        blob, places = self.blob, dict[tuple[int, int], int]()
+        self.blob = bytearray()
+        for view in self.gltf["bufferViews"]:
+            place = view.get("byteOffset", 0), view["byteLength"]
+            if place not in places:
+                places[place] = self._pad()
+                self.blob += blob[place[0] : sum(place)]
+            view["byteOffset"] = places[place]
+
+    def _add_accessor(self, accessor: Accessor) -> int:
         self.gltf["accessors"].append(accessor)
         return len(self.gltf["accessors"]) - 1
 
@@ -237,6 +327,9 @@ class Document:
         """
         self._pad()
         self.gltf["buffers"] = [{"byteLength": len(self.blob)}] if self.blob else []
+        if self.unpacked_size:
+            fallback = {MESHOPT: {"fallback": True}}
+            self.gltf["buffers"].append({"byteLength": self.unpacked_size, "extensions": fallback})
         text = json.dumps(schema.compact(self.gltf), ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         chunks = [(b"JSON", text)] + ([(b"BIN\0", self.blob)] if self.blob else [])
@@ -265,12 +358,19 @@ class Document:
         A viewer that supports the extension would show the compressed copy, whose vertices have another order.
         """
         for extension, command in UNPACK_COMMANDS.items():
+            if extension == MESHOPT and extension in self.gltf["extensionsRequired"] and meshopt_codec.is_installed():
+                continue
             if extension in self.gltf["extensionsRequired"] or self._only_compressed(extension):
+                install = (
+                    ", or install the package that reads it: pip install 'puppetline[compact]'"
+                    if extension == MESHOPT
+                    else ""
+                )
                 raise MeshError(
                     self.name,
                     found=f"data compressed with {extension}",
                     expected="uncompressed arrays",
-                    fix=f"Decompress the file: {command}",
+                    fix=f"Decompress the file: {command}{install}",
                 )
             for mesh in self.gltf["meshes"]:
                 for primitive in mesh["primitives"]:
@@ -303,12 +403,35 @@ class Document:
                 self.blob += buffer_bytes(path, uri, binary if number == 0 else b"")
                 joined[source] = start, len(self.blob) - start
             start, length = joined[source]
-            if length < buffer["byteLength"]:
+            if length < buffer["byteLength"] and not _is_filled_by_decompression(buffer):
                 raise damaged(path, f"{length:,} bytes of data of {buffer['byteLength']:,} announced")
             starts.append(start)
         for view in self.gltf["bufferViews"]:
-            view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+            about = view.get("extensions", {}).pop(MESHOPT, None)
+            if about is None:
+                view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+            else:
+                view["byteOffset"] = self._decompress(view, about, starts)
             view["buffer"] = 0
+        if MESHOPT in self.gltf["extensionsRequired"]:
+            self.gltf["extensionsRequired"].remove(MESHOPT)
+            self.gltf["extensionsUsed"] = [name for name in self.gltf["extensionsUsed"] if name != MESHOPT]
+            self.repack()
+
+    def _decompress(self, view: BufferView, about: Any, starts: list[int]) -> int:
+        """Append the bytes of a compressed buffer view, and return where they begin."""
+        try:
+            start = starts[about["buffer"]] + about.get("byteOffset", 0)
+            content = meshopt_codec.decode(bytes(self.blob[start : start + about["byteLength"]]), about)
+            if len(content) != view["byteLength"]:
+                raise ValueError(f"{len(content):,} bytes for {view['byteLength']:,}")
+        except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+            raise damaged(
+                self.name, f"a buffer view compressed with {MESHOPT} that cannot be read ({error})"
+            ) from error
+        place = self._pad()
+        self.blob += content
+        return place
 
     def _embed_images(self, path: Path) -> None:
         """Copy image files into the buffer, because the result may be written to another folder."""
@@ -342,6 +465,46 @@ class Document:
         png = io.BytesIO()
         Image.new("RGB", (1, 1), "white").save(png, "PNG")
         return png.getvalue()
+
+
+def component_code(kind: np.dtype[Any]) -> int:
+    """Return glTF's code of a component type."""
+    return next(code for code, known in COMPONENTS.items() if np.dtype(known) == kind)
+
+
+def index_type(count: int) -> type:
+    """Return the smallest type of indices below a count."""
+    return next(kind for kind in (np.uint8, np.uint16, np.uint32) if count - 1 <= np.iinfo(kind).max)
+
+
+def described(values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> Accessor:
+    """Return the accessor of an array, without its place in the buffer."""
+    columns = values.reshape(len(values), -1)
+    accessor: Accessor = {
+        "componentType": component_code(values.dtype),
+        "count": len(values),
+        "type": ACCESSOR_TYPES[columns.shape[1]],
+    }
+    if normalized:
+        accessor["normalized"] = True
+    if bounds:
+        accessor["min"] = columns.min(axis=0).tolist()
+        accessor["max"] = columns.max(axis=0).tolist()
+    return accessor
+
+
+def _rows(values: NDArray[Any], target: int | None) -> NDArray[Any]:
+    """Return an array's rows as they are stored: those of vertices begin at multiples of four bytes."""
+    missing = -values.itemsize * math.prod(values.shape[1:]) % 4 if target == ARRAY_BUFFER else 0
+    if not missing:
+        return np.ascontiguousarray(values)
+    return np.pad(values.reshape(len(values), -1), ((0, 0), (0, missing // values.itemsize)))
+
+
+def _is_filled_by_decompression(buffer: Buffer) -> bool:
+    """Return whether a buffer has no bytes in the file, because only compressed buffer views refer to it."""
+    about = buffer.get("extensions", {}).get(MESHOPT)
+    return isinstance(about, dict) and about.get("fallback") is True
 
 
 def _component(code: int, where: str) -> np.dtype[Any]:

@@ -1,5 +1,6 @@
 """`puppetline batch`: many recordings become animated .glb files of several characters."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -58,31 +59,68 @@ class PartOfBatch(click.ParamType):  # type: ignore[type-arg]  # generic in newe
     help="Table of all results, .parquet or .csv.  [default: manifest.parquet in the folder; with --shard, "
     "manifest.I-of-N.parquet]",
 )
+@click.option(
+    "--report/--no-report",
+    default=True,
+    show_default=True,
+    help="Write report.html with histograms and the worst results; not with --shard.",
+)
 @click.option("--fail-fast", is_flag=True, help="Stop after the first failure.")
 @click.option("--retry-failed", is_flag=True, help="Try recordings again that failed in an earlier batch.")
 @click.option("--dry-run", is_flag=True, help="List the results that would be made, and make nothing.")
 @options.as_json
-def batch(as_json: bool, dry_run: bool, **choices: Any) -> None:
+def batch(
+    logs: tuple[str, ...],
+    puppets: tuple[Path, ...],
+    output: Path,
+    users: str,
+    workers: int | None,
+    scheduler: str | None,
+    dashboard: bool,
+    shard: "Shard | None",
+    manifest: Path | None,
+    report: bool,
+    fail_fast: bool,
+    retry_failed: bool,
+    dry_run: bool,
+    as_json: bool,
+    **choices: Any,
+) -> None:
     """Convert many recordings LOGS with one or more characters.
 
     LOGS are files, folders, quoted patterns like 'data/**/*.txt', and @LIST for a file with one of these per line.
 
     The command can be stopped or killed at any time. Run it again to continue: results that are up to date are kept.
     """
+    from engine_bridge.batch.batch import Workers, new_run
+    from engine_bridge.batch.conversion import BatchSettings
     from engine_bridge.cli import batch_run
 
-    if choices["scheduler"] is not None and (choices["workers"] is not None or choices["dashboard"]):
+    if scheduler is not None and (workers is not None or dashboard):
         raise click.UsageError("--scheduler excludes --workers and --dashboard.")
-    own = {name: choices.pop(name) for name in batch_run.Choices.FIELDS}
-    chosen = batch_run.Choices(**own, settings=conversion.settings(user=None, **choices))
+    if shard is not None and workers is None:
+        workers = 0
+    settings = conversion.settings(user=None, **choices)
+    given = batch_run.Request(
+        logs,
+        tuple(dict.fromkeys(puppets)),
+        BatchSettings(output.absolute(), new_run(), settings, users, fail_fast=fail_fast, retry_failed=retry_failed),
+        shard,
+    )
     if dry_run:
-        names = batch_run.list_waiting(chosen)
+        names = batch_run.list_waiting(given)
         options.echo_json({"waiting": names}) if as_json else click.echo("\n".join(names), nl=bool(names))
         return
-    result = batch_run.run(chosen)
+    part = "" if shard is None else f".{shard.index}-of-{shard.count}"
+    result = batch_run.run(
+        given,
+        Workers(workers, scheduler, dashboard),
+        manifest or output / f"manifest{part}.parquet",
+        output / "report.html" if report and shard is None else None,
+    )
     if as_json:
         options.echo_json(result.as_dict())
     else:
         click.echo(batch_run.describe(result))
-    if result.failed:
+    if result.failures:
         raise click.exceptions.Exit(1)

@@ -63,6 +63,10 @@ WRITING = (
     click.option(
         "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
     ),
+    click.option(
+        "--compact", is_flag=True, help="Write integers instead of floats, and fewer keyframes, within the tolerance."
+    ),
+    click.option("--meshopt", is_flag=True, help="Compress all arrays by EXT_meshopt_compression."),
 )
 """Options for what is written."""
 

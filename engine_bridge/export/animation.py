@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,17 @@ Displacements = Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32] |
 """Callable from a part's number to its displacements (K, n, 3) of positions, and of normals or None; in the world."""
 
 
-def animate(character: Character, keyframes: Keyframes, displacements: Displacements) -> Document:
+class TargetWriter(Protocol):
+    """Writes the morph targets of a character's parts, and their weights."""
+
+    def add_targets(self, document: Document, number: int, primitive: Primitive) -> None:
+        """Append the targets of the part with this number to its primitive."""
+
+    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:
+        """Add the weights (F, K) of all targets of a node, and return their accessor."""
+
+
+def animate(character: Character, keyframes: Keyframes, targets: TargetWriter) -> Document:
     """Add an animation of morph targets to a copy of a character's document.
 
     Each node that shows a part of the character gets morph targets and an animation of their weights. The root's motion
@@ -53,8 +64,7 @@ def animate(character: Character, keyframes: Keyframes, displacements: Displacem
     ----------
     character : Character
     keyframes : Keyframes
-    displacements : callable
-        Called for one part at a time, to save memory.
+    targets : TargetWriter
 
     Returns
     -------
@@ -74,12 +84,13 @@ def animate(character: Character, keyframes: Keyframes, displacements: Displacem
         mesh = own_mesh(document, node, shown)
         before = rest_weights(gltf["nodes"][node], mesh)
         for number, part in parts:
-            _add_targets(document, part, mesh["primitives"][part.primitive], *displacements(number))
+            targets.add_targets(document, number, mesh["primitives"][part.primitive])
         _pad_targets(document, mesh, len(before) + keyframes.weights.shape[1])
         if keyframes.weights.shape[1]:
             _widen_animations(document, node, len(before), keyframes.weights.shape[1])
             held = np.tile(np.array(before, dtype=np.float32), (len(keyframes.times), 1))
-            add_channel(document, animation, clock, np.hstack([held, keyframes.weights]).ravel(), node, "weights")
+            weights = targets.add_weights(document, node, np.hstack([held, keyframes.weights]))
+            connect(animation, clock, weights, node, "weights")
             _describe_targets(gltf["nodes"][node], mesh, before, keyframes.weights.shape[1])
     if keyframes.root is not None:
         add_channel(document, animation, clock, keyframes.root, add_root(document), "translation")
@@ -113,27 +124,55 @@ def own_mesh(document: Document, node: int, shown: Counter[int | None]) -> Mesh:
     return gltf["meshes"][mesh]
 
 
-def _add_targets(
-    document: Document,
-    part: Part,
-    primitive: Primitive,
-    positions: NDArray[np.float32],
-    normals: NDArray[np.float32] | None,
-) -> None:
-    """Append a part's targets to its primitive, converted from world coordinates to its own."""
-    targets = primitive.setdefault("targets", [])
-    linear = part.to_world[:, :3, :3]
-    to_local = _inverse(linear)
-    from_normals = linear.transpose(0, 2, 1).astype(np.float32)
-    if part.normals is not None:
-        # a node's scale changes the length of unit normals; displacements must scale with it
-        length = np.linalg.norm(_turned(from_normals, part.normals.astype(np.float32)), axis=1, keepdims=True)
-    for k, displacement in enumerate(positions):
-        target = {"POSITION": document.add(_turned(to_local, displacement), ARRAY_BUFFER, bounds=True)}
-        if normals is not None:
-            turned = _turned(from_normals, normals[k]) / np.maximum(length, np.float32(1e-30))
-            target["NORMAL"] = document.add(turned, ARRAY_BUFFER)
-        targets.append(target)
+class LocalSpace:
+    """Conversion of a part's displacements from world coordinates to those of its primitive."""
+
+    def __init__(self, part: Part) -> None:
+        linear = part.to_world[:, :3, :3]
+        self._to_local = _inverse(linear)
+        self._from_normals = linear.transpose(0, 2, 1).astype(np.float32)
+        if part.normals is not None:
+            # a node's scale changes the length of unit normals; displacements must scale with it
+            turned = _turned(self._from_normals, part.normals.astype(np.float32))
+            self._length = np.linalg.norm(turned, axis=1, keepdims=True)
+
+    def positions(self, displacements: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return displacements (n, 3) of positions."""
+        return _turned(self._to_local, displacements)
+
+    def normals(self, displacements: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return displacements (n, 3) of normals."""
+        return _turned(self._from_normals, displacements) / np.maximum(self._length, np.float32(1e-30))
+
+
+@dataclass(frozen=True)
+class FloatTargets:
+    """Targets and weights as they are, in float32.
+
+    Attributes
+    ----------
+    character : Character
+    displacements : callable
+        Called for one part at a time, to save memory.
+    """
+
+    character: Character
+    displacements: Displacements
+
+    def add_targets(self, document: Document, number: int, primitive: Primitive) -> None:
+        """Append a part's targets to its primitive."""
+        targets = primitive.setdefault("targets", [])
+        positions, normals = self.displacements(number)
+        local = LocalSpace(self.character.parts[number])
+        for k, displacement in enumerate(positions):
+            target = {"POSITION": document.add(local.positions(displacement), ARRAY_BUFFER, bounds=True)}
+            if normals is not None:
+                target["NORMAL"] = document.add(local.normals(normals[k]), ARRAY_BUFFER)
+            targets.append(target)
+
+    def add_weights(self, document: Document, node: int, weights: NDArray[np.float32]) -> int:  # noqa: ARG002
+        """Add the weights of a node's targets."""
+        return document.add(weights.ravel())
 
 
 def _inverse(linear: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -203,7 +242,12 @@ def add_channel(
     path : str
         translation, rotation, scale or weights.
     """
-    animation["samplers"].append({"input": clock, "output": document.add(values), "interpolation": "LINEAR"})
+    connect(animation, clock, document.add(values), node, path)
+
+
+def connect(animation: Animation, clock: int, output: int, node: int, path: str) -> None:
+    """Add a channel like `add_channel`, whose values are in an accessor already."""
+    animation["samplers"].append({"input": clock, "output": output, "interpolation": "LINEAR"})
     sampler = len(animation["samplers"]) - 1
     animation["channels"].append({"sampler": sampler, "target": {"node": node, "path": path}})
 

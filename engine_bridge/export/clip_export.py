@@ -2,19 +2,29 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from engine_bridge.character import meshopt
 from engine_bridge.character.document import Document
-from engine_bridge.export import frames_animation, morph_basis, skinning
-from engine_bridge.export.animation import Keyframes, animate
+from engine_bridge.export import frames_animation, morph_basis, quantized_targets, skinning
+from engine_bridge.export.animation import Displacements, FloatTargets, Keyframes, animate
+from engine_bridge.export.compact_document import animate_compact, compact_skin
+from engine_bridge.export.compact_motion import compact_motion
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
 from engine_bridge.performance.settings import Form, Settings
 from engine_bridge.puppet.rig_bones import rig_bones
 from solver.model.batch import BatchBinding
+
+TARGETS_SHARE = 0.8
+"""Share of the tolerance for the number of morph targets, if their rounding takes the rest."""
+
+FRAMES_THINNING_SHARE = 0.6
+"""Share of the tolerance for omitted keyframes, each of which saves a whole target."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +36,7 @@ class ExportResult:
     targets: int = 0
     bones: int = 0
     following: int = 0
+    keyframes: int | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -46,7 +57,10 @@ def export_clip(clip: Clip, name: str, settings: Settings, progress: Progress) -
         Animated document.
     result : ExportResult
     """
-    return _EXPORTERS[settings.form](clip, name, settings, progress)
+    document, result = _EXPORTERS[settings.form](clip, name, settings, progress)
+    if settings.meshopt:
+        meshopt.compress(document)
+    return document, result
 
 
 def _keyframes(clip: Clip, name: str, weights: NDArray[np.float32]) -> Keyframes:
@@ -60,13 +74,41 @@ def _as_morph(clip: Clip, name: str, settings: Settings, progress: Progress) -> 
         rig.model,
         BatchBinding.of_solver_mesh(rig.model, rig.mesh),
         clip.frames,
-        tolerance=settings.max_error,
+        tolerance=settings.max_error * (TARGETS_SHARE if settings.compact else 1),
         max_targets=settings.targets,
         progress=lambda share: progress("Fitting morph targets", share),
     )
     displacements = morph_basis.displacements(rig.character, rig.mesh, rig.model, clip.frames, basis)
-    document = animate(rig.character, _keyframes(clip, name, basis.weights), displacements)
+    keyframes = _keyframes(clip, name, basis.weights)
+    if settings.compact:
+        opposite = basis.unit_weights.opposite
+        return _compact(clip, keyframes, displacements, settings, basis.error, opposite=opposite)
+    document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=basis.error / float(rig.model.diagonal), targets=basis.unit_weights.count)
+
+
+def _compact(
+    clip: Clip, keyframes: Keyframes, displacements: Displacements, settings: Settings, error: float, **options: Any
+) -> tuple[Document, ExportResult]:
+    """Quantise targets whose own error is in mesh units; options are those of `quantized_targets.fit`."""
+    rig, diagonal = clip.rig, float(clip.rig.model.diagonal)
+    places = rig.character.vertex_slices
+    bindings = [
+        BatchBinding(rig.model, part.vertices, rig.mesh.of_render[place])
+        for part, place in zip(rig.character.parts, places, strict=True)
+    ]
+
+    def solved(part: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
+        return bindings[part].displacements(clip.frames[frames] - rig.model.rest_controls)
+
+    tolerance = max(settings.max_error * diagonal, error / TARGETS_SHARE)
+    targets = quantized_targets.fit(rig.character, keyframes, displacements, solved, tolerance, **options)
+    document = animate_compact(rig.character, targets, for_meshopt=settings.meshopt)
+    return document, ExportResult(
+        error=targets.error / diagonal,
+        targets=targets.keyframes.weights.shape[1],
+        keyframes=len(targets.keyframes.times),
+    )
 
 
 def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
@@ -75,24 +117,39 @@ def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> t
         rig.model,
         rig.mesh,
         clip.frames[:],
-        tolerance=settings.max_error,
+        tolerance=settings.max_error * (TARGETS_SHARE if settings.compact else 1),
         bones=settings.bones,
         progress=lambda share: progress("Fitting bones", share),
     )
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
     document, notes = animate_skin(rig.character, _keyframes(clip, name, no_weights), skin, rig.mesh.of_render)
-    return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+    error, keyframes = skin.error, len(clip.frames)
+    if settings.compact:
+        error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
+        left = max(settings.max_error * diagonal - error, 0.0)
+        keyframes, more = compact_motion(document, left)
+        error += more
+    return document, ExportResult(
+        error / diagonal,
+        skin.rms / diagonal,
+        bones=len(skin.joints),
+        keyframes=keyframes,
+        notes=notes,
+    )
 
 
-def _as_frames(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig, count = clip.rig, len(clip.frames)
     displacements = frames_animation.displacements(rig.character, rig.mesh, rig.model, clip.frames)
     progress("Making keyframes", 1.0)
-    document = animate(rig.character, _keyframes(clip, name, frames_animation.weights(count)), displacements)
+    keyframes = _keyframes(clip, name, frames_animation.weights(count))
+    if settings.compact:
+        return _compact(clip, keyframes, displacements, settings, 0.0, thinning=FRAMES_THINNING_SHARE)
+    document = animate(rig.character, keyframes, FloatTargets(rig.character, displacements))
     return document, ExportResult(error=0.0, targets=count)
 
 
-def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+def _as_rig(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig = clip.rig
     bones = rig_bones(rig.character, rig.puppet.limbs)
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
@@ -110,8 +167,17 @@ def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> t
             f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
             "approximate. Use --as morph for the exact motion."
         )
-    error = moved.error / float(rig.model.diagonal)
-    return document, ExportResult(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+    error, keyframes, diagonal = moved.error, len(clip.frames), float(rig.model.diagonal)
+    if settings.compact and document.gltf["animations"]:
+        keyframes, more = compact_motion(document, settings.max_error * diagonal)
+        error += more
+    return document, ExportResult(
+        error / diagonal,
+        bones=moved.animated,
+        following=moved.following,
+        keyframes=keyframes,
+        notes=tuple(notes),
+    )
 
 
 _EXPORTERS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, ExportResult]]] = {

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from capture.timeline import Timeline
+from engine_bridge.character.meshopt_codec import require_meshoptimizer
 from engine_bridge.export import frames_animation, skinning
 from engine_bridge.export.clip_export import export_clip
 from engine_bridge.performance.clip import Clip, Progress, load_timeline, perform
@@ -22,13 +23,15 @@ class Summary:
     maximum distance of a joint from its bone, and `rms`, `stretch_p1`, `stretch_p50`, `stretch_p99` and `parts_apart`,
     which describe the surface, are None.
 
-    `bones` is the number of bones of a skin, or of joints with keyframes; `following` joints move with their parents.
+    `keyframes` is the number of frames in the file, which is lower than `frames` if others are interpolated. `bones` is
+    the number of bones of a skin, or of joints with keyframes; `following` joints move with their parents.
     """
 
     output: str
     form: Form
     frames: int
     seconds: float
+    keyframes: int
     targets: int
     bones: int
     following: int
@@ -60,6 +63,7 @@ def write(clip: Clip, output: Path, name: str, settings: Settings, progress: Pro
         form=settings.form,
         frames=len(clip.frames),
         seconds=float(clip.timeline.times[-1]),
+        keyframes=len(clip.frames) if result.keyframes is None else result.keyframes,
         targets=result.targets,
         bones=result.bones,
         following=result.following,
@@ -116,6 +120,8 @@ def load_rig_for(puppet: Path, settings: Settings) -> Rig:
     """
     if settings.form == "skin":
         skinning.require_dem_bones()
+    if settings.meshopt:
+        require_meshoptimizer()
     rig = load_rig(puppet)
     if settings.form == "rig":
         require_joints(rig.character, rig.puppet.limbs, puppet)

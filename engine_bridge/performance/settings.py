@@ -10,6 +10,9 @@ Form = Literal["morph", "skin", "frames", "rig"]
 DEFAULT_TOLERANCES: dict[Form, float] = {"morph": 0.0005, "skin": 0.002, "frames": 0.0, "rig": 0.0}
 """Default tolerance of each form, as a fraction of the diagonal; a few rigid bones are less precise."""
 
+COMPACT_TOLERANCES: dict[Form, float] = {**DEFAULT_TOLERANCES, "frames": 0.0005, "rig": 0.0005}
+"""Default tolerance of each form if arrays are quantised; none of them is exact then."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -36,6 +39,10 @@ class Settings:
         Maximum number of morph targets, at least 2.
     bones : int or None
         Number of bones.
+    compact : bool
+        Whether to quantise arrays and to omit keyframes within the tolerance.
+    meshopt : bool
+        Whether to compress arrays by EXT_meshopt_compression.
     log : ReadOptions
         Properties of the recording that its file does not contain.
     """
@@ -50,9 +57,13 @@ class Settings:
     tolerance: float | None = None
     targets: int | None = None
     bones: int | None = None
+    compact: bool = False
+    meshopt: bool = False
     log: ReadOptions = field(default_factory=ReadOptions)
 
     @property
     def max_error(self) -> float:
         """The tolerance, or the default one of the form."""
-        return DEFAULT_TOLERANCES[self.form] if self.tolerance is None else self.tolerance
+        if self.tolerance is not None:
+            return self.tolerance
+        return (COMPACT_TOLERANCES if self.compact else DEFAULT_TOLERANCES)[self.form]

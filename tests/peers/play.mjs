@@ -7,6 +7,7 @@
 
 import { readFile, writeFile } from "node:fs/promises";
 import { AnimationMixer, LoopOnce, Matrix3, REVISION, Texture, Vector3, Vector4 } from "three";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 
 function imageName(json, texture) {
@@ -14,7 +15,7 @@ function imageName(json, texture) {
 }
 
 async function load(file) {
-  const loader = new GLTFLoader();
+  const loader = new GLTFLoader().setMeshoptDecoder(MeshoptDecoder);
   // Decoding an image needs a browser, and nothing here looks at one: every material gets an empty texture.
   loader.register((parser) => {
     parser.assignTexture = async (material, slot, { index }) => {

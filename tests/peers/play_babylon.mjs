@@ -9,11 +9,20 @@ import { Engine } from "@babylonjs/core/Engines/engine.js";
 import { NullEngine } from "@babylonjs/core/Engines/nullEngine.js";
 import { ImportMeshAsync } from "@babylonjs/core/Loading/sceneLoader.js";
 import { Vector3 } from "@babylonjs/core/Maths/math.vector.js";
+import { MeshoptCompression } from "@babylonjs/core/Meshes/Compression/meshoptCompression.js";
 import { Logger } from "@babylonjs/core/Misc/logger.js";
 import { Scene } from "@babylonjs/core/scene.js";
 import "@babylonjs/core/Animations/animatable.js";
 import "@babylonjs/core/Helpers/sceneHelpers.js";
 import "@babylonjs/loaders/glTF/2.0/index.js";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
+
+// a browser loads the same decoder from Babylon's servers
+MeshoptCompression._Default = {
+  async decodeGltfBufferAsync(source, count, stride, mode, filter) {
+    return MeshoptDecoder.decodeGltfBufferAsync(count, stride, source, mode, filter);
+  },
+};
 
 // the loader keeps with each node of the file what it has made of the node's primitives
 function source(mesh) {

@@ -125,6 +125,8 @@ class CharacterStatus:
     Attributes
     ----------
     name : str
+    stage : str
+        Name of its stage.
     performer : int or None
         User number.
     state : str
@@ -140,6 +142,7 @@ class CharacterStatus:
     """
 
     name: str
+    stage: str
     performer: int | None
     state: str
     frames: int

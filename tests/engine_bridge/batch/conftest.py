@@ -36,7 +36,7 @@ def puppets(blob_file, write_puppet, tmp_path_factory):
 
 @pytest.fixture
 def batch(commands, tmp_path):
-    """Run `puppetline batch … --json` into a folder; return its exit code and result, or the error that it printed."""
+    """Run `puppetline batch … --json` into a folder; return its result, or the error that it printed."""
 
     def start(*arguments, puppets, code=0, output="out"):
         chosen = [each for puppet in puppets for each in ("--puppet", puppet)]

@@ -18,6 +18,9 @@ static class Component
     static int warned;
     static string leaveOn = "";
 
+    /// <summary>Attachments by vertex, handle or limb.</summary>
+    static readonly List<PuppetAttachment> Attachments = new List<PuppetAttachment>();
+
     static int Main(string[] arguments)
     {
         puppet = Owner.AddComponent<Puppet>();
@@ -65,6 +68,17 @@ static class Component
             SkinnedMeshRenderer empty = Owner.AddComponent<SkinnedMeshRenderer>();
             puppet.skins = value == "found" ? new SkinnedMeshRenderer[0] : new[] { null, empty, skin };
         }
+        else if (name == "attach")
+        {
+            Array.ForEach(value.Split(','), Attach);
+        }
+        else if (name == "scale")
+        {
+            string[] scale = value.Split(',');
+            Owner.transform.lossyScale = new Vector3(float.Parse(scale[0]), float.Parse(scale[1]), float.Parse(scale[2]));
+            Owner.transform.rotation = Quaternion.Euler(30, -50, 70);
+            Owner.transform.position = new Vector3(3, -1, 2);
+        }
         else if (name == "leaveOn")
         {
             leaveOn = value;
@@ -78,6 +92,46 @@ static class Component
             FieldInfo field = typeof(Puppet).GetField(name);
             field.SetValue(puppet, field.FieldType.IsEnum ? Enum.Parse(field.FieldType, value, true) : Convert.ChangeType(value, field.FieldType));
         }
+    }
+
+    /// <summary>Attach an object to "vertex:5", "handle:hump" or "limb:left arm:0.5".</summary>
+    static void Attach(string point)
+    {
+        string[] words = point.Split(':');
+        PuppetAttachment made = new GameObject().AddComponent<PuppetAttachment>();
+        made.puppet = puppet;
+        made.vertex = words[0] == "vertex" ? int.Parse(words[1]) : -1;
+        made.handle = words[0] == "handle" ? words[1] : "";
+        made.limb = words[0] == "limb" ? words[1] : "";
+        made.limbPosition = words.Length > 2 ? float.Parse(words[2], System.Globalization.CultureInfo.InvariantCulture) : 1;
+        Attachments.Add(made);
+    }
+
+    static object[] PoseOf(PuppetAttachment attachment)
+    {
+        Player.Call(attachment, "LateUpdate");
+        var numbers = new List<object>();
+        Transform at = attachment.transform;
+        foreach (Vector3 v in new[] { at.rotation * Vector3.right, at.rotation * Vector3.up, at.rotation * Vector3.forward, at.position })
+        {
+            numbers.Add(v.x);
+            numbers.Add(v.y);
+            numbers.Add(v.z);
+        }
+        return numbers.ToArray();
+    }
+
+    static object[] Space()
+    {
+        var numbers = new List<object>();
+        Transform at = puppet.transform;
+        foreach (Vector3 v in new[] { at.TransformVector(Vector3.right), at.TransformVector(Vector3.up), at.TransformVector(Vector3.forward), at.position })
+        {
+            numbers.Add(v.x);
+            numbers.Add(v.y);
+            numbers.Add(v.z);
+        }
+        return numbers.ToArray();
     }
 
     static Material Named(string shader)
@@ -236,6 +290,7 @@ static class Component
         Said.Line(
             "frame", header.Sequence, "time", header.Time, "moving", Said.Bytes(mesh.streams[0]), "rows", rows[0], "shape", rows[1],
             "bounds", Numbers(mesh.bounds),
+            "space", Space(), "attached", Attachments.ConvertAll(each => (object)PoseOf(each)).ToArray(),
             "enabled", renderer.enabled, "block", renderer.block != null, "uploads", mesh.uploads, "uploaded", mesh.uploadedBytes);
     }
 

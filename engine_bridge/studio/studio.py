@@ -14,6 +14,7 @@ from engine_bridge.character.examples import MOTIONS
 from engine_bridge.studio import messages, performing
 from engine_bridge.studio.characters import Characters, OpenCharacter
 from engine_bridge.studio.jobs import Jobs, Progress
+from engine_bridge.studio.looking import look
 from engine_bridge.studio.messages import JobState, PuppetReply, SourceState, State
 from engine_bridge.studio.performing import Playing
 from engine_bridge.studio.running import Running
@@ -321,6 +322,9 @@ class Studio:
 
     async def _do_choose_user(self, asked: messages.ChooseUser) -> dict[str, Any]:
         return await self._pass_on("choose_user", character=asked.character, user=asked.user)
+
+    async def _do_look(self, _: messages.Look) -> dict[str, Any]:
+        return look(self.state).model_dump(mode="json")
 
     async def _do_smoothing_preview(self, asked: messages.SmoothingPreview) -> dict[str, Any]:
         values = asked.model_dump(exclude={"id", "do"})

@@ -17,7 +17,7 @@ ENDINGS = (".parquet", ".csv")
 
 COLUMNS = tuple(field.name for field in fields(Row))
 
-INTEGERS = ("user", "frames", "targets", "bones", "bytes")
+INTEGERS = ("user", "frames", "keyframes", "targets", "bones", "bytes")
 NUMBERS = (
     "seconds",
     "error",

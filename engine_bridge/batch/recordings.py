@@ -39,7 +39,7 @@ class Recordings:
     found : list of Recording
         Sorted by name; names and paths are unique.
     others : list of Path
-        Files in folders and of patterns that are no recordings.
+        Files in folders that are no recordings.
     """
 
     found: list[Recording]
@@ -50,8 +50,8 @@ def find_recordings(arguments: Iterable[str], excluded: Path) -> Recordings:
     """Find the recordings that the arguments of a command refer to.
 
     An argument is a file, a folder, which is searched with all folders in it, a pattern with ``*``, ``?``, ``[…]`` or
-    ``**``, or ``@`` and the name of a file with one of these per line. Of folders and patterns, only files with the
-    content of a recording are used, and empty files, which are reported as failed. Hidden files are not.
+    ``**``, or ``@`` and the name of a file with one of these per line. Of folders, only files with the content of a
+    recording are used, and empty files, which are reported as failed. Hidden files are not.
 
     Parameters
     ----------
@@ -107,7 +107,8 @@ def _candidates(argument: str, excluded: Path, *, must_exist: bool) -> Iterator[
             )
         base = _fixed_folder(path)
         for each in matching:
-            yield from _files_in(base, each.rglob("*") if each.is_dir() else [each], excluded)
+            files = _files_in(base, each.rglob("*") if each.is_dir() else [each], excluded)
+            yield from ((recording, is_chosen or each.is_file()) for recording, is_chosen in files)
 
 
 def _fixed_folder(pattern: Path) -> Path:

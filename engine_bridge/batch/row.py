@@ -21,8 +21,8 @@ class Row:
         User number of the performer.
     form : str
         Form of the animation: "morph", "skin", "frames" or "rig".
-    frames, seconds
-        Number of keyframes, and duration.
+    frames, seconds, keyframes
+        Number of frames and duration of the clip, and number of keyframes in the file.
     targets, bones
         Numbers of morph targets and bones.
     error, rms, stretch_p1, stretch_p50, stretch_p99, parts_apart
@@ -48,6 +48,7 @@ class Row:
     form: str
     frames: int | None = None
     seconds: float | None = None
+    keyframes: int | None = None
     targets: int | None = None
     bones: int | None = None
     error: float | None = None

@@ -111,6 +111,7 @@ class Store:
                 folder.mkdir(parents=True, exist_ok=True)
             probe = self._partial / f"{self.run}.probe"
             probe.touch()
+            probe.unlink()
             for path in self._partial.iterdir():
                 with suppress(FileNotFoundError):
                     if path.stat().st_mtime < time.time() - STALE_SECONDS:
@@ -241,7 +242,7 @@ def _read(path: Path) -> Record | None:
             values["identity"],
             values["run"],
             None if values["log"] is None else FileState(**values["log"]),
-            tuple(Row(**row) for row in values["rows"]),
+            tuple(Row(**row | {"notes": tuple(row["notes"])}) for row in values["rows"]),
             {name: FileState(**state) for name, state in values["files"].items()},
         )
     except (OSError, ValueError, KeyError, TypeError):  # absent, damaged, or of another version

@@ -261,11 +261,19 @@ class Document:
         }
         return self._add_accessor(accessor)
 
-    def replace(self, index: int, values: NDArray[Any], *, bounds: bool = False, normalized: bool = False) -> None:
-        """Replace the values of a vertex attribute's accessor; other arrays in its buffer view stay as they are."""
+    def replace(
+        self,
+        index: int,
+        values: NDArray[Any],
+        target: int | None = None,
+        *,
+        bounds: bool = False,
+        normalized: bool = False,
+    ) -> None:
+        """Replace the values of an accessor; other arrays in its buffer view stay as they are."""
         accessors, views = self.gltf["accessors"], self.gltf["bufferViews"]
         old = accessors[index]
-        self.add(values, ARRAY_BUFFER, bounds=bounds, normalized=normalized)
+        self.add(values, target, bounds=bounds, normalized=normalized)
         new = accessors.pop()
         before = old.get("bufferView")
         if before is not None and list(self.view_users()).count(before) == 1:

@@ -11,7 +11,8 @@ from engine_bridge.character import meshopt
 from engine_bridge.character.document import Document
 from engine_bridge.export import frames_animation, morph_basis, quantized_targets, skinning
 from engine_bridge.export.animation import Displacements, FloatTargets, Keyframes, animate
-from engine_bridge.export.compact_document import animate_compact
+from engine_bridge.export.compact_document import animate_compact, compact_skin
+from engine_bridge.export.compact_motion import compact_motion
 from engine_bridge.export.rig_animation import animate_rig
 from engine_bridge.export.skin_animation import animate_skin
 from engine_bridge.performance.clip import Clip, Progress
@@ -116,13 +117,25 @@ def _as_skin(clip: Clip, name: str, settings: Settings, progress: Progress) -> t
         rig.model,
         rig.mesh,
         clip.frames[:],
-        tolerance=settings.max_error,
+        tolerance=settings.max_error * (TARGETS_SHARE if settings.compact else 1),
         bones=settings.bones,
         progress=lambda share: progress("Fitting bones", share),
     )
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
     document, notes = animate_skin(rig.character, _keyframes(clip, name, no_weights), skin, rig.mesh.of_render)
-    return document, ExportResult(skin.error / diagonal, skin.rms / diagonal, bones=len(skin.joints), notes=notes)
+    error, keyframes = skin.error, len(clip.frames)
+    if settings.compact:
+        error += compact_skin(document, rig.character, for_meshopt=settings.meshopt)
+        left = max(settings.max_error * diagonal - error, 0.0)
+        keyframes, more = compact_motion(document, left)
+        error += more
+    return document, ExportResult(
+        error / diagonal,
+        skin.rms / diagonal,
+        bones=len(skin.joints),
+        keyframes=keyframes,
+        notes=notes,
+    )
 
 
 def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
@@ -136,7 +149,7 @@ def _as_frames(clip: Clip, name: str, settings: Settings, progress: Progress) ->
     return document, ExportResult(error=0.0, targets=count)
 
 
-def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
+def _as_rig(clip: Clip, name: str, settings: Settings, progress: Progress) -> tuple[Document, ExportResult]:
     rig = clip.rig
     bones = rig_bones(rig.character, rig.puppet.limbs)
     no_weights = np.zeros((len(clip.frames), 0), dtype=np.float32)
@@ -154,8 +167,17 @@ def _as_rig(clip: Clip, name: str, _settings: Settings, progress: Progress) -> t
             f"The scale above {', '.join(moved.uneven)} differs by axis, so that the rotation of these joints is "
             "approximate. Use --as morph for the exact motion."
         )
-    error = moved.error / float(rig.model.diagonal)
-    return document, ExportResult(error, bones=moved.animated, following=moved.following, notes=tuple(notes))
+    error, keyframes, diagonal = moved.error, len(clip.frames), float(rig.model.diagonal)
+    if settings.compact and document.gltf["animations"]:
+        keyframes, more = compact_motion(document, settings.max_error * diagonal)
+        error += more
+    return document, ExportResult(
+        error / diagonal,
+        bones=moved.animated,
+        following=moved.following,
+        keyframes=keyframes,
+        notes=tuple(notes),
+    )
 
 
 _EXPORTERS: dict[Form, Callable[[Clip, str, Settings, Progress], tuple[Document, ExportResult]]] = {

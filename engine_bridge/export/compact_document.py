@@ -21,7 +21,7 @@ from engine_bridge.export.quantized_targets import MAX_WEIGHT, QuantizedTargets
 
 QUANTIZATION = "KHR_mesh_quantization"
 
-MAX_BYTE, MAX_UINT16 = 127, 65535
+MAX_BYTE, MAX_INT16, MAX_UINT16 = 127, 32767, 65535
 
 ACCESSOR_BYTES = 150
 """Approximate size of the description of a sparse accessor beyond that of a dense one."""
@@ -55,7 +55,7 @@ def animate_compact(character: Character, targets: QuantizedTargets, *, for_mesh
             own = len(primitive.get("targets", [])) - targets.keyframes.weights.shape[1]
             if part is not None:
                 rest = targets.parts[part].rest(grid) * np.float32(grid.scale / scale)
-                rewriting.plan(primitive["attributes"], "POSITION", (part, grid), partial(_given, rest))
+                rewriting.plan(primitive["attributes"], "POSITION", (part, grid), partial(_given, Array(rest)))
                 quantize_attributes(rewriting, primitive, for_meshopt=for_meshopt)
             elif "POSITION" in primitive["attributes"]:
                 rewriting.plan(primitive["attributes"], "POSITION", scale, partial(_divided, scale))
@@ -66,6 +66,58 @@ def animate_compact(character: Character, targets: QuantizedTargets, *, for_mesh
             _scale_node(document, node, scale)
     rewriting.run()
     return document
+
+
+def compact_skin(document: Document, character: Character, *, for_meshopt: bool) -> float:
+    """Quantise the meshes of a document that `animate_skin` has made.
+
+    Players use the matrices of joints to scale the integers, because a skinned mesh ignores the scale of its node.
+
+    Parameters
+    ----------
+    document : Document
+    character : Character
+        The character of the document.
+    for_meshopt : bool
+        Whether the arrays will be compressed, so that they suit its filters.
+
+    Returns
+    -------
+    float
+        Upper bound of the distance of a vertex from its position by floats, world units.
+    """
+    gltf = document.gltf
+    nodes = list(dict.fromkeys(part.node for part in character.parts))
+    skin = gltf["skins"][gltf["nodes"][nodes[0]]["skin"]]
+    primitives = [
+        primitive
+        for node in nodes
+        for primitive in gltf["meshes"][gltf["nodes"][node]["mesh"]]["primitives"]
+        if "POSITION" in primitive["attributes"]
+    ]
+    rest = [document.array(primitive["attributes"]["POSITION"]) for primitive in primitives]
+    low = np.min([each.min(axis=0) for each in rest], axis=0).astype(np.float64)
+    high = np.max([each.max(axis=0) for each in rest], axis=0).astype(np.float64)
+    middle, scale = (low + high) / 2, float((high - low).max()) / (2 * MAX_INT16)
+    rewriting = Rewriting(document)
+    for primitive in primitives:
+        attributes = primitive["attributes"]
+        rewriting.plan(attributes, "POSITION", None, partial(_on_grid, middle, scale))
+        shares = _shares(document.array(attributes["WEIGHTS_0"]))
+        rewriting.plan(attributes, "WEIGHTS_0", None, partial(_given, shares))
+        rewriting.plan(attributes, "JOINTS_0", None, partial(_where, shares.values > 0))
+        for target in primitive.get("targets", []):
+            if "POSITION" in target:
+                rewriting.plan(target, "POSITION", scale, partial(_divided, scale))
+        quantize_attributes(rewriting, primitive, for_meshopt=for_meshopt)
+    rewriting.run()
+    back = document.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).astype(np.float64)
+    to_rest = np.diag([scale, scale, scale, 1.0])
+    to_rest[3, :3] = middle  # matrices are stored by columns
+    document.replace(skin["inverseBindMatrices"], (to_rest @ back).astype(np.float32).reshape(-1, 16))
+    document.repack()
+    # half a step in each direction; each of four shares by half a step, between bones at most the size apart
+    return float(np.sqrt(3) / 2 * scale + 4 / (2 * MAX_WEIGHT) * np.linalg.norm(high - low))
 
 
 @dataclass(frozen=True)
@@ -109,7 +161,7 @@ class Rewriting:
                     continue
                 bounds = name == "POSITION"
                 if alone:
-                    document.replace(accessor, new.values, bounds=bounds, normalized=new.normalized)
+                    document.replace(accessor, new.values, ARRAY_BUFFER, bounds=bounds, normalized=new.normalized)
                     continue
                 added = document.add(new.values, ARRAY_BUFFER, bounds=bounds, normalized=new.normalized)
                 for attributes, key in places:
@@ -148,12 +200,29 @@ def quantize_attributes(rewriting: Rewriting, primitive: Primitive, *, for_mesho
             rewriting.plan(attributes, name, None, _fractions)
 
 
-def _given(values: NDArray[np.float32], _old: NDArray[Any]) -> Array:
-    return Array(values)
+def _given(new: Array, _old: NDArray[Any]) -> Array:
+    return new
+
+
+def _where(used: NDArray[np.bool_], old: NDArray[Any]) -> Array:
+    """Return the joints of vertices, 0 for those without a weight, as glTF requires."""
+    return Array(np.where(used, old, 0).astype(old.dtype))
 
 
 def _divided(scale: float, old: NDArray[Any]) -> Array | None:
     return None if scale == 1 else Array(old.astype(np.float32) / np.float32(scale))
+
+
+def _on_grid(middle: NDArray[np.float64], scale: float, old: NDArray[Any]) -> Array:
+    return Array(np.round((old - middle) / scale).astype(np.int16))
+
+
+def _shares(old: NDArray[Any]) -> Array:
+    """Return skin weights as normalised integers of 16 bits, whose sum is 1; the largest one takes the rest."""
+    shares = np.round(MAX_WEIGHT * old).astype(np.int64)
+    rows = np.arange(len(shares))
+    shares[rows, shares.argmax(axis=1)] += MAX_WEIGHT - shares.sum(axis=1)
+    return Array(shares.astype(np.uint16), normalized=True)
 
 
 def _directions(old: NDArray[Any], *, for_meshopt: bool) -> Array:

@@ -116,6 +116,8 @@ class CharacterState(Table):
     limbs, handles : list of str
         Names.
     vertices, triangles : int
+    version : str
+        Changes with every edit of the puppet; pages then request it again.
     saved : bool
         Whether the puppet is as it was opened or last saved.
     model : str
@@ -141,6 +143,7 @@ class CharacterState(Table):
     handles: Sequence[str] = ()
     vertices: int = 0
     triangles: int = 0
+    version: str = ""
     saved: bool = True
     model: str = ""
     notes: Sequence[str] = ()

@@ -1,5 +1,7 @@
 """The state that pages show, put together from its parts."""
 
+import hashlib
+import json
 from typing import Any
 
 from engine_bridge.studio.characters import OpenCharacter
@@ -32,6 +34,7 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         handles=[handle["name"] for handle in character.puppet["handle"]],
         vertices=character.vertices,
         triangles=character.triangles,
+        version=_version(character.puppet),
         saved=character.puppet == character.saved,
         model="" if character.model is None else character.model.id,
         notes=character.notes,
@@ -39,6 +42,10 @@ def character_state(character: OpenCharacter, described: dict[str, Any]) -> Char
         state=described.get("state", "waiting"),
         mirror=described.get("mirror", character.puppet["retarget"]["mirror"]),
     )
+
+
+def _version(puppet: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(puppet, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def state_of(

@@ -126,13 +126,35 @@ namespace Puppetline
         /// <summary>Start to record a take; with null, the service chooses the name.</summary>
         public void StartRecording(string take = null)
         {
-            Request("record_start", take == null ? null : new Dictionary<string, object> { { "name", take } });
+            Dictionary<string, object> arguments = OfStage();
+            if (take != null)
+            {
+                arguments["name"] = take;
+            }
+            Request("record_start", arguments);
         }
 
         /// <summary>Finish the take that is being recorded.</summary>
         public void StopRecording()
         {
-            Request("record_stop");
+            Request("record_stop", OfStage());
+        }
+
+        /// <summary>Name of the character's stage; empty before the service's status has arrived.</summary>
+        public string Stage
+        {
+            get
+            {
+                Json characters = Status["characters"];
+                for (int i = 0; i < characters.Count; i++)
+                {
+                    if (characters[i]["name"].Text == Character)
+                    {
+                        return characters[i]["stage"].Text;
+                    }
+                }
+                return "";
+            }
         }
 
         /// <summary>Send a request to the service (docs/control.md).</summary>
@@ -253,6 +275,17 @@ namespace Puppetline
             display = null;
             display = Display.Make(this, scene);
             events.sceneLoaded.Invoke();
+        }
+
+        /// <summary>Return the arguments of a request about the character's stage.</summary>
+        Dictionary<string, object> OfStage()
+        {
+            var arguments = new Dictionary<string, object>();
+            if (Stage.Length > 0)
+            {
+                arguments["stage"] = Stage;
+            }
+            return arguments;
         }
 
         void WarnOfError(Json reply)

@@ -259,7 +259,7 @@ def test_only_clients_with_the_token_receive_anything(serve, blob_puppet, sender
     assert service.ask("ping", token=token) == "pong"
 
 
-def test_it_ends_cleanly_and_leaves_a_whole_take(playing, tmp_path):
+def test_a_stopped_service_ends_cleanly_and_leaves_a_complete_take(playing, tmp_path):
     client = playing.client("blob/controls")
     client.until(performing)
     playing.ask("record_start", name="last")

@@ -86,7 +86,8 @@ class Window:
             if value:
                 return value
             self.page.wait_for_timeout(100)
-        raise AssertionError(f"never: {expression}; {self.state()}")
+        shown = {key: self.state(key) for key in ("connected", "notice", "busy", "server", "selection")}
+        raise AssertionError(f"never: {expression}; {shown}")
 
     def idle(self):
         """Wait until all that was requested is done."""
@@ -136,3 +137,4 @@ def running(folder, *arguments):
         yield studio
     finally:
         studio.close()
+        print("".join(studio.lines))  # pytest shows it if a test fails

@@ -293,7 +293,8 @@ def test_the_puppet_file_is_saved_and_downloaded(window):
     window.page.get_by_label("Gain").fill("1.25")
     window.page.get_by_label("Gain").press("Tab")
     window.idle()
-    assert "Unsaved changes" in window.page.locator("header").inner_text()
+    window.until("!state.server.characters[0].saved")
+    window.page.get_by_text("Unsaved changes").wait_for()
     with window.page.expect_download() as download:
         window.button("Save puppet file").click()
     assert "gain = 1.25" in download.value.path().read_text()

@@ -2,7 +2,6 @@
 
 import base64
 import http.server
-import shutil
 import subprocess
 import threading
 import time
@@ -18,18 +17,6 @@ PEERS = HERE.parents[1] / "peers"
 WEB = HERE.parents[2] / "integrations" / "web"
 TIMEOUT_SECONDS = 120.0
 """Time after which a test fails, in seconds."""
-
-ARGUMENTS = [
-    "--no-sandbox",
-    "--disable-gpu",
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
-"""Of Chromium: software rendering, and no connection of its own to anywhere."""
 
 
 @pytest.fixture
@@ -78,26 +65,12 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def site():
+    if not (PEERS / "node_modules" / "three").is_dir():
+        missing("node", "tests/peers/node_modules is not installed (make peers)")
     serving = Site()
     yield serving
     serving.shutdown()
     serving.server_close()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium without a window."""
-    program = shutil.which("chromium")
-    if program is None or not (PEERS / "node_modules" / "three").is_dir():
-        missing("chromium", "Chromium or tests/peers/node_modules is not installed (Debian: chromium; make peers)")
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        missing("chromium", "Playwright is not installed (make peers)")
-    with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=program, args=ARGUMENTS)
-        yield launched
-        launched.close()
 
 
 class Page:

@@ -12,7 +12,7 @@ import type {
   Sources,
 } from "./messages";
 import { begin, commit, redo as later, undo as earlier } from "./model/history";
-import { type Part, type Puppet, type Smoothing, follow, has, limbNamed, mirror, remove, symmetryPoint } from "./model/puppet";
+import { type Part, type Puppet, type Smoothing, follow, has, mirror, remove, symmetryPoint } from "./model/puppet";
 import type { Joint } from "./model/skeleton";
 import type { Vector } from "./model/vector";
 import { strings } from "./strings";
@@ -56,19 +56,17 @@ function receive(server: ServerState): void {
 
 const fetched = new Map<string, string>();
 
-/** Fetch a puppet that another window, or the server itself, has changed. */
-async function refresh({ name, limbs, handles, saved }: CharacterState): Promise<void> {
-  const facts = JSON.stringify([limbs, handles, saved]);
-  if (fetched.get(name) === facts || editing.has(name)) return;
-  fetched.set(name, facts);
+/** Fetch a puppet that has changed, here or in another window. */
+async function refresh({ name, version }: CharacterState): Promise<void> {
+  if (fetched.get(name) === version || editing.has(name)) return;
+  fetched.set(name, version);
   try {
     const { puppet } = await connection.request<PuppetReply>("puppet", { character: name });
     const known = current().puppets[name];
-    if (known === undefined || JSON.stringify(known.present) !== JSON.stringify(puppet)) {
-      update(({ puppets }) => ({
-        puppets: { ...puppets, [name]: known === undefined ? begin(puppet) : commit(known, puppet) },
-      }));
-    }
+    if (editing.has(name) || JSON.stringify(known?.present) === JSON.stringify(puppet)) return;
+    update(({ puppets }) => ({
+      puppets: { ...puppets, [name]: known === undefined ? begin(puppet) : commit(known, puppet) },
+    }));
   } catch {
     fetched.delete(name); // the next state asks again
   }
@@ -274,12 +272,6 @@ export function mirrorSelected(bounds: readonly [Vector, Vector]): void {
   if (mirrored === null) return;
   edit(mirrored.puppet);
   select(mirrored.part);
-}
-
-export function selectedLimb() {
-  const { selection } = current();
-  const puppet = shownPuppet(current());
-  return selection?.kind === "limb" && puppet !== null ? limbNamed(puppet, selection.name) : undefined;
 }
 
 export async function preview(smoothing: Smoothing): Promise<void> {

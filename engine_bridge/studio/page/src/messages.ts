@@ -10,6 +10,8 @@ export interface CharacterState {
   readonly handles: readonly string[];
   readonly vertices: number;
   readonly triangles: number;
+  /** Changes with every edit. */
+  readonly version: string;
   readonly saved: boolean;
   readonly model: string;
   readonly notes: readonly string[];

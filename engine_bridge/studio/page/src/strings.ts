@@ -84,12 +84,11 @@ export const strings = {
     figure: "The performer's joints",
     hint: "Click a joint, then the limb or handle that it should move.",
     hintPart: (part: string) => `Click the joint that should move ${part}.`,
-    waiting: "Nobody performs yet. The figure shows a standing body.",
+    waiting: "No performer moves the character yet. Let an example performer walk, or choose another with Change…",
     joint: (joint: string, moves: readonly string[]) =>
       moves.length === 0 ? `${spoken(joint)}: moves nothing` : `${spoken(joint)}: moves ${moves.join(", ")}`,
     calibrate: "Calibrate now",
     calibrateHint: "Maps the present pose to the character's rest pose.",
-    mirror: "Mirror left and right",
     look: "Show what the sensor sees",
     lookHide: "Hide the sensor's picture",
     lookWait: "Waiting for a picture…",
@@ -194,8 +193,6 @@ export const strings = {
       `Plot of a joint at rest and in a step: measured, and smoothed with ${jitter.toFixed(1)} mm of jitter and ${Math.round(lag)} ms of lag`,
     measured: "Measured",
     smoothed: "Smoothed",
-    live: "Live joint",
-    liveHint: (joint: string) => `Height of the performer's ${spoken(joint)} in the last 4 seconds`,
   },
 
   takes: {
@@ -243,10 +240,8 @@ export const strings = {
     lostFix: "If you have closed it, start puppetline studio again.",
     refused: "This window has no valid token.",
     refusedFix: "Open the address that puppetline studio prints in the terminal.",
-    restarting: "The service has stopped and is being started again. Nothing is lost.",
     dismiss: "Dismiss",
     connecting: "Connecting…",
-    unknownFile: (name: string) => `${name} is not a mesh, recording or puppet file that Puppetline can read.`,
   },
 
   busy: {
@@ -257,5 +252,4 @@ export const strings = {
     save: "Saving…",
     export: "Exporting…",
   },
-  downloadPuppet: "puppet file",
 };

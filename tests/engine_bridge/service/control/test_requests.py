@@ -19,6 +19,8 @@ from engine_bridge.service.control.requests import (
 from puppetline import toml_schema
 from puppetline.errors import ServiceError
 
+from ....oracles import assert_is_error_of
+
 scalars = st.one_of(
     st.none(), st.booleans(), st.integers(-(2**63), 2**64 - 1), st.floats(allow_nan=False), st.text(max_size=30)
 )
@@ -99,8 +101,10 @@ def test_anything_else_is_refused_in_a_sentence(body):
 def test_bytes_are_a_flat_map_or_refused(body):
     try:
         values = decode(body, encoding_of(body))
-    except ServiceError:
+    except ServiceError as error:
+        assert_is_error_of(error, ServiceError, "the request")
         return
+    assert repr(decode(msgpack.packb(values), "msgpack")) == repr(values)
     assert all(isinstance(key, str) for key in values)
     assert all(type(value) in {str, int, float, bool, type(None)} for value in values.values())
     assert len(values) <= 16

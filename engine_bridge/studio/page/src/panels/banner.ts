@@ -18,8 +18,9 @@ function words({ connected, refusal, notice, server }: State): Words | null {
   if (connected === "refused") return { level: "error", text: refusal || banner.refused, fix: banner.refusedFix, dismiss: false };
   if (connected === "lost") return { level: "error", text: banner.lost, fix: banner.lostFix, dismiss: false };
   if (notice !== null) return { ...notice, fix: "", dismiss: true };
-  if (server === null) return null;
-  if (server.banner.level !== "none") return { ...server.banner, dismiss: false };
+  if (server === null || server.banner.level === "none") return null;
+  const isSaid = server.characters.length === 0 && server.banner.level === "info"; // by the empty page itself
+  if (!isSaid) return { ...server.banner, dismiss: false };
   return null;
 }
 

@@ -46,7 +46,10 @@ export function choice<T extends string>(label: string, values: readonly (readon
 }
 
 export function field(label: string, control: Node_, hint?: string): Node_ {
-  return h("label", { class: "field" }, h("span", {}, label), control, hint !== undefined && h("small", {}, hint));
+  if (hint === undefined) return h("label", { class: "field" }, h("span", {}, label), control);
+  const id = `hint-${label.toLowerCase().replaceAll(/\W+/g, "-")}`;
+  const described = { ...control, attributes: { ...control.attributes, "aria-describedby": id } };
+  return h("div", { class: "field" }, h("label", { class: "field" }, h("span", {}, label), described), h("small", { id }, hint));
 }
 
 export function checkbox(label: string, checked: boolean, change: (on: boolean) => void, disabled = false): Node_ {

@@ -55,9 +55,9 @@ if TYPE_CHECKING:
     "--bones", type=click.IntRange(1, 128), metavar="N", help="Number of bones, whatever the error; with --as skin."
 )
 @click.option(
-    "--compact", is_flag=True, help="Write integers instead of floats, and fewer keyframes, within the tolerance."
+    "--compact", is_flag=True, help="Write small integers and fewer keyframes, within the tolerance; not for Godot."
 )
-@click.option("--meshopt", is_flag=True, help="Compress all arrays by EXT_meshopt_compression.")
+@click.option("--meshopt", is_flag=True, help="Compress all arrays without loss, for three.js and Babylon.js.")
 @click.option("--preview", type=FILE, metavar="PNG", help="Draw a contact sheet of the clip to this file.")
 @click.option(
     "--log-fps", type=Finite(0, min_open=True), metavar="FPS", help="Frame rate of a recording without timestamps."
@@ -100,6 +100,8 @@ def describe(summary: "Summary") -> str:
         f"{summary.output}: {summary.frames:,} frames, {summary.seconds:.1f} s, {summary.bytes / 1e6:.1f} MB",
         _describe_form(summary),
     ]
+    if summary.keyframes < summary.frames:
+        lines.append(f"  keyframes      {summary.keyframes:,}; the other frames are interpolated within the tolerance")
     stretch = (summary.stretch_p1, summary.stretch_p50, summary.stretch_p99)
     if None not in stretch:
         lines.append(f"  edge stretch   {' / '.join(f'{each:.3f}' for each in stretch)} (1st, 50th, 99th percentile)")
@@ -113,7 +115,7 @@ def describe(summary: "Summary") -> str:
 
 def _describe_form(summary: "Summary") -> str:
     """Return what the animation consists of, and its error."""
-    if summary.form == "frames":
+    if summary.form == "frames" and not summary.error:
         return f"  morph targets  {summary.targets}, one for each keyframe, exactly as solved"
     if summary.form == "rig":
         return (
